@@ -31,14 +31,11 @@ import inspect
 import pathlib
 import sys
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 if __package__ in (None, ""):  # run as a file: `data_gen` is in the folder above
     sys.path[0] = str(pathlib.Path(__file__).resolve().parents[1])
-
-from absl import app, flags, logging
-from ml_collections import config_flags
 
 from data_gen import cluster, job, pool, settings
 from data_gen.catalogues.by_name import (
@@ -50,36 +47,10 @@ from data_gen.catalogues.by_name import (
 )
 from data_gen.catalogues.choosing import Choice
 from psgn_jax.config import structured
+from psgn_jax.config.command_line import Flags
+from psgn_jax.system.processes import start_command
 from psgn_jax.system.signals import exit_on_signals
-from psgn_jax.system.untrusted import message_line
 
-_CATALOGUE = flags.DEFINE_enum("catalogue", None, sorted(CATALOGUES), "Where the models come from.")
-_SOURCE = flags.DEFINE_string(
-    "source", None, "Source of the catalogue: a folder, a file, or numbers of models."
-)
-_OUT = flags.DEFINE_string("out", None, "Folder of the data set.")
-_PART = flags.DEFINE_string(
-    "shard", "0/1", "i/n: this process does the i-th of n parts, i from 0, for job arrays."
-)
-_LIMIT = flags.DEFINE_integer(
-    "limit", 0, "Render only this many of the chosen models, from the first; 0 = all.",
-    lower_bound=0,
-)  # fmt: skip
-_SAMPLE = flags.DEFINE_integer(
-    "sample", 0, "Number of models, spread over categories and folders; 0 = all.", lower_bound=0
-)
-_SEED = flags.DEFINE_integer("seed", 0, "Seed of the choice of --sample.", lower_bound=0)
-_PATTERNS = "category, folder or name fits this pattern, such as Weather or '*flare*'; repeatable."
-_INCLUDE = flags.DEFINE_multi_string("include", [], f"Only models whose {_PATTERNS}")
-_EXCLUDE = flags.DEFINE_multi_string("exclude", [], f"No models whose {_PATTERNS}")
-_OPTION = flags.DEFINE_multi_string(
-    "option", [], "NAME=VALUE for the catalogue, such as up=+z or max_faces=200000; repeatable."
-)
-_SCHEDULER = flags.DEFINE_string(
-    "scheduler", "", "Address of a Dask scheduler, whose workers render the models; empty = this "
-    "machine.",
-)  # fmt: skip
-_CONFIG = config_flags.DEFINE_config_file("config", None, "Settings.", lock_config=True)
 _DEFAULT = pathlib.Path(__file__).with_name("config.py")
 
 
@@ -95,88 +66,72 @@ def parse_part(text: str) -> tuple[int, int]:
     return int(first), int(second)
 
 
-def main(argv: list[str]) -> None:
-    """Runs the command and exits with its exit code."""
-    logging.set_verbosity(logging.INFO)
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs the command; returns its exit code."""
+    flags = Flags("psgn render --catalogue=NAME --source=PATH --out=FOLDER", __doc__, _details)
+    flags.config(settings.Settings(), file=str(_DEFAULT))
+    flags.enum("catalogue", None, sorted(CATALOGUES), "Where the models come from.")
+    flags.string("source", None, "Source of the catalogue: a folder, a file, or numbers of models.")
+    flags.string("out", None, "Folder of the data set.")
+    flags.string(
+        "shard", "0/1", "i/n: this process does the i-th of n parts, i from 0, for job arrays."
+    )
+    flags.integer(
+        "limit", 0, "Render only this many of the chosen models, from the first; 0 = all.",
+        lower_bound=0,
+    )  # fmt: skip
+    flags.integer(
+        "sample", 0, "Number of models, spread over categories and folders; 0 = all.", lower_bound=0
+    )
+    flags.integer("seed", 0, "Seed of the choice of --sample.", lower_bound=0)
+    patterns = "category, folder or name fits this pattern, such as Weather or '*flare*'."
+    flags.multi_string("include", [], f"Only models whose {patterns}")
+    flags.multi_string("exclude", [], f"No models whose {patterns}")
+    flags.multi_string(
+        "option", [], "NAME=VALUE for the catalogue, such as up=+z or max_faces=200000."
+    )
+    flags.string(
+        "scheduler", "", "Address of a Dask scheduler, whose workers render the models; empty = "
+        "this machine.",
+    )  # fmt: skip
+    return flags.run(_main, argv, wrong_input=(ValueError, RuntimeError))
+
+
+def _main(flags: Flags) -> int:
     exit_on_signals()
-    try:
-        if len(argv) > 1:
-            raise ValueError(f"unexpected argument {argv[1]!r}")
-        name, place, out = _CATALOGUE.value, _SOURCE.value, _OUT.value
-        if name is None or place is None or out is None:
-            raise ValueError("--catalogue, --source and --out are needed; see --help")
-        options = settings.parse(_CONFIG.value)
-        if _SEED.present and not _SAMPLE.value:
-            raise ValueError(f"--seed={_SEED.value}: it has no effect without --sample")
-        if _SCHEDULER.value and options.job.workers:
-            raise ValueError("--config.job.workers: it has no effect with --scheduler")
-        part = parse_part(_PART.value)
-        source = open_catalogue(name, place, **parse_options(name, _OPTION.value))
-        render = pool.render_local
-        if _SCHEDULER.value:
-            render = functools.partial(cluster.render_on, _SCHEDULER.value)
-        choice = Choice(tuple(_INCLUDE.value), tuple(_EXCLUDE.value), _SAMPLE.value, _SEED.value)
-        summary = job.render_catalogue(
-            source, out, options, part=part, choice=choice, limit=_LIMIT.value, render=render
-        )
-    except (ValueError, RuntimeError, OSError) as error:
-        sys.stderr.write(f"error: {message_line(error)}\n")
-        sys.exit(2)
+    values = flags.values
+    options = settings.parse(values.config)
+    if flags.given("seed") and not values.sample:
+        raise ValueError(f"--seed={values.seed}: it has no effect without --sample")
+    if values.scheduler and options.job.workers:
+        raise ValueError("--config.job.workers: it has no effect with --scheduler")
+    part = parse_part(values.shard)
+    source = open_catalogue(
+        values.catalogue, values.source, **parse_options(values.catalogue, values.option)
+    )
+    render = pool.render_local
+    if values.scheduler:
+        render = functools.partial(cluster.render_on, values.scheduler)
+    choice = Choice(tuple(values.include), tuple(values.exclude), values.sample, values.seed)
+    summary = job.render_catalogue(
+        source, values.out, options, part=part, choice=choice, limit=values.limit, render=render
+    )
     sys.stdout.write(summary.text() + "\n")
-    sys.exit(summary.exit_code)
+    return summary.exit_code
 
 
-# --- Flags and help ---------------------------------------------------------------------------
+# --- Help ---------------------------------------------------------------------------------------
 
 
-def _parse_flags(argv: list[str]) -> list[str]:
-    """Parses the flags like absl, but every error ends in one line and exit code 2."""
-    if {"--help", "-help", "-h", "-?", "--helpshort"} & set(argv[1:]):
-        sys.stdout.write("\n".join(_help()) + "\n")
-        sys.exit(0)
-    try:
-        sys.argv[:] = argv = _config_first(argv)  # `config_flags` reads the order from `sys.argv`
-        return flags.FLAGS(argv)
-    except (AttributeError, KeyError):  # a field that does not exist
-        error: Exception = structured.unknown_setting(argv, settings.Settings())
-    except (flags.Error, TypeError, ValueError, OSError) as caught:
-        # The error of a configuration file holds a traceback.
-        lines = [line.strip() for line in str(caught).splitlines() if line.strip()]
-        has_traceback = any(line.startswith("Traceback") for line in lines)
-        error = ValueError(lines[-1].partition(": ")[2] or lines[-1]) if has_traceback else caught
-    sys.stderr.write(f"error: {message_line(error)}\n")
-    sys.exit(2)
+def _details() -> str:
+    """From the docstrings, the catalogues with their options, and the settings."""
+    return "\n".join(_detail_lines())
 
 
-def _config_first(argv: list[str]) -> list[str]:
-    """The arguments with `--config` first; if it is missing, the default is added."""
-    rest, files = [], []
-    arguments = iter(argv[1:])
-    for argument in arguments:
-        if argument in ("--config", "-config"):
-            files.append(f"--config={next(arguments, '')}")
-        elif argument.startswith(("--config=", "-config=")):
-            files.append(argument)
-        else:
-            rest.append(argument)
-    if len(files) > 1:
-        raise ValueError(f"{files[1]}: --config is given twice")
-    for file in files:
-        if not pathlib.Path(file.partition("=")[2].partition(":")[0]).is_file():
-            raise ValueError(f"{file}: there is no such file")
-    # If this file were the flag's default, a wrong setting would raise an error at import.
-    return [argv[0], *(files or [f"--config={_DEFAULT}"]), *rest]
-
-
-def _help() -> Iterator[str]:
-    """The help: flags, and from docstrings the catalogues with options and the settings."""
-    yield f"{(__doc__ or '').strip()}\n\nFlags"
-    for flag in flags.FLAGS.get_flags_for_module(sys.modules[__name__]):
-        if flag.name != "config":
-            yield f"  --{flag.name}: {str(flag.help).partition(chr(10))[0].rstrip(';')}"
+def _detail_lines() -> Iterator[str]:
     yield (
-        "  --config: Python file whose `get_config` returns the settings;\n"
-        "    `data_gen/config.py:NAME` starts from one of the presets "
+        "\n--config=FILE: a Python file whose `get_config` returns the settings;\n"
+        "  `data_gen/config.py:NAME` starts from one of the presets "
         f"{', '.join(sorted(settings.PRESETS))}."
     )
     for name in sorted(CATALOGUES):
@@ -206,4 +161,5 @@ def _documented(title: str, kind: Any) -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    app.run(main, flags_parser=_parse_flags)
+    start_command()
+    sys.exit(main())

@@ -40,15 +40,18 @@ from typing import Any, NamedTuple
 if __package__ in (None, ""):  # run as a file: `data_gen` is two folders above
     sys.path[0] = str(pathlib.Path(__file__).resolve().parents[2])
 
-from absl import app, flags, logging
+from absl import logging
 
 from data_gen import config, job, settings
 from data_gen.catalogues import non_objects
 from data_gen.catalogues.by_name import open_catalogue, variants_of
 from data_gen.catalogues.entry import Catalogue, family_of, original_name, split_of
+from psgn_jax.config.command_line import Flags
 from psgn_jax.system.files import write_atomic
+from psgn_jax.system.processes import start_command
 from psgn_jax.system.signals import exit_on_signals
 from psgn_jax.system.untrusted import message_line
+
 
 @dataclasses.dataclass(frozen=True)
 class Licence:
@@ -406,65 +409,57 @@ def write_table(
 # --- The command ------------------------------------------------------------------------------
 
 
-def _parse_flags(argv: list[str]) -> list[str]:
-    flags.DEFINE_string("packages", None, "Folder of the unpacked packages.")
-    flags.DEFINE_string("out", None, "Folder of the set.")
-    flags.DEFINE_list("sources", [], "Names of sources, separated by commas; empty = all.")
-    flags.DEFINE_float("fraction", 1.0, "Fraction of each source's models, at least 3 models.",
-                       lower_bound=0.0, upper_bound=1.0)  # fmt: skip
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs the command; returns its exit code."""
+    flags = Flags("psgn free-set --packages=FOLDER", __doc__)
+    flags.string("packages", None, "Folder of the unpacked packages.")
+    flags.string("out", None, "Folder of the set.")
+    flags.list("sources", [], f"Names of sources, of {', '.join(SOURCES)}; empty = all.")
+    share = {"lower_bound": 0.0, "upper_bound": 1.0}
+    flags.float("fraction", 1.0, "Fraction of each source's models, at least 3 models.", **share)
     for name in OTHER_PRESETS:
-        flags.DEFINE_float(name, 0.0, f"Fraction of the views rendered with the preset {name}.",
-                           lower_bound=0.0, upper_bound=1.0)  # fmt: skip
-    flags.DEFINE_enum("centre", "vertices", ["bounds", "vertices"],
-                      "Point of a model that is moved to x = y = 0.")  # fmt: skip
-    flags.DEFINE_integer("workers", 0, "Processes, 0 = one per processor.", lower_bound=0)
-    flags.DEFINE_enum("variant", "auto", ["auto", "llvm", "scalar"], "Variant of Mitsuba.")
-    flags.DEFINE_integer("variants", 0, "Number of variants with other proportions that replace "
-                         "each model; 0 = the models themselves.", lower_bound=0)  # fmt: skip
-    flags.DEFINE_bool("check", False, "Only report missing packages and the number of models.")
-    try:
-        return flags.FLAGS(argv)
-    except (flags.Error, ValueError) as error:
-        sys.stderr.write(f"error: {message_line(error)}\n")
-        sys.exit(2)
+        flags.float(name, 0.0, f"Fraction of the views rendered with the preset {name}.", **share)
+    flags.enum(
+        "centre", "vertices", ["bounds", "vertices"], "Point of a model that is moved to x = y = 0."
+    )
+    flags.integer("workers", 0, "Processes, 0 = one per processor.", lower_bound=0)
+    flags.enum("variant", "auto", ["auto", "llvm", "scalar"], "Variant of Mitsuba.")
+    flags.integer(
+        "variants", 0, "Number of variants with other proportions that replace each model; 0 = the "
+        "models themselves.", lower_bound=0,
+    )  # fmt: skip
+    flags.bool("check", False, "Only report missing packages and the number of models.")
+    return flags.run(_main, argv, wrong_input=(ValueError, RuntimeError))
 
 
-def main(argv: list[str]) -> None:
-    """Runs the command and exits with one of the codes in the docstring of this module."""
-    logging.set_verbosity(logging.INFO)
+def _main(flags: Flags) -> int:
     exit_on_signals()
-    given = flags.FLAGS
-    try:
-        if len(argv) > 1:
-            raise ValueError(f"unexpected argument {argv[1]!r}, expected only flags")
-        if given.packages is None or (given.out is None and not given.check):
-            raise ValueError("--packages, --out: missing, expected both")
-        unknown = [name for name in given.sources if name not in SOURCES]
-        if unknown:
-            raise ValueError(f"--sources: got {unknown[0]!r}, expected some of {list(SOURCES)}")
-        chosen = [s for name, s in SOURCES.items() if not given.sources or name in given.sources]
-        commands = missing(chosen, given.packages)
-        if commands:
-            sys.stderr.write(
-                "error: packages are missing; these commands download and unpack them:\n  "
-                + "\n  ".join(commands) + "\n"
-            )  # fmt: skip
-            sys.exit(2)
-        parts = plan(chosen, {preset: getattr(given, preset) for preset in OTHER_PRESETS})
-        made, problems = _render(parts)
-    except (ValueError, RuntimeError, OSError) as error:
-        sys.stderr.write(f"error: {message_line(error)}\n")
-        sys.exit(2)
-    if not given.check:
-        paths = (str(pathlib.Path(given.out) / folder) for folder in made)
-        sys.stdout.write("\n".join(["", *problems, f"--config.data.path={','.join(paths)}", ""]))
-        sys.exit(2 if not made else 1 if problems else 0)
+    given = flags.values
+    if given.out is None and not given.check:
+        raise ValueError("--out is missing")
+    unknown = [name for name in given.sources if name not in SOURCES]
+    if unknown:
+        raise ValueError(f"--sources: got {unknown[0]!r}, expected some of {list(SOURCES)}")
+    chosen = [s for name, s in SOURCES.items() if not given.sources or name in given.sources]
+    if commands := missing(chosen, given.packages):
+        sys.stderr.write(
+            "error: packages are missing; these commands download and unpack them:\n  "
+            + "\n  ".join(commands) + "\n"
+        )  # fmt: skip
+        return 2
+    parts = plan(chosen, {preset: given[preset].value for preset in OTHER_PRESETS})
+    made, problems = _render(parts, given)
+    if given.check:
+        return 0
+    paths = (str(pathlib.Path(given.out) / folder) for folder in made)
+    sys.stdout.write("\n".join(["", *problems, f"--config.data.path={','.join(paths)}", ""]))
+    return 2 if not made else 1 if problems else 0
 
 
-def _render(parts: Sequence[Part]) -> tuple[list[str], list[str]]:
+def _render(parts: Sequence[Part], given: Any) -> tuple[list[str], list[str]]:
     """Renders all data sets, or completes them, and writes the table after each.
 
-    With `--check`, it only reports the numbers of models.
+    `given` are the values of the flags. With `--check`, it only reports the numbers of models.
 
     Returns:
       The folders of the data sets, and a line for each data set that could not be rendered.
@@ -472,7 +467,6 @@ def _render(parts: Sequence[Part]) -> tuple[list[str], list[str]]:
     Raises:
       RuntimeError: Mitsuba is missing or does not run.
     """
-    given = flags.FLAGS
     lines: dict[str, Sequence[Any]] = {}
     problems = []
     text = ""
@@ -498,4 +492,5 @@ def _render(parts: Sequence[Part]) -> tuple[list[str], list[str]]:
 
 
 if __name__ == "__main__":
-    app.run(main, flags_parser=_parse_flags)
+    start_command()
+    sys.exit(main())

@@ -22,7 +22,6 @@ code is then 1. If the command is started again, it keeps the complete shards an
 them. Shards from which a model was left out are drawn again.
 """
 
-import argparse
 import dataclasses
 import functools
 import pathlib
@@ -34,20 +33,21 @@ if __package__ in (None, ""):  # run as a file: `data_gen` is two folders above
     sys.path[0] = str(pathlib.Path(__file__).resolve().parents[2])
 
 import numpy as np
-from absl import logging
 from jaxtyping import Float
 
 from data_gen import cameras, settings
 from data_gen.catalogues import records
 from data_gen.catalogues.proportions import DEVIATION
+from psgn_jax.config.command_line import Flags
 from psgn_jax.data.camera import default_camera, project
 from psgn_jax.data.codec import encode
 from psgn_jax.data.conversion import ConvertedRecord, Input, convert_inputs
 from psgn_jax.data.framing import VIEW_SIZE
 from psgn_jax.data.manifest import MANIFEST, Manifest, load_manifest
 from psgn_jax.data.schema import BACKGROUND_GREY, RecordError, Sample
-from psgn_jax.system.files import check_folder, exit_code_of
-from psgn_jax.system.untrusted import message_line, one_line
+from psgn_jax.system.files import check_folder
+from psgn_jax.system.processes import start_command
+from psgn_jax.system.untrusted import one_line
 
 MODELS_PER_SHARD = 200
 CAMERAS = ("authors", "angles", "level")
@@ -247,27 +247,21 @@ def draw_variants(
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command; returns its exit code."""
-    parser = argparse.ArgumentParser(
-        prog="psgn variants", description=(__doc__ or "").split("\n")[0]
-    )
-    parser.add_argument("source", metavar="SRC", help="folder of records")
-    parser.add_argument("destination", metavar="DST", help="folder for the new records")
-    parser.add_argument("--variants", type=int, default=8, help="variants of each model")
-    parser.add_argument("--deviation", type=float, default=DEVIATION, help="how much they differ")
-    parser.add_argument("--cameras", default="authors", help=f"one of {', '.join(CAMERAS)}")
-    parser.add_argument("--seed", type=int, default=0, help="other seeds give other variants")
-    given = parser.parse_args(argv)
-    logging.use_absl_handler()
-    logging.set_verbosity(logging.INFO)
-    try:
-        check_folder(given.destination, "DST")
-        manifest, refused = draw_variants(
-            given.source, given.destination, variants=given.variants, deviation=given.deviation,
-            preset=given.cameras, seed=given.seed,
-        )  # fmt: skip
-    except (ValueError, OSError) as error:
-        sys.stderr.write(f"error: {message_line(error)}\n")
-        return exit_code_of(error) or 2
+    flags = Flags("psgn variants SRC DST", __doc__)
+    flags.integer("variants", 8, "Variants of each model.")
+    flags.float("deviation", DEVIATION, "How much they differ.")
+    flags.enum("cameras", "authors", list(CAMERAS), "Preset of the cameras.")
+    flags.integer("seed", 0, "Other seeds give other variants.")
+    return flags.run(_main, argv, wrong_input=(ValueError,))
+
+
+def _main(flags: Flags) -> int:
+    values, (source, destination) = flags.values, flags.arguments
+    check_folder(destination, "DST")
+    manifest, refused = draw_variants(
+        source, destination, variants=values.variants, deviation=values.deviation,
+        preset=values.cameras, seed=values.seed,
+    )  # fmt: skip
     count, size = sum(s.count for s in manifest.shards), sum(s.size for s in manifest.shards)
     sys.stdout.write(f"{count} samples, {size / 1e6:.1f} MB\n")
     for message in refused:
@@ -276,4 +270,5 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
+    start_command()
     sys.exit(main())

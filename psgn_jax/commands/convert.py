@@ -19,63 +19,52 @@ something was left out are converted again. A complete conversion is not changed
 full, the exit code is 5.
 """
 
-import argparse
 import sys
 from collections.abc import Sequence
 
-from absl import logging
-
+from psgn_jax.config.command_line import Flags
+from psgn_jax.config.structured import ConfigError, suggestion
 from psgn_jax.data.conversion import LAYOUTS, convert_authors, convert_models
 from psgn_jax.data.sources import shapenet
-from psgn_jax.system.files import check_folder, exit_code_of
-from psgn_jax.system.untrusted import message_line, one_line
+from psgn_jax.system.files import check_folder
+from psgn_jax.system.untrusted import one_line
 
-LARGEST = {"views": shapenet.NUM_VIEWS, "points": 1_000_000}
-"""Largest values of the options."""
+_MOST_POINTS = 1_000_000
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command; returns its exit code."""
-    parser = argparse.ArgumentParser(
-        prog="psgn convert", description=(__doc__ or "").split("\n")[0]
-    )
-    commands = parser.add_subparsers(dest="layout", required=True)
-    command = commands.add_parser("authors", help="the authors' published batches")
-    command.add_argument("source", metavar="SRC", help="folder with the authors' *.gz files")
-    command.add_argument("destination", metavar="DST", help="folder for the records")
-    for layout, reader in LAYOUTS.items():
-        command = commands.add_parser(layout, help=reader.SOURCE)
-        command.add_argument("source", metavar="SRC", help=reader.SOURCE)
-        command.add_argument("destination", metavar="DST", help="folder for the records")
-        command.add_argument(
-            "--views", type=int, default=shapenet.NUM_VIEWS, help="views per model, at most"
+    flags = Flags("psgn convert LAYOUT SRC DST", __doc__)
+    flags.integer("views", shapenet.NUM_VIEWS, "Views per model, at most.", lower_bound=1,
+                  upper_bound=shapenet.NUM_VIEWS)  # fmt: skip
+    flags.integer("points", shapenet.NUM_POINTS, "Points per sample, at most.", lower_bound=1,
+                  upper_bound=_MOST_POINTS)  # fmt: skip
+    flags.bool("strict", False, "Stop at the first bad file.")
+    return flags.run(_main, argv, wrong_input=(ValueError,))
+
+
+def _main(flags: Flags) -> int:
+    layout, source, destination = flags.arguments
+    if layout not in ("authors", *LAYOUTS):
+        raise ConfigError(
+            f"{layout}: no such layout; {suggestion(layout, ['authors', *LAYOUTS])}expected one of "
+            f"{', '.join(['authors', *LAYOUTS])}"
         )
-        command.add_argument(
-            "--points", type=int, default=shapenet.NUM_POINTS, help="points per sample, at most"
+    if layout == "authors" and (given := flags.given("views", "points", "strict")):
+        raise ConfigError(f"{given[0]}: not accepted by authors")
+    check_folder(destination, "DST")
+    if layout == "authors":
+        manifest, refused = convert_authors(source, destination)
+    else:
+        values = flags.values
+        manifest, refused = convert_models(
+            layout,
+            source,
+            destination,
+            num_points=values.points,
+            max_views=values.views,
+            strict=values.strict,
         )
-        command.add_argument("--strict", action="store_true", help="stop at the first bad file")
-    arguments = parser.parse_args(argv)
-    logging.use_absl_handler()
-    logging.set_verbosity(logging.INFO)
-    try:
-        check_folder(arguments.destination, "DST")
-        if arguments.layout == "authors":
-            manifest, refused = convert_authors(arguments.source, arguments.destination)
-        else:
-            for name in ("views", "points"):
-                if not 1 <= (value := getattr(arguments, name)) <= LARGEST[name]:
-                    raise ValueError(f"--{name}={value}: expected 1 to {LARGEST[name]}")
-            manifest, refused = convert_models(
-                arguments.layout,
-                arguments.source,
-                arguments.destination,
-                num_points=arguments.points,
-                max_views=arguments.views,
-                strict=arguments.strict,
-            )
-    except (ValueError, OSError) as error:
-        sys.stderr.write(f"error: {message_line(error)}\n")
-        return exit_code_of(error) or 2
     for split, shards in manifest.splits().items():
         size, count = sum(s.size for s in shards), sum(s.count for s in shards)
         sys.stdout.write(f"{split}: {count} samples, {size / 1e6:.1f} MB\n")
@@ -84,7 +73,3 @@ def main(argv: Sequence[str] | None = None) -> int:
     if refused:
         sys.stderr.write(f"{len(refused)} files, models or views were left out\n")
     return 1 if refused else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -12,17 +12,14 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from absl import app, flags
-
 from psgn_jax import tasks
 from psgn_jax.commands.common import (
     define_group_flags,
     define_network_flags,
-    flags_only,
     keep_compiled,
-    parse_flags,
 )
 from psgn_jax.commands.default_data import with_default_data
+from psgn_jax.config.command_line import Flags
 from psgn_jax.config.data import DataConfig
 from psgn_jax.config.experiment import ConfigError, check_paths, require_points_task
 from psgn_jax.data.manifest import load_manifest
@@ -66,79 +63,81 @@ def _baselines(run: Run, split: str | None, out: str | None) -> str:
     return table_text
 
 
-def _main(argv: Sequence[str]) -> None:
-    with flags_only(argv) as values:
-        # Wrong folders are reported before a network is read or records are rendered.
-        if values.out is not None:
-            check_folder(values.out, "--out")
-        for folder in DataConfig(path=values.data or "").folders:
-            load_manifest(folder)
-        keep_compiled()
-        keep_freed_memory()
-        if values.compare and not values.report:
-            raise ConfigError(f"--compare={values.compare}: accepted only with --report=DIR")
-        if values.baselines and (
-            values.report
-            or values.draws
-            or values.num_processes
-            or values.refine
-            or values.frame != "keep"
-        ):
-            raise ConfigError(
-                "--baselines: accepted without --report, --draws, --frame, --refine and processes"
-            )
-        if values.report is not None:
-            check_folder(values.report, "--report")
-        options: dict[str, Any] = {n: values[n].value for n in _OPTIONS}
-        with group.joined(values.coordinator, values.num_processes, values.process_id):
-            if values.report and group.index_and_count()[1] > 1:
-                raise ConfigError(f"--report={values.report}: accepted only with one process")
-            opening = {"checkpoint": values.checkpoint, "data": values.data}
-            runs = [open_with_records(values.workdir, values.weights, **opening)]
-            if values.compare:
-                runs.append(open_with_records(values.compare, None, **opening))
-            if values.baselines:
-                sys.stdout.write(_baselines(runs[0], values.split, values.out))
-                return
-            if values.report:
-                result = report_runs(values.report, runs, tasks.create, **options)
-            else:
-                result = evaluate_run(runs[0], tasks.create, **options)
-            first = group.is_first()
-    if first:
-        sys.stdout.write(table.text(result))
-
-
-if __name__ == "__main__":
-    define_network_flags()
-    flags.DEFINE_string("split", None, "Split; default: data.eval_split of the run.")
-    flags.DEFINE_string("data", None, "Folder of records in place of those of the run.")
-    flags.DEFINE_string(
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs the command; returns its exit code."""
+    flags = Flags("psgn evaluate", __doc__)
+    define_network_flags(flags)
+    flags.string("split", None, "Split; default: data.eval_split of the run.")
+    flags.string("data", None, "Folder of records in place of those of the run.")
+    flags.string(
         "out",
         None,
         "Folder for the tables; default: a folder in the workdir or, for weights, in the current "
         "folder.",
     )
-    flags.DEFINE_integer(
+    flags.integer(
         "draws",
         0,
         "Number of predictions per image; the best and the mean of their distances are also "
         "measured; needs a network with a random input; 0 = off.",
         lower_bound=0,
     )
-    flags.DEFINE_enum(
+    flags.enum(
         "frame", "keep", list(FRAMES), "keep: images as they are; place: crop and place objects."
     )
-    flags.DEFINE_boolean(
+    flags.bool(
         "refine",
         False,
         "Measure clouds as psgn predict gives them: averaged with those of the mirror image, and "
         "moved into the mask.",
     )
-    flags.DEFINE_boolean(
+    flags.bool(
         "baselines", False, "Compare the network with the floor and with simple baselines instead."
     )
-    flags.DEFINE_string("report", None, "Folder for a gallery of all samples, as web pages.")
-    flags.DEFINE_string("compare", None, "Folder of a second run for the gallery.")
-    define_group_flags()
-    app.run(_main, flags_parser=parse_flags)
+    flags.string("report", None, "Folder for a gallery of all samples, as web pages.")
+    flags.string("compare", None, "Folder of a second run for the gallery.")
+    define_group_flags(flags)
+    return flags.run(_main, argv)
+
+
+def _main(flags: Flags) -> None:
+    values = flags.values
+    # Wrong folders are reported before a network is read or records are rendered.
+    if values.out is not None:
+        check_folder(values.out, "--out")
+    for folder in DataConfig(path=values.data or "").folders:
+        load_manifest(folder)
+    keep_compiled()
+    keep_freed_memory()
+    if values.compare and not values.report:
+        raise ConfigError(f"--compare={values.compare}: accepted only with --report=DIR")
+    if values.baselines and (
+        values.report
+        or values.draws
+        or values.num_processes
+        or values.refine
+        or values.frame != "keep"
+    ):
+        raise ConfigError(
+            "--baselines: accepted without --report, --draws, --frame, --refine and processes"
+        )
+    if values.report is not None:
+        check_folder(values.report, "--report")
+    options: dict[str, Any] = {n: values[n].value for n in _OPTIONS}
+    with group.joined(values.coordinator, values.num_processes, values.process_id):
+        if values.report and group.index_and_count()[1] > 1:
+            raise ConfigError(f"--report={values.report}: accepted only with one process")
+        opening = {"checkpoint": values.checkpoint, "data": values.data}
+        runs = [open_with_records(values.workdir, values.weights, **opening)]
+        if values.compare:
+            runs.append(open_with_records(values.compare, None, **opening))
+        if values.baselines:
+            sys.stdout.write(_baselines(runs[0], values.split, values.out))
+            return
+        if values.report:
+            result = report_runs(values.report, runs, tasks.create, **options)
+        else:
+            result = evaluate_run(runs[0], tasks.create, **options)
+        first = group.is_first()
+    if first:
+        sys.stdout.write(table.text(result))

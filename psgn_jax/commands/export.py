@@ -10,32 +10,33 @@ float32 file differ by more than 1e-4, or if any file changes the mean CD (measu
 import sys
 from collections.abc import Sequence
 
-from absl import app, flags
-
-from psgn_jax.commands.common import define_network_flags, flags_only, keep_compiled, parse_flags
+from psgn_jax.commands.common import define_network_flags, keep_compiled
+from psgn_jax.config.command_line import Flags
 from psgn_jax.portable.folder import require_packages, write_folder
 from psgn_jax.system.files import check_folder
 from psgn_jax.weights.opening import open_network
 
 
-def _main(argv: Sequence[str]) -> None:
-    with flags_only(argv) as values:
-        require_packages()
-        check_folder(values.out, "--out")
-        keep_compiled()
-        network = open_network(values.workdir, values.weights, values.checkpoint)
-        options = {name: values[name].value for name in ("stablehlo", "data", "split")}
-        write_folder(network, values.out, weights=values.weights_as, **options)
-        sys.stdout.write(f"{values.out}: see README.md there\n")
-
-
-if __name__ == "__main__":
-    define_network_flags()
-    flags.DEFINE_string("out", None, "Folder for the files.", required=True)
-    flags.DEFINE_list(
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs the command; returns its exit code."""
+    flags = Flags("psgn export --out=FOLDER", __doc__)
+    define_network_flags(flags)
+    flags.string("out", None, "Folder for the files.")
+    flags.list(
         "weights_as", ["float32", "float16"], "Weights of the ONNX files: float32, float16, int8."
     )
-    flags.DEFINE_bool("stablehlo", True, "Whether to write the StableHLO program.")
-    flags.DEFINE_string("data", "", "Folder of records to check the files on.")
-    flags.DEFINE_string("split", "validation", "Split of the records.")
-    app.run(_main, flags_parser=parse_flags)
+    flags.bool("stablehlo", True, "Whether to write the StableHLO program.")
+    flags.string("data", "", "Folder of records to check the files on.")
+    flags.string("split", "validation", "Split of the records.")
+    return flags.run(_main, argv)
+
+
+def _main(flags: Flags) -> None:
+    values = flags.values
+    require_packages()
+    check_folder(values.out, "--out")
+    keep_compiled()
+    network = open_network(values.workdir, values.weights, values.checkpoint)
+    options = {name: values[name].value for name in ("stablehlo", "data", "split")}
+    write_folder(network, values.out, weights=values.weights_as, **options)
+    sys.stdout.write(f"{values.out}: see README.md there\n")

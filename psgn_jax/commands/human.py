@@ -18,14 +18,8 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from absl import app, flags
-
-from psgn_jax.commands.common import (
-    exit_on_user_error,
-    keep_compiled,
-    log_to_terminal,
-    parse_flags,
-)
+from psgn_jax.commands.common import keep_compiled
+from psgn_jax.config.command_line import Flags
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.system.files import check_folder
 from psgn_jax.web.human import files as lib
@@ -63,26 +57,26 @@ def _score(folder: pathlib.Path, values: Any) -> None:
     sys.stdout.write(f"{text}\nwritten to {out}\n")
 
 
-def _main(argv: Sequence[str]) -> None:
-    log_to_terminal()
-    values, arguments = flags.FLAGS, argv[1:]
-    with exit_on_user_error():
-        if not arguments:
-            _build(values)
-        elif arguments[0] == "score" and len(arguments) == 2:
-            _score(pathlib.Path(arguments[1]), values)
-        else:
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs the command; returns its exit code."""
+    flags = Flags("psgn human [ARGUMENT...]", __doc__)
+    flags.string("data", "", "Folder of records; `score` needs it only if it was moved.")
+    flags.string("out", "", "Folder for the page; with `score`: for tables and figures.")
+    flags.string("split", "validation", "Split of the records.")
+    flags.integer("cases", 16, "Number of cases, evenly spaced over the split.")
+    flags.string("answers", "", "File saved by the page; default: STUDY/human.json.")
+    flags.multi_string("workdir", [], "Folder of a run to compare with; repeatable.")
+    flags.multi_string("weights", [], "Name or file of weights; repeatable.")
+    flags.enum("checkpoint", "best", ["best", "last"], "Checkpoint of the runs.")
+    flags.integer("points", 1024, "Points of each cloud.", lower_bound=16)
+    return flags.run(_main, argv)
+
+
+def _main(flags: Flags) -> None:
+    match flags.arguments:
+        case []:
+            _build(flags.values)
+        case ["score", study]:
+            _score(pathlib.Path(study), flags.values)
+        case arguments:
             raise ConfigError(f"{' '.join(arguments)}: expected no arguments, or `score STUDY`")
-
-
-if __name__ == "__main__":
-    flags.DEFINE_string("data", "", "Folder of records; `score` needs it only if it was moved.")
-    flags.DEFINE_string("out", "", "Folder for the page; with `score`: for tables and figures.")
-    flags.DEFINE_string("split", "validation", "Split of the records.")
-    flags.DEFINE_integer("cases", 16, "Number of cases, evenly spaced over the split.")
-    flags.DEFINE_string("answers", "", "File saved by the page; default: STUDY/human.json.")
-    flags.DEFINE_multi_string("workdir", [], "Folder of a run to compare with; repeatable.")
-    flags.DEFINE_multi_string("weights", [], "Name or file of weights; repeatable.")
-    flags.DEFINE_enum("checkpoint", "best", ["best", "last"], "Checkpoint of the runs.")
-    flags.DEFINE_integer("points", 1024, "Points of each cloud.", lower_bound=16)
-    app.run(_main, flags_parser=parse_flags)

@@ -9,11 +9,11 @@ camera, and the cloud from another direction. Exit codes: 0 the data set is inta
 damaged; 2 another error.
 """
 
-import argparse
 import pathlib
 import sys
 from collections.abc import Sequence
 
+from psgn_jax.config.command_line import Flags
 from psgn_jax.data.schema import RecordError
 from psgn_jax.system.untrusted import message_line, one_line
 from psgn_jax.viewing import spheres
@@ -22,35 +22,24 @@ from psgn_jax.viewing.dataset import make_sheet, report
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command; returns its exit code."""
-    parser = argparse.ArgumentParser(
-        prog="psgn inspect", description=(__doc__ or "").split("\n")[0]
-    )
-    parser.add_argument("path", metavar="PATH", help="folder of records")
-    parser.add_argument("--sheet", default="", help="contact sheet (default: PATH/sheet.png)")
-    parser.add_argument("--samples", type=int, default=12, help="samples on the sheet")
-    parser.add_argument("--check", type=int, default=256, help="samples to check in each split")
-    arguments = parser.parse_args(argv)
-    target = pathlib.Path(arguments.sheet or pathlib.Path(arguments.path) / "sheet.png")
+    flags = Flags("psgn inspect PATH", __doc__)
+    flags.string("sheet", "", "Contact sheet; default: PATH/sheet.png.")
+    flags.integer("samples", 12, "Samples on the sheet.", lower_bound=1)
+    flags.integer("check", 256, "Samples to check in each split.", lower_bound=1)
+    return flags.run(_main, argv, wrong_input=(ValueError,))
+
+
+def _main(flags: Flags) -> int:
+    values, (path,) = flags.values, flags.arguments
+    target = pathlib.Path(values.sheet or pathlib.Path(path) / "sheet.png")
+    spheres.check_picture(target, "--sheet")
+    lines, whole = report(path, values.check)
+    sys.stdout.write("".join(f"{one_line(line)}\n" for line in lines))
     try:
-        spheres.check_picture(target, "--sheet")
-        lines, whole = report(arguments.path, max(1, arguments.check))
-        sys.stdout.write("".join(f"{one_line(line)}\n" for line in lines))
-    except (ValueError, OSError) as error:
-        sys.stderr.write(f"error: {message_line(error)}\n")
-        return 2
-    try:
-        sheet = make_sheet(arguments.path, max(1, arguments.samples))
+        sheet = make_sheet(path, values.samples)
     except RecordError as error:
         sys.stderr.write(f"no contact sheet: {message_line(error)}\n")
         return 1
-    try:
-        spheres.write_picture(sheet, target)
-    except (OSError, ValueError) as error:
-        sys.stderr.write(f"error: --sheet={one_line(target)}: {message_line(error)}\n")
-        return 2
+    spheres.write_picture(sheet, target)
     sys.stdout.write(f"contact sheet: {one_line(target)}\n")
     return 0 if whole else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())

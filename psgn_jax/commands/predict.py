@@ -12,15 +12,8 @@ In a notebook: `psgn_jax.load()(image)`.
 import sys
 from collections.abc import Sequence
 
-from absl import app, flags
-
-from psgn_jax.commands.common import (
-    define_network_flags,
-    exit_on_user_error,
-    keep_compiled,
-    log_to_terminal,
-    parse_flags,
-)
+from psgn_jax.commands.common import define_network_flags, keep_compiled
+from psgn_jax.config.command_line import Flags
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.prediction import export, masks
 from psgn_jax.prediction.files import predict_files
@@ -34,79 +27,76 @@ _OPTIONS = [
 ]  # fmt: skip
 
 
-def _opened_predictor() -> Predictor:
-    values = flags.FLAGS
-    keep_compiled()
-    predictor = Predictor(open_network(values.workdir, values.weights, values.checkpoint))
-    predictor.warm_up(values.samples, refine=values.refine)
-    return predictor
-
-
-def _main(argv: Sequence[str]) -> None:
-    log_to_terminal()
-    values = flags.FLAGS
-    done, failed = 0, 0
-    with exit_on_user_error():
-        formats = tuple(values.formats)
-        if not formats or not set(formats) <= set(export.FORMATS):
-            raise ConfigError(
-                f"--formats={','.join(formats)}: accepted: any of {', '.join(export.FORMATS)}"
-            )
-        if values.invert_mask and not values.mask:
-            raise ConfigError("--invert_mask: accepted only with --mask=FILE|FOLDER")
-        if not argv[1:]:
-            raise ConfigError("no image: name files or folders")
-        check_folder(values.out, "--out")
-        options = {name: values[name].value for name in _OPTIONS}
-        for path, result in predict_files(
-            _opened_predictor, argv[1:], values.out, formats=formats, **options
-        ):
-            if isinstance(result, Exception):
-                failed += 1
-                sys.stderr.write(f"failed: {one_line(path)}: {message_line(result)}\n")
-                continue
-            done += 1
-            for warning in result.warnings:
-                sys.stderr.write(f"warning: {one_line(path)}: {warning}\n")
-            milliseconds = 1000 * sum(result.seconds.values())
-            sys.stdout.write(
-                f"{one_line(path)}: {len(result.points)} x {result.points.shape[1]} points, mask "
-                f"{result.mask_from}, {milliseconds:.0f} ms\n"
-            )
-            sys.stdout.flush()
-    sys.stdout.write(f"results: {one_line(values.out)}\n" if done else "")
-    if failed:
-        sys.stderr.write(f"{done} of {done + failed} images were processed, see {values.out}\n")
-    sys.exit(0 if not failed else 1 if done else 2)
-
-
-if __name__ == "__main__":
-    define_network_flags()
-    flags.DEFINE_string("out", "out", "Folder for the results.")
-    flags.DEFINE_string("mask", None, "File of the mask, or folder with one for each image.")
-    flags.DEFINE_enum("mask_from", "auto", list(masks.METHODS), "How to find a mask.")
-    flags.DEFINE_bool("invert_mask", False, "Whether the given masks are white outside the object.")
-    flags.DEFINE_enum(
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs the command; returns its exit code."""
+    flags = Flags("psgn predict IMAGE...", __doc__)
+    define_network_flags(flags)
+    flags.string("out", "out", "Folder for the results.")
+    flags.string("mask", None, "File of the mask, or folder with one for each image.")
+    flags.enum("mask_from", "auto", list(masks.METHODS), "How to find a mask.")
+    flags.bool("invert_mask", False, "Whether the given masks are white outside the object.")
+    flags.enum(
         "normal_form",
         "auto",
         list(NORMAL_FORMS),
         "Whether to move the points onto the ground and scale them to radius 1.",
     )
-    flags.DEFINE_enum(
+    flags.enum(
         "frame",
         "auto",
         ["auto", "place", "keep"],
         "Crop to the object (place), or use the image as it is (keep).",
     )
-    flags.DEFINE_bool(
+    flags.bool(
         "refine",
         True,
         "Whether to average the cloud with that of the mirror image, and to move points that "
         "project outside the mask into it.",
     )
-    flags.DEFINE_integer("samples", 1, "Number of clouds per image.")
-    flags.DEFINE_integer("seed", 0, "Seed of the random input.")
-    flags.DEFINE_list(
+    flags.integer("samples", 1, "Number of clouds per image.")
+    flags.integer("seed", 0, "Seed of the random input.")
+    flags.list(
         "formats", list(export.DEFAULT_FORMATS), "Formats of the clouds: ply, xyz, obj, npz, glb."
     )
-    app.run(_main, flags_parser=parse_flags)
+    return flags.run(_main, argv)
+
+
+def _main(flags: Flags) -> int:
+    values = flags.values
+    formats = tuple(values.formats)
+    if not formats or not set(formats) <= set(export.FORMATS):
+        raise ConfigError(
+            f"--formats={','.join(formats)}: accepted: any of {', '.join(export.FORMATS)}"
+        )
+    if values.invert_mask and not values.mask:
+        raise ConfigError("--invert_mask: accepted only with --mask=FILE|FOLDER")
+    check_folder(values.out, "--out")
+
+    def opened() -> Predictor:
+        keep_compiled()
+        predictor = Predictor(open_network(values.workdir, values.weights, values.checkpoint))
+        predictor.warm_up(values.samples, refine=values.refine)
+        return predictor
+
+    done, failed = 0, 0
+    options = {name: values[name].value for name in _OPTIONS}
+    for path, result in predict_files(
+        opened, flags.arguments, values.out, formats=formats, **options
+    ):
+        if isinstance(result, Exception):
+            failed += 1
+            sys.stderr.write(f"failed: {one_line(path)}: {message_line(result)}\n")
+            continue
+        done += 1
+        for warning in result.warnings:
+            sys.stderr.write(f"warning: {one_line(path)}: {warning}\n")
+        milliseconds = 1000 * sum(result.seconds.values())
+        sys.stdout.write(
+            f"{one_line(path)}: {len(result.points)} x {result.points.shape[1]} points, mask "
+            f"{result.mask_from}, {milliseconds:.0f} ms\n"
+        )
+        sys.stdout.flush()
+    sys.stdout.write(f"results: {one_line(values.out)}\n" if done else "")
+    if failed:
+        sys.stderr.write(f"{done} of {done + failed} images were processed, see {values.out}\n")
+    return 0 if not failed else 1 if done else 2

@@ -3,21 +3,22 @@
     psgn train --config=quickstart
     psgn predict photo.jpg --workdir=runs/quickstart --out=out
 
-`psgn NAME ARGUMENTS` is the same as `python -m MODULE ARGUMENTS`. The module is imported only when
-its command runs, and defines the flags, the help and the exit codes.
+The module of a command is imported only when the command runs. Its function `main` defines the
+flags, the help and the exit codes.
 """
 
-import difflib
-import runpy
+import importlib
 import sys
 from collections.abc import Mapping, Sequence
 from importlib import metadata
+
+from psgn_jax.config.structured import suggestion
+from psgn_jax.system.processes import start_command
 
 COMMANDS: Mapping[str, str] = {
     "train": "train a network, or resume a run",
     "evaluate": "measure a run; write tables and pages",
     "predict": "predict points from image files",
-    "demo": "serve a web page on this machine that predicts from photos",
     "weights": "list weights, or export those of a run",
     "export": "write a network for other programs: ONNX and StableHLO files",
     "page": "write a web page that runs a network in the browser",
@@ -48,12 +49,13 @@ def module(name: str) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs a subcommand; `argv` are the arguments without the name of the program.
+    """Runs a subcommand and returns its exit code.
 
-    Most commands end the process themselves. An exit code is returned after help or `--version`,
-    after an unknown name, after Ctrl-C while a command's modules are imported, and if a command
-    returns.
+    `argv` are the arguments without the name of the program. Without them, this is the console
+    script: it takes those of the process, and changes its environment (`processes.start_command`).
     """
+    if argv is None:
+        start_command()
     arguments = list(sys.argv[1:] if argv is None else argv)
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         sys.stdout.write(_help())
@@ -63,27 +65,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     name, *rest = arguments
     if name not in COMMANDS:
-        near = difflib.get_close_matches(name, COMMANDS, 1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
         sys.stderr.write(
-            f"error: psgn {name}: no such command; {hint}expected one of {', '.join(COMMANDS)}\n"
+            f"error: psgn {name}: no such command; {suggestion(name, COMMANDS)}expected one of "
+            f"{', '.join(COMMANDS)}\n"
         )
         return 2
-    sys.argv = [f"psgn {name}", *rest]
     try:
-        # Run as the main module, because worker processes import it by that name.
-        runpy.run_module(module(name), run_name="__main__", alter_sys=True)
-    except SystemExit as stopped:
-        if stopped.code == 1 and _HELP.intersection(rest):  # absl exits with 1 after its help
-            return 0
-        raise
+        code: int = importlib.import_module(module(name)).main(rest)
     except KeyboardInterrupt:  # while the command's modules were being imported
         sys.stderr.write("stopped by Ctrl-C\n")
         return 130
-    return 0
-
-
-_HELP = frozenset({"--help", "--helpshort", "--helpfull"})
+    return code
 
 
 def _help() -> str:

@@ -13,11 +13,12 @@ The trainings are ordinary runs in `DIR/CONFIG-SEED`. The same command continues
 import importlib
 import pathlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-from absl import app, flags, logging
+from absl import logging
 
-from psgn_jax.commands.common import flags_only, keep_compiled, parse_flags
+from psgn_jax.commands.common import keep_compiled
+from psgn_jax.config.command_line import Flags
 from psgn_jax.config.experiment import ConfigError, suggestion
 from psgn_jax.system.files import cache_folder
 from psgn_jax.system.memory import keep_freed_memory
@@ -85,59 +86,59 @@ STUDIES: dict[str, Callable[[str], str]] = {
 """Name -> function from the study's folder to the folder of its records without `--data`."""
 
 
-def _main(argv: list[str]) -> None:
-    with flags_only(argv[:1] + argv[2:]) as values:
-        accepted = f"expected one of {', '.join(STUDIES)}"
-        if len(argv) < 2:
-            raise ConfigError(f"psgn study: no name of a study; {accepted}")
-        name = argv[1]
-        if name not in STUDIES:
-            hint = suggestion(name, STUDIES)
-            raise ConfigError(f"psgn study {name}: no such study; {hint}{accepted}")
-        if values.runs and name not in ("branches", "losses"):
-            raise ConfigError(f"--runs={','.join(values.runs)}: accepted by branches and losses")
-        if values.measure and name == "ambiguity":
-            raise ConfigError(f"--measure={','.join(values.measure)}: not accepted by {name}")
-        if values.runs and values.eval_data:
-            raise ConfigError(f"--eval_data={values.eval_data}: with --runs, give --data instead")
-        keep_compiled()
-        keep_freed_memory()
-        from psgn_jax.studies.runner import run
-        from psgn_jax.weights.run_folder import load_config
-
-        workdir = values.workdir or f"runs/{name}"
-        data = values.data or ""
-        own_data = bool(values.runs) and bool(load_config(values.runs[0]).data.path)
-        if not data and not own_data:
-            data = STUDIES[name](workdir)
-        text = run(
-            importlib.import_module(f"psgn_jax.studies.{name}").STUDY,
-            workdir,
-            data=data,
-            seeds=values.seeds,
-            steps=values.steps,
-            only=values.only,
-            finished=values.runs,
-            eval_data=values.eval_data,
-            measure=values.measure,
-        )
-    sys.stdout.write(text)
-
-
-if __name__ == "__main__":
-    flags.DEFINE_string("workdir", None, "Folder of the runs and the results; default: runs/NAME.")
-    flags.DEFINE_string(
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs the command; returns its exit code."""
+    flags = Flags("psgn study NAME", __doc__)
+    flags.string("workdir", None, "Folder of the runs and the results; default: runs/NAME.")
+    flags.string(
         "data",
         None,
         "Folder of records; default: records/authors if it exists, or the default data set; "
         "ambiguity and comparison render their own.",
     )
-    flags.DEFINE_integer("seeds", 1, "Runs of each configuration.", lower_bound=1)
-    flags.DEFINE_integer("steps", 0, "Steps of a training; 0 = default.", lower_bound=0)
-    flags.DEFINE_string("only", "", "CONFIG:SEED: train only this run, and measure nothing.")
-    flags.DEFINE_string(
+    flags.integer("seeds", 1, "Runs of each configuration.", lower_bound=1)
+    flags.integer("steps", 0, "Steps of a training; 0 = default.", lower_bound=0)
+    flags.string("only", "", "CONFIG:SEED: train only this run, and measure nothing.")
+    flags.string(
         "eval_data", "", "Folders of records for evaluation, also during training; default: --data."
     )
-    flags.DEFINE_list("measure", [], "FOLDER:SPLIT,...: measure on these splits too.")
-    flags.DEFINE_list("runs", [], "Folders of finished runs to measure instead, with commas.")
-    app.run(_main, flags_parser=parse_flags)
+    flags.list("measure", [], "FOLDER:SPLIT,...: measure on these splits too.")
+    flags.list("runs", [], "Folders of finished runs to measure instead, with commas.")
+    return flags.run(_main, argv)
+
+
+def _main(flags: Flags) -> None:
+    values, (name,) = flags.values, flags.arguments
+    if name not in STUDIES:
+        hint = suggestion(name, STUDIES)
+        raise ConfigError(
+            f"psgn study {name}: no such study; {hint}expected one of {', '.join(STUDIES)}"
+        )
+    if values.runs and name not in ("branches", "losses"):
+        raise ConfigError(f"--runs={','.join(values.runs)}: accepted by branches and losses")
+    if values.measure and name == "ambiguity":
+        raise ConfigError(f"--measure={','.join(values.measure)}: not accepted by {name}")
+    if values.runs and values.eval_data:
+        raise ConfigError(f"--eval_data={values.eval_data}: with --runs, give --data instead")
+    keep_compiled()
+    keep_freed_memory()
+    from psgn_jax.studies.runner import run
+    from psgn_jax.weights.run_folder import load_config
+
+    workdir = values.workdir or f"runs/{name}"
+    data = values.data or ""
+    own_data = bool(values.runs) and bool(load_config(values.runs[0]).data.path)
+    if not data and not own_data:
+        data = STUDIES[name](workdir)
+    text = run(
+        importlib.import_module(f"psgn_jax.studies.{name}").STUDY,
+        workdir,
+        data=data,
+        seeds=values.seeds,
+        steps=values.steps,
+        only=values.only,
+        finished=values.runs,
+        eval_data=values.eval_data,
+        measure=values.measure,
+    )
+    sys.stdout.write(text)

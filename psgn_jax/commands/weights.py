@@ -2,7 +2,7 @@
 
     psgn weights list [NAME|FILE ...]
     psgn weights export --workdir=RUN --out=FILE.safetensors
-        [--checkpoint=best|last] [--ema|--no-ema] [--dtype=float16|float32]
+        [--checkpoint=best|last] [--ema|--noema] [--dtype=float16|float32]
         [--sources=sources.json,more.json] [--samples_before=N]
 
 `list` shows the network, metrics, data and licences of the weights in the package, or of the given
@@ -11,7 +11,6 @@ and for `--config.train.init=FILE`. The format is described in `psgn_jax.weights
 0 done, 2 error, 5 disk full.
 """
 
-import argparse
 import pathlib
 import sys
 from collections.abc import Mapping, Sequence
@@ -19,7 +18,7 @@ from typing import Any
 
 import jax
 
-from psgn_jax.commands.common import exit_on_user_error, log_to_terminal
+from psgn_jax.config.command_line import Flags
 from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.schema import RecordError
@@ -42,66 +41,56 @@ _METRICS = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """The command; returns its exit code."""
-    parser = argparse.ArgumentParser(
-        prog="psgn weights", description=(__doc__ or "").split("\n")[0]
-    )
-    commands = parser.add_subparsers(dest="command", required=True)
-    command = commands.add_parser("list", help="show the network, metrics, data and licences")
-    command.add_argument(
-        "names", nargs="*", metavar="NAME|FILE", help="default: all weights in the package"
-    )
-    command = commands.add_parser("export", help="write a checkpoint of a run to a file of weights")
-    command.add_argument("--workdir", required=True, help="folder of the run")
-    command.add_argument("--out", required=True, help="file to be written, *.safetensors")
-    command.add_argument("--checkpoint", default="best", choices=("best", "last"))
-    command.add_argument(
-        "--ema",
-        default=True,
-        action=argparse.BooleanOptionalAction,
-        help="export the averaged parameters, if the run has them",
-    )
-    command.add_argument("--dtype", default="float16", choices=tuple(DTYPES))
-    command.add_argument(
-        "--sources", default="", help="JSON files that list data and licences, separated by commas"
-    )
-    command.add_argument(
-        "--samples_before",
-        type=int,
-        default=0,
-        help="training samples seen before the run, by the networks that it started from",
-    )
-    arguments = parser.parse_args(argv)
-    log_to_terminal()
-    with exit_on_user_error():
-        run = _list if arguments.command == "list" else _export
-        sys.stdout.write(run(arguments))
-    return 0
+    """Runs the command; returns its exit code."""
+    flags = Flags("psgn weights COMMAND [NAME|FILE...]", __doc__)
+    flags.string("workdir", "", "export: folder of the run.")
+    flags.string("out", "", "export: file to be written, *.safetensors.")
+    flags.enum("checkpoint", "best", ["best", "last"], "export: checkpoint of the run.")
+    flags.bool("ema", True, "export: the averaged parameters, if the run has them.")
+    flags.enum("dtype", "float16", list(DTYPES), "export: type of the numbers.")
+    flags.list("sources", [], "export: JSON files that list data and licences.")
+    flags.integer(
+        "samples_before", 0, "export: training samples seen before the run, by the networks that "
+        "it started from.", lower_bound=0,
+    )  # fmt: skip
+    return flags.run(_main, argv)
 
 
-def _list(arguments: argparse.Namespace) -> str:
+def _main(flags: Flags) -> None:
+    command, *names = flags.arguments
+    if command == "list":
+        if given := flags.given(*flags.values):
+            raise ConfigError(f"{given[0]}: accepted only by `psgn weights export`")
+        sys.stdout.write(_list(names))
+    elif command == "export" and not names:
+        sys.stdout.write(_export(flags.values))
+    else:
+        raise ConfigError(f"{' '.join(flags.arguments)}: expected `list [NAME|FILE...]`, `export`")
+
+
+def _list(names: Sequence[str]) -> str:
     known = list(shipped())
-    if not known and not arguments.names:
+    if not known and not names:
         return "no weights come with this version of the package\n"
     texts = []
-    for name in arguments.names or known:
+    for name in names or known:
         path = weights_path(name)
         is_default = bool(known) and path == shipped()[known[-1]]
         texts.append(describe(read_weights(path), path, is_default=is_default))
-    if not arguments.names:
+    if not names:
         texts.append(_describe_mask_network())
     return "\n".join(texts)
 
 
-def _export(arguments: argparse.Namespace) -> str:
-    before = arguments.samples_before
-    if before < 0:
-        raise ConfigError(f"--samples_before: got {before}, expected 0 or more")
-    rows = [row for path in arguments.sources.split(",") if path for row in read_sources(path)]
-    run = open_run(arguments.workdir, arguments.checkpoint, averaged=arguments.ema)
+def _export(values: Any) -> str:
+    for name in ("workdir", "out"):
+        if not values[name].value:
+            raise ConfigError(f"--{name} is missing; expected --workdir=RUN --out=FILE")
+    rows = [row for path in values.sources for row in read_sources(path)]
+    run = open_run(values.workdir, values.checkpoint, averaged=values.ema)
     # The scores belong to the averaged parameters, because evaluation uses these if they exist.
     has_average = run.config.optim.ema_decay > 0
-    averaged = arguments.ema and has_average
+    averaged = values.ema and has_average
     figures = figures_of(
         run.config,
         run.params,
@@ -110,10 +99,10 @@ def _export(arguments: argparse.Namespace) -> str:
         metrics=run.scores if averaged or not has_average else {},
         data=_data_of(run.config),
     )
-    figures["samples_seen"] += before
-    weights = Weights(run.config, run.params, figures, rows, arguments.dtype)
-    write_weights(arguments.out, weights)
-    return describe(weights, pathlib.Path(arguments.out))
+    figures["samples_seen"] += values.samples_before
+    weights = Weights(run.config, run.params, figures, rows, values.dtype)
+    write_weights(values.out, weights)
+    return describe(weights, pathlib.Path(values.out))
 
 
 def _data_of(config: Config) -> list[dict[str, Any]]:
@@ -180,7 +169,3 @@ def _licences(row: Mapping[str, Any]) -> str:
         details = ": ".join(part for part in (count, holders) if part)
         texts.append(f"{name} ({details})" if details else name)
     return f"{row['source']}: {', '.join(texts) or 'not stated'}"
-
-
-if __name__ == "__main__":
-    sys.exit(main())

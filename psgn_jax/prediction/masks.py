@@ -90,7 +90,7 @@ def find_mask(
         )
         raise PhotoError(
             f"{reason}; give the mask of the object, white on it, with --mask=FILE, or paint it in "
-            "`psgn demo`"
+            "the page of `psgn page --serve`"
         )
     raise PhotoError(f"no object found ({method}); give its mask with --mask=FILE")
 

@@ -1,8 +1,7 @@
 """Child processes that cannot import from the current folder.
 
 Python puts the current folder first on the import path of `python -m` and `python -c`. Files from
-others are data, so a `numpy.py` beside a mesh must not run. `psgn_jax/__init__.py` does the same
-for `python -m psgn_jax.main` itself.
+others are data, so a `numpy.py` beside a mesh must not run in the children of a command.
 """
 
 import os
@@ -34,3 +33,15 @@ def environment(**changes: str) -> dict[str, str]:
         "PYTHONSAFEPATH": "1",
         "PYTHONPATH": os.pathsep.join(dict.fromkeys(paths)),
     }
+
+
+def start_command() -> None:
+    """Changes the environment of this process for a command; only its entry point calls this.
+
+    Its children import from absolute folders only. XLA's and CUDA's native code logs only fatal
+    errors, unless TF_CPP_MIN_LOG_LEVEL is set: when XLA loads a program from the compilation cache
+    on a CPU, it wrongly warns, in 3,000 characters, that the processor lacks two features, which
+    are tuning flags of XLA. The variable has no effect once jaxlib has been imported.
+    """
+    os.environ.update(environment())
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")

@@ -8,7 +8,6 @@ vertical axis; then the given mask, `NAME_mask.png`, with its cloud. All clouds 
 and coloured by height. Also prints the method and the IoU of each mask that was found.
 """
 
-import argparse
 import pathlib
 import sys
 
@@ -18,7 +17,8 @@ from PIL import Image
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 from small_png import small_png
 
-from psgn_jax.commands.common import exit_on_user_error
+from psgn_jax.commands.common import define_network_flags
+from psgn_jax.config.command_line import Flags
 from psgn_jax.data import photo
 from psgn_jax.prediction import masks
 from psgn_jax.prediction.predictor import Predictor
@@ -65,28 +65,25 @@ def row(image, given, predictor):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--weights", default="", help="file or name; default: the package's")
-    parser.add_argument("--workdir", default="", help="folder of a run")
-    parser.add_argument(
-        "--photos",
-        type=pathlib.Path,
-        default=pathlib.Path(__file__).resolve().parents[2] / "docs" / "photos",
-    )
-    parser.add_argument("--out", type=pathlib.Path, required=True)
-    arguments = parser.parse_args()
-    with exit_on_user_error():
-        network = open_network(arguments.workdir or None, arguments.weights or None)
-        predictor = Predictor(network)
-        rows = []
-        for path in sorted(arguments.photos.glob("*.jpg")):
-            read = photo.read_photo(path)
-            given = photo.read_mask(path.with_name(f"{path.stem}_mask.png"), read)
-            pictures, text = row(read.image, given, predictor)
-            rows.append((path.stem, pictures))
-            print(f"{path.stem}: {text}")
-        write_atomic(arguments.out, small_png(spheres.sheet(rows, columns=1), LARGEST))
+    flags = Flags("photos.py --out=FILE", __doc__)
+    define_network_flags(flags)
+    flags.string("photos", str(PHOTOS), "Folder of photos and masks.")
+    flags.string("out", None, "PNG file to write.")
+    return flags.run(_main)
+
+
+def _main(flags):
+    values = flags.values
+    predictor = Predictor(open_network(values.workdir, values.weights, values.checkpoint))
+    rows = []
+    for path in sorted(pathlib.Path(values.photos).glob("*.jpg")):
+        read = photo.read_photo(path)
+        given = photo.read_mask(path.with_name(f"{path.stem}_mask.png"), read)
+        pictures, text = row(read.image, given, predictor)
+        rows.append((path.stem, pictures))
+        print(f"{path.stem}: {text}")
+    write_atomic(values.out, small_png(spheres.sheet(rows, columns=1), LARGEST))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,20 +1,25 @@
 import errno
+import importlib
+import inspect
 import os
+import re
 import subprocess
 import sys
 
 import jax
 import pytest
+from absl import flags as absl_flags
 from helpers.commands import ROOT, psgn_each
 
-from psgn_jax.commands.common import exit_on_user_error
+from psgn_jax.commands import psgn
+from psgn_jax.config.command_line import Flags
 from psgn_jax.system.errors import UserError
 
 
 def test_terminal_shows_own_progress_and_others_warnings():
     code = """
 from absl import logging
-from psgn_jax.commands import common as command_line
+from psgn_jax.config import command_line
 from psgn_jax.data.sources import authors
 from psgn_jax.commands import convert
 command_line.log_to_terminal()
@@ -25,6 +30,13 @@ exec(compile("logging.info('own%sprogress', chr(10))", convert.__file__, "exec")
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
     lines = [line.partition(" ")[2] for line in result.stderr.splitlines()]
     assert lines == ["their warning", r"own\nprogress"], result.stderr
+
+
+def run(error):
+    def body(_):
+        raise error
+
+    return Flags("psgn anything", "").run(body, [])
 
 
 @pytest.mark.parametrize(
@@ -44,15 +56,13 @@ exec(compile("logging.info('own%sprogress', chr(10))", convert.__file__, "exec")
     ],
 )
 def test_errors_of_the_system_end_in_one_line(capsys, error, code, line):
-    with pytest.raises(SystemExit) as caught, exit_on_user_error():
-        raise error
-    assert caught.value.code == code
+    assert run(error) == code
     assert capsys.readouterr().err == line + "\n"
 
 
 def test_errors_of_the_program_keep_their_traceback():
-    with pytest.raises(ValueError, match="ours"), exit_on_user_error():
-        raise ValueError("ours")
+    with pytest.raises(ValueError, match="ours"):
+        run(ValueError("ours"))
 
 
 def test_wrong_arguments_end_in_one_line_before_a_network_is_made(tmp_path):
@@ -67,7 +77,7 @@ def test_wrong_arguments_end_in_one_line_before_a_network_is_made(tmp_path):
         (["convert", "authors", "docs", file], file),
         (["train", "--config=quickstart", "--config.data.path=tests"], "'tests': not a data set"),
         (["evaluate", "--weights=none", "--data=tests"], "'tests': not a data set"),
-        (predict, "no image: name files or folders"),
+        (predict, "IMAGE is missing; usage: psgn predict IMAGE..."),
         ([*predict, "a.png", "--formats=stl"], "accepted: any of ply, xyz, obj, glb, npz"),
         ([*predict, "a.png", "--invert_mask"], "accepted only with --mask=FILE|FOLDER"),
     )
@@ -82,6 +92,8 @@ def test_wrong_arguments_end_in_one_line_before_a_network_is_made(tmp_path):
 def test_a_second_start_reads_compiled_programs_without_a_word(tmp_path):
     code = """
 from psgn_jax.commands.common import keep_compiled
+from psgn_jax.system.processes import start_command
+start_command()
 keep_compiled()
 import jax
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
@@ -99,3 +111,20 @@ print(jax.jit(lambda x: x @ x + 1)(jax.numpy.ones((64, 64))).sum())
         outputs.append(done.stdout)
     assert outputs[0] == outputs[1]
     assert [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+def test_help_shows_every_flag_of_a_command_and_no_other_and_none_is_defined_elsewhere(capsys):
+    common = {"train": ["num_processes"], "predict": ["weights", "workdir"]}
+    for name in psgn.COMMANDS:
+        assert psgn.main([name, "--help"]) == 0
+        shown = capsys.readouterr().out
+        source = inspect.getsource(importlib.import_module(psgn.module(name)))
+        for flag in [*re.findall(r'flags\.\w+\(\s*"(\w+)"', source), *common.get(name, [])]:
+            assert re.search(rf"^  --(\[no\])?{flag}: ", shown, re.MULTILINE), (name, flag)
+        for foreign in ("verbosity", "pdb", "grain_py_debug_mode", "helpfull"):
+            assert f"--{foreign}" not in shown, name
+    flags = absl_flags.FLAGS
+    ours = [
+        name for name in flags if re.match("psgn|data_gen", flags.find_module_defining_flag(name))
+    ]
+    assert ours == []

@@ -284,7 +284,7 @@ def test_the_table(tmp_path):
 
 def test_what_is_wrong_is_said_before_the_work(tmp_path):
     cases = (
-        ([], "--packages, --out: missing"),
+        ([], "--packages is missing"),
         (["--packages=/nowhere", "--out=x"], "apt-get download torcs-data"),
         (["--packages=.", "--out=x", "--sources=cats"], "got 'cats'"),
         (["--packages=.", "--out=x", "--fraction=2"], "fraction"),

@@ -23,7 +23,8 @@ for arguments in json.loads(sys.argv[2]):
         for stream, file in enumerate(files, 1):
             os.dup2(file.fileno(), stream)
         try:
-            code = main(arguments)
+            sys.argv[1:] = arguments
+            code = main()
         except SystemExit as stopped:
             code = stopped.code
         sys.stdout.flush()

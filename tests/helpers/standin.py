@@ -147,11 +147,8 @@ if __name__ == "__main__":
     sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
     import pytest
-    from absl import app
 
     from psgn_jax import main
-    from psgn_jax.commands import common as command_line
 
     install(pytest.MonkeyPatch())
-    main.define_flags()
-    app.run(main.main, flags_parser=command_line.parse_flags)
+    sys.exit(main.main())

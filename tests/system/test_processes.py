@@ -102,7 +102,6 @@ SMALL = ("--config.data.path=records", "--config.data.num_workers=2", "--config.
         (("predict", "photo.png", "--out=out"), 0),
         (("evaluate", "--data=records", "--out=out"), None),
         (("page", "--out=page.html"), None),  # without npm it ends with an error
-        (("demo", "--help"), 0),
     ],
 )
 def test_no_command_executes_a_file_of_the_current_folder(hostile, arguments, code):

@@ -1,6 +1,5 @@
 """A wheel built from a tree with weights predicts and trains without a clone."""
 
-import pathlib
 import shutil
 import subprocess
 import sys
@@ -32,8 +31,8 @@ def test_a_wheel_has_weights_and_examples_predicts_and_trains(weights, tmp_path)
         names = archive.namelist()
         archive.extractall(packages)
     assert "psgn_jax/weights/tiny-1.safetensors" in names
-    examples = {path.name for path in (ROOT / "psgn_jax" / "web" / "examples").glob("*.png")}
-    assert {pathlib.PurePath(n).name for n in names if "web/examples/" in n} == examples
+    examples = (ROOT / "psgn_jax" / "web" / "page" / "static" / "examples").glob("*.png")
+    assert {path.relative_to(ROOT).as_posix() for path in examples} <= set(names)
     assert "psgn_jax/configs/quickstart.py" in names
     (entry_points,) = packages.glob("*.dist-info/entry_points.txt")
     assert "psgn = psgn_jax.commands.psgn:main" in entry_points.read_text()

@@ -1,0 +1,244 @@
+"""Commands: flags, `--help`, errors in one line, and logging to the terminal.
+
+def main(argv: Sequence[str] | None = None) -> int:
+    flags = Flags("psgn view NPZ... --out=FILE", __doc__)
+    flags.string("out", None, "HTML file to write.")
+    return flags.run(_main, argv)
+"""
+
+import functools
+import logging as python_logging
+import os
+import pathlib
+import re
+import runpy
+import sys
+import textwrap
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from absl import flags as absl_flags
+from absl import logging
+
+from psgn_jax.config.structured import ConfigError, unknown_setting
+from psgn_jax.system.files import exit_code_of
+from psgn_jax.system.untrusted import message_line, one_line
+
+HELP = {"--help", "-help", "-h", "-?", "--helpshort", "--helpfull"}
+_LARGEST = 1_000_000  # bytes of a configuration
+
+
+class Flags:
+    """The flags and arguments of one command.
+
+    The flags belong to this object, so a command can be called any number of times, and changes
+    no flags of the program that calls it.
+
+    Attributes:
+      string, integer, float, bool, enum, list, multi_string: define a flag, with the parameters of
+        `absl.flags.DEFINE_string` and so on.
+      values: the values of the flags, by name; set by `run`, like the next two.
+      arguments: the arguments that are not flags.
+      config_file: the file given as `--config`, after a call of `config`.
+    """
+
+    def __init__(self, usage: str, doc: str | None, details: Callable[[], str] = str) -> None:
+        """Starts a command without flags.
+
+        Args:
+          usage: the command and what it needs. `SRC DST`: two arguments; `NPZ...`: one or more;
+            `[NAME...]`: any number; `--out=FILE`: this flag is required.
+          doc: what `--help` shows above the flags.
+          details: what it shows below them.
+        """
+        self._usage, self._doc, self._details = usage, doc, details
+        self._config: tuple[Any, Callable[[str], str], str] | None = None
+        self.values: Any = absl_flags.FlagValues()
+        self.arguments: list[str] = []
+        self.config_file = ""
+        own = {"flag_values": self.values}
+        self.string = functools.partial(absl_flags.DEFINE_string, **own)
+        self.integer = functools.partial(absl_flags.DEFINE_integer, **own)
+        self.float = functools.partial(absl_flags.DEFINE_float, **own)
+        self.bool = functools.partial(absl_flags.DEFINE_bool, **own)
+        self.enum = functools.partial(absl_flags.DEFINE_enum, **own)
+        self.list = functools.partial(absl_flags.DEFINE_list, **own)
+        self.multi_string = functools.partial(absl_flags.DEFINE_multi_string, **own)
+
+    def config(self, defaults: Any, path_of: Callable[[str], str] = str, file: str = "") -> None:
+        """Defines `--config=FILE` and `--config.FIELD=VALUE`.
+
+        Args:
+          defaults: a dataclass with all fields.
+          path_of: from the value of `--config` to a path.
+          file: used without `--config`; "" = none.
+        """
+        self._config = defaults, path_of, file
+
+    def given(self, *names: str) -> list[str]:
+        """Those of the flags that are on the command line, as `--name`."""
+        return [f"--{name}" for name in names if self.values[name].present]
+
+    def run(
+        self,
+        body: Callable[["Flags"], int | None],
+        argv: Sequence[str] | None = None,
+        wrong_input: tuple[type[Exception], ...] = (),
+    ) -> int:
+        """Runs a command in this process, which logs to the terminal from now on.
+
+        Args:
+          body: the command; it gets this object and returns an exit code, None = 0.
+          argv: the arguments without the name of the program; default: those of the process.
+          wrong_input: errors of `body` that mean wrong input, besides those with an
+            `exit_code_of`.
+
+        Returns:
+          the exit code. An error that the user can fix is one line on stderr.
+        """
+        argv = list(sys.argv[1:] if argv is None else argv)
+        if HELP.intersection(argv[: argv.index("--") if "--" in argv else None]):
+            sys.stdout.write(self._help())
+            return 0
+        log_to_terminal()
+        try:
+            self._parse(argv)
+            return body(self) or 0
+        except Exception as error:
+            code = exit_code_of(error) or (2 if isinstance(error, wrong_input) else None)
+            if code is None:
+                raise
+            sys.stderr.write(f"error: {message_line(error)}\n")
+            return code
+        except KeyboardInterrupt:
+            sys.stderr.write("stopped by Ctrl-C\n")
+            return 130  # as in shells
+
+    def _parse(self, argv: Sequence[str]) -> None:
+        if self._config is not None:
+            argv = self._with_config(argv, *self._config)
+        try:
+            self.arguments = self.values(["psgn", *argv])[1:]
+        except (absl_flags.Error, TypeError, ValueError) as error:
+            raise ConfigError(str(error)) from error
+        _, _, *needed = self._usage.split()
+        for flag in re.findall(r"--(\w+)=", self._usage):
+            if not self.values[flag].value:
+                raise ConfigError(f"--{flag} is missing; usage: {self._usage}")
+        names = [name for name in needed if not name.startswith("-")]
+        fewest = sum(not name.startswith("[") for name in names)
+        most = len(names) if "..." not in self._usage else len(self.arguments)
+        if len(self.arguments) > most:
+            wrong = self.arguments[most]
+            raise ConfigError(f"unexpected argument {wrong!r}; usage: {self._usage}")
+        if len(self.arguments) < fewest:
+            missing = names[len(self.arguments)].rstrip(".")
+            raise ConfigError(f"{missing} is missing; usage: {self._usage}")
+
+    def _with_config(
+        self, argv: Sequence[str], defaults: Any, path_of: Callable[[str], str], file: str
+    ) -> list[str]:
+        """Loads the configuration, defines flags for its fields; the arguments without the file."""
+        from ml_collections import config_flags
+
+        rest, files, arguments = [], [], iter(argv)
+        for argument in arguments:
+            name, equals, value = argument.partition("=")
+            if name in ("--config", "-config"):
+                files.append(value if equals else next(arguments, ""))
+            else:
+                rest.append(argument)
+        if len(files) > 1:
+            raise ConfigError(f"--config={files[1]}: --config is given twice")
+        self.config_file = path_of(files[0]) if files else file
+        try:
+            config_flags.DEFINE_config_dict(
+                "config", load_file(self.config_file), flag_values=self.values, sys_argv=rest
+            )
+        except (AttributeError, KeyError) as error:
+            raise unknown_setting(rest, defaults) from error
+        except (absl_flags.Error, TypeError, ValueError) as error:
+            raise ConfigError(str(error)) from error
+        return rest
+
+    def _help(self) -> str:
+        lines = [f"usage: {self._usage}", "", (self._doc or "").strip(), "", "Flags"]
+        if self._config is not None:
+            lines.append("  --config: a configuration; --config.FIELD=VALUE changes a field of it.")
+        for name in self.values:
+            flag = self.values[name]
+            shown = f"[no]{name}" if flag.boolean else name
+            text = " ".join(str(flag.help).split())
+            if flag.default_as_str not in (None, "''", "'false'", "'[]'"):
+                text += f" (default: {str(flag.default_as_str).strip(chr(39))})"
+            lines.append(
+                textwrap.fill(
+                    f"--{shown}: {text}", 100, initial_indent="  ", subsequent_indent=" " * 6
+                )
+            )
+        return "\n".join([*lines, self._details()]).rstrip() + "\n"
+
+
+def load_file(value: str) -> Any:
+    """The `ml_collections.ConfigDict` of a configuration, whose file is executed.
+
+    Args:
+      value: path of the file. Text after a colon is the argument of `get_config`.
+
+    Raises:
+      ConfigError: the file is not a configuration, or `get_config` fails.
+    """
+    from ml_collections import ConfigDict
+
+    given, colon, rest = value.partition(":")
+    path = pathlib.Path(given)
+    if not path.is_file():
+        raise ConfigError(f"--config={value}: there is no such file")
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise ValueError(f"it has more than {_LARGEST} bytes")
+        get_config = runpy.run_path(given, run_name="configuration").get("get_config")
+        if not callable(get_config):
+            raise ValueError("it has no function get_config")
+        config = get_config(*([rest] if colon else []))
+        if not isinstance(config, ConfigDict):
+            raise TypeError(f"get_config returns {type(config).__name__}")
+        return config
+    except Exception as error:  # the file may contain anything
+        why = f"{type(error).__name__}: {error}"
+        raise ConfigError(
+            f"--config={value} is not a configuration ({why[:200]}); expected a Python file with a "
+            "function get_config() that returns an ml_collections.ConfigDict, such as "
+            "configs/base.py"
+        ) from error
+
+
+def log_to_terminal() -> None:
+    """Logs to stderr: all messages of this package and `data_gen`, warnings of other packages."""
+    logging.use_absl_handler()
+    if not absl_flags.FLAGS.is_parsed():  # absl would warn
+        absl_flags.FLAGS.mark_as_parsed()
+    logging.set_verbosity(logging.INFO)
+    logging.set_stderrthreshold(logging.INFO)
+    handler = logging.get_absl_handler()
+    handler.setFormatter(_OneLine("%(asctime)s %(message)s", "%H:%M:%S"))
+    handler.addFilter(_is_ours_or_warns)  # once, however often this is called
+
+
+_ROOT = pathlib.Path(__file__).resolve().parents[2]
+_OURS = tuple(f"{_ROOT / name}{os.sep}" for name in ("psgn_jax", "data_gen"))
+
+
+def _is_ours_or_warns(record: python_logging.LogRecord) -> bool:
+    return record.levelno >= python_logging.WARNING or os.path.realpath(record.pathname).startswith(
+        _OURS
+    )
+
+
+class _OneLine(python_logging.Formatter):
+    """Escapes control characters in messages; tracebacks keep their lines."""
+
+    def formatMessage(self, record: python_logging.LogRecord) -> str:  # noqa: N802
+        """The text of a record."""
+        record.message = one_line(record.message)
+        return super().formatMessage(record)

@@ -1,0 +1,80 @@
+"""The server of `psgn page --serve`: the files of one folder, for this machine."""
+
+import http.client
+import os
+import socket
+import threading
+
+import pytest
+
+from psgn_jax.system.errors import UserError
+from psgn_jax.web.page.serve import server
+
+
+@pytest.fixture
+def served(tmp_path):
+    folder = tmp_path / "site"
+    (folder / "inner").mkdir(parents=True)
+    (folder / "index.html").write_text("<p>page</p>")
+    (folder / "inner" / "a b.mjs").write_text("export {};")
+    (tmp_path / "secret.txt").write_text("secret")
+    (folder / "link.txt").symlink_to(tmp_path / "secret.txt")
+    (folder / "out").symlink_to(tmp_path)
+    os.mkfifo(folder / "fifo")
+    running = server(folder)
+    threading.Thread(target=running.serve_forever, daemon=True).start()
+    yield running
+    running.shutdown()
+    running.server_close()
+
+
+def ask(served, path, method="GET", host=None):
+    connection = http.client.HTTPConnection("127.0.0.1", served.server_port, timeout=20)
+    connection.putrequest(method, path, skip_host=True)
+    if host != "":
+        connection.putheader("Host", host or f"localhost:{served.server_port}")
+    connection.endheaders()
+    answer = connection.getresponse()
+    body = answer.read()
+    connection.close()
+    return answer.status, dict(answer.getheaders()), body
+
+
+def test_files_of_the_folder_are_served(served):
+    for path in ("/", "/index.html", "/index.html?x=/../y"):
+        status, headers, body = ask(served, path)
+        assert (status, body) == (200, b"<p>page</p>"), path
+        assert headers["Content-Type"].startswith("text/html")
+    status, headers, body = ask(served, "/inner/a%20b.mjs", host=f"127.0.0.1:{served.server_port}")
+    assert (status, body) == (200, b"export {};")
+    assert headers["Content-Type"].startswith("text/javascript")
+    status, headers, body = ask(served, "/index.html", "HEAD")
+    assert (status, headers["Content-Length"], body) == (200, "11", b"")
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["/inner", "/inner/", "/none", "/link.txt", "/out/secret.txt", "/fifo", "/../secret.txt",
+     "/%2e%2e/secret.txt", "/inner/..%2f..%2fsecret.txt", "//etc/passwd", "/%00", "/" + "a" * 5000],
+)  # fmt: skip
+def test_nothing_else_is(served, path):
+    status, _, body = ask(served, path)
+    assert status == 404
+    assert b"secret" not in body
+
+
+def test_other_methods_and_other_hosts_are_refused(served):
+    for method in ("POST", "PUT", "DELETE", "OPTIONS"):
+        assert ask(served, "/", method)[0] == 501
+    for host in ("evil.example", f"evil.example:{served.server_port}", "localhost", ""):
+        assert ask(served, "/", host=host)[0] == 403
+
+
+def test_only_this_machine_reaches_it(served):
+    assert served.server_address[0] == "127.0.0.1"
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        with pytest.raises(UserError, match=r"--port=\d+: cannot listen there"):
+            server(served.folder, taken.getsockname()[1])
+    with pytest.raises(UserError, match="--port=70000: cannot listen there"):
+        server(served.folder, 70000)
