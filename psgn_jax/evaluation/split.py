@@ -105,7 +105,7 @@ def _merged(parts: Sequence[Any]) -> tuple[list[SampleName], dict[str, np.ndarra
 
 def compile_measure(
     measure: Callable[[Any, Any], Any],
-    random_columns: Callable[[Any, int], Mapping[str, Any]],
+    random_columns: Callable[..., Mapping[str, Any]],
     keys: Sequence[str],
     batch_size: int,
 ) -> Callable[[Any, Any, int], Any]:
@@ -116,7 +116,8 @@ def compile_measure(
 
     Args:
       measure: a pytree that is called with (params, batch) of one device's share.
-      random_columns: (index of the batch, its size) -> random inputs, a row for each sample.
+      random_columns: (index of the batch, its size, train=False) -> random inputs, a row for each
+        sample.
     """
     devices = jax.local_devices()
     mesh = Mesh(np.asarray(devices[: 1 if batch_size % len(devices) else None]), ("data",))
@@ -130,7 +131,8 @@ def compile_measure(
     )
 
     def step(measure: Any, params: Any, batch: Mapping[str, Any], index: Any) -> Any:
-        return sharded(measure, params, {**batch, **random_columns(index, len(batch["image"]))})
+        columns = random_columns(index, len(batch["image"]), train=False)
+        return sharded(measure, params, {**batch, **columns})
 
     compiled = jax.jit(step, compiler_options=compiler_options())
     measure = jax.device_put(measure, everywhere)

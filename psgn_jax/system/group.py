@@ -78,7 +78,7 @@ def _end_with(error: BaseException) -> None:
     code = exit_code_of(error)
     if code is not None:
         sys.stderr.write(f"error: {message_line(error)}\n")
-    elif type(error).__name__ == "JaxRuntimeError":
+    elif type(error).__name__ == "JaxRuntimeError" or "Gloo" in str(error):  # on a CPU, ValueError
         code = ENDED
         sys.stderr.write(
             f"error: another process has ended, so this process ends too "

@@ -1,18 +1,19 @@
-"""Tasks: what a run trains and measures. `Config.task` names one; the type is `tasks.base.Task`."""
+"""Tasks: what a run trains and measures. `Config.task` names one; each is a `tasks.task.Task`."""
 
 import os
+import pathlib
 
 from psgn_jax.config.experiment import Config
-from psgn_jax.tasks.base import Task
-from psgn_jax.tasks.points import Points
-from psgn_jax.tasks.refiner import Refine
-from psgn_jax.tasks.voxels import Views, Volume
+from psgn_jax.tasks.points import points_task
+from psgn_jax.tasks.refiner import refiner_task
+from psgn_jax.tasks.task import Task
+from psgn_jax.tasks.voxels import views_task, volume_task
 
-TASKS: dict[str, type[Task]] = {
-    "points": Points,
-    "refine": Refine,
-    "volume": Volume,
-    "views": Views,
+TASKS = {
+    "points": points_task,
+    "refine": refiner_task,
+    "volume": volume_task,
+    "views": views_task,
 }
 
 
@@ -24,6 +25,7 @@ def create(config: Config, workdir: str | os.PathLike[str] = "") -> Task:
       workdir: folder of the run.
 
     Raises:
-      ConfigError: a run that `voxels.from_cd`, `from_emd` or `from_volume` names is missing.
+      ConfigError: the loss does not fit the network, or a run that `voxels.from_cd`, `from_emd` or
+        `from_volume` names is missing.
     """
-    return TASKS[config.task](config, workdir)
+    return TASKS[config.task](config, pathlib.Path(workdir))

@@ -1,14 +1,15 @@
 """The task "points": predicts a cloud from an image, with the paper's networks and losses."""
 
 import functools
-import os
-from collections.abc import Callable
+import pathlib
+from collections.abc import Callable, Mapping
 from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from flax import linen as nn
+from jax.tree_util import Partial
 
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config, ConfigError
@@ -16,7 +17,7 @@ from psgn_jax.data import loader
 from psgn_jax.evaluation import clouds as metrics_lib
 from psgn_jax.evaluation.aligned import aligned_metrics
 from psgn_jax.evaluation.results import Evaluation
-from psgn_jax.evaluation.split import evaluate_split
+from psgn_jax.evaluation.split import compile_measure, evaluate_split
 from psgn_jax.losses.batches import map_pairs
 from psgn_jax.losses.by_name import configured_loss, parse_terms
 from psgn_jax.losses.chamfer import chamfer_sq_mean
@@ -25,7 +26,7 @@ from psgn_jax.models import networks, posterior
 from psgn_jax.prediction import sampling
 from psgn_jax.prediction.refine import refined
 from psgn_jax.prediction.silhouette import largest_share
-from psgn_jax.tasks.base import Batch, Task
+from psgn_jax.tasks.task import Batch, Task
 from psgn_jax.viewing import spheres
 
 # Weights of the L2 terms in the authors' published training code, each w * sum(kernel**2) / 2 as in
@@ -35,8 +36,8 @@ L2_CONV, L2_DENSE, L2_CARRY = 1e-5, 1e-3, 1e-4
 PairFunction = Callable[..., Any]
 
 
-class Points(Task):
-    """Trains a network of `models.point_out_net`; metrics are those of `evaluation.clouds`.
+def points_task(config: Config, workdir: pathlib.Path) -> Task:
+    """Trains a network of `models.networks.NETWORKS`; metrics are those of `evaluation.clouds`.
 
     Metrics of a training step, scalars except `kl_of_dims`:
 
@@ -52,73 +53,77 @@ class Points(Task):
     - `kl_of_dims`: vector of the divergences of the dimensions.
     - `kl_weight`: weight of `kl` in the objective.
     """
+    model = networks.build(config.model)
+    _check_loss(config, model.num_points)
+    keys = networks.input_keys(config)
 
-    def __init__(self, config: Config, workdir: str | os.PathLike[str]) -> None:
-        super().__init__(config, workdir)
-        self._model = networks.build(config.model)
-        self._posterior = networks.build_posterior(config.model) if config.model.posterior else None
-        self.title = config.model.name
-        self.keys = networks.input_keys(config)
-
-    def init_params(self) -> Any:
-        """Initial parameters, see `models.networks.init_params`."""
-        return networks.init_params(self.config, self._model)
-
-    def random_columns(
-        self, step: Array | int, batch_size: int, *, train: bool
-    ) -> dict[str, Array]:
-        """The column `r`, if the network has a random input (`models.networks.random_input`)."""
-        r = networks.random_input(self.config, step, batch_size, train=train)
+    def random_columns(step: Array | int, batch_size: int, *, train: bool) -> dict[str, Array]:
+        r = networks.random_input(config, step, batch_size, train=train)
         return {} if r is None else {"r": r}
 
-    def objective(self) -> Callable[[Any, Batch, Array], tuple[Array, dict[str, Array]]]:
-        """The loss of the configuration; the metrics are described in the class."""
-        _check_loss(self.config, self._model.num_points)
-        return super().objective()
+    measure = Partial(functools.partial(_measure, config, model))
+    eval_step = compile_measure(measure, random_columns, keys, config.eval.batch_size)
 
-    def _loss(
-        self, frozen: Any, params: Any, batch: Batch, step: Array
-    ) -> tuple[Array, dict[str, Array]]:
-        config, loss, r = self.config, configured_loss(self.config.loss), batch.get("r")
-        metrics: dict[str, Array] = {}
-        extra = jnp.float32(0)
-        if self._posterior is not None and r is not None:
-            volumes = jax.vmap(posterior.occupied)(batch["points"])
-            encoded = self._posterior.apply({"params": params[posterior.NAME]}, volumes)
-            q = cast(posterior.Gaussian, encoded)
-            r = posterior.reparameterise(q, r)
-            metrics["kl_of_dims"] = jnp.mean(posterior.kl_of_dims(q), axis=0)
-            metrics["kl"] = jnp.sum(metrics["kl_of_dims"])
-            metrics["kl_weight"] = kl_weight_at(config, step)
-            extra += metrics["kl_weight"] * metrics["kl"]
-        if config.loss.min_of_n > 1 and r is not None:
-            value, best = min_of_n_loss(config, self._model, loss, params, batch, r)
-            metrics["loss_of_draws"] = jnp.mean(best.distances)
-            terms = best.aux
-        else:
-            pred = networks.predict(config, self._model, params, batch, r)
-            values, terms = map_pairs(loss)(pred, batch["points"])
-            value = jnp.mean(values)
-        metrics |= {f"loss_{name}": jnp.mean(values) for name, values in terms.items()}
-        metrics["loss_step"] = value
-        if config.loss.l2 != "none":
-            metrics["l2"] = config.loss.l2_scale * l2_authors(params)
-            extra += metrics["l2"]
-        return value + extra, metrics
+    def evaluate(
+        params: Any, *, chosen: Mapping[str, float] | None = None, draws: int = 0, **options: Any
+    ) -> Evaluation:
+        step = with_draws(config, model, eval_step, draws) if draws else eval_step
+        return evaluate_split(config, params, step, **options)
 
-    def _measure(self, frozen: Any, params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
-        predict = functools.partial(networks.predict, self.config, self._model, params)
-        r = batch.get("r")
-        if self.config.eval.refine:
-            share = largest_share(self.config.data.eval_frame == "place")
-            pred = refined(predict, batch, r, most_outside=share)
-        else:
-            pred = predict(batch, r)
-        visible = [batch["visible"]] if "visible" in batch else []
-        return pred, map_pairs(self._measure_pair)(pred, batch["points"], *visible)
+    return Task(
+        title=config.model.name,
+        keys=keys,
+        init_params=functools.partial(networks.init_params, config, model),
+        objective=Partial(functools.partial(_objective, config, model)),
+        evaluate=evaluate,
+        picture=functools.partial(_picture, config, eval_step),
+        random_columns=random_columns,
+    )
 
-    def _measure_pair(self, pred: Any, gt: Any, visible: Any = None) -> dict[str, Array]:
-        settings = self.config.eval
+
+def _objective(
+    config: Config, model: nn.Module, params: Any, batch: Batch, step: Array
+) -> tuple[Array, dict[str, Array]]:
+    loss, r = configured_loss(config.loss), batch.get("r")
+    metrics: dict[str, Array] = {}
+    extra = jnp.float32(0)
+    if config.model.posterior and r is not None:
+        volumes = jax.vmap(posterior.occupied)(batch["points"])
+        encoder = networks.build_posterior(config.model)
+        q = cast(posterior.Gaussian, encoder.apply({"params": params[posterior.NAME]}, volumes))
+        r = posterior.reparameterise(q, r)
+        metrics["kl_of_dims"] = jnp.mean(posterior.kl_of_dims(q), axis=0)
+        metrics["kl"] = jnp.sum(metrics["kl_of_dims"])
+        metrics["kl_weight"] = kl_weight_at(config, step)
+        extra += metrics["kl_weight"] * metrics["kl"]
+    if config.loss.min_of_n > 1 and r is not None:
+        value, best = min_of_n_loss(config, model, loss, params, batch, r)
+        metrics["loss_of_draws"] = jnp.mean(best.distances)
+        terms = best.aux
+    else:
+        pred = networks.predict(config, model, params, batch, r)
+        values, terms = map_pairs(loss)(pred, batch["points"])
+        value = jnp.mean(values)
+    metrics |= {f"loss_{name}": jnp.mean(values) for name, values in terms.items()}
+    metrics["loss_step"] = value
+    if config.loss.l2 != "none":
+        metrics["l2"] = config.loss.l2_scale * l2_authors(params)
+        extra += metrics["l2"]
+    return value + extra, metrics
+
+
+def _measure(
+    config: Config, model: nn.Module, params: Any, batch: Batch
+) -> tuple[Array, dict[str, Array]]:
+    predict = functools.partial(networks.predict, config, model, params)
+    r, settings = batch.get("r"), config.eval
+    if settings.refine:
+        share = largest_share(config.data.eval_frame == "place")
+        pred = refined(predict, batch, r, most_outside=share)
+    else:
+        pred = predict(batch, r)
+
+    def measure_pair(pred: Any, gt: Any, visible: Any = None) -> dict[str, Array]:
         # If there are fewer true points than predicted ones, no bijection exists and the EMD is
         # left out.
         emd_tolerance = (settings.emd_tolerance if len(pred) <= len(gt) else 0) or None
@@ -130,35 +135,30 @@ class Points(Task):
             metrics |= aligned_metrics(pred, gt, emd_tolerance=emd_tolerance, known_emd=emd)
         return metrics
 
-    def evaluate(self, params: Any, *, draws: int = 0, **options: Any) -> Evaluation:
-        """Metrics on a split, see `Task.evaluate`; with `draws` those of `with_draws` too."""
-        options.pop("chosen", None)  # this task has no thresholds
-        step = self.eval_step
-        if draws:
-            step = with_draws(self.config, self._model, step, draws)
-        return evaluate_split(self.config, params, step, **options)
+    visible = [batch["visible"]] if "visible" in batch else []
+    return pred, map_pairs(measure_pair)(pred, batch["points"], *visible)
 
-    def picture(self, params: Any) -> np.ndarray:
-        """An image of the first evaluation samples: predictions beside the true clouds."""
-        config = self.config
-        (batch,) = loader.eval_batches(
-            config.data,
-            split=config.data.eval_split,
-            batch_size=config.eval.batch_size,
-            seed=config.seed,
-            visible_tolerance=config.eval.visible_tolerance,
-            choose=lambda number: range(1),
-        )
-        points, _ = self.eval_step(params, batch, 0)
-        shown = np.flatnonzero(batch["valid"])[: config.train.num_images]
-        rows = []
-        for i in shown.tolist():
-            case = {key: batch[key][i] for key in ("image", "intrinsics", "extrinsics")}
-            pred = np.asarray(points[i])
-            clouds = {"prediction": pred, "truth": spheres.thinned(batch["points"][i], pred)}
-            drawn = spheres.panels(case, spheres.by_height(clouds), (0, 90))
-            rows.append(np.concatenate(list(drawn.values()), axis=1))
-        return np.concatenate(rows)
+
+def _picture(config: Config, eval_step: Callable[..., Any], params: Any) -> np.ndarray:
+    """An image of the first evaluation samples: predictions beside the true clouds."""
+    (batch,) = loader.eval_batches(
+        config.data,
+        split=config.data.eval_split,
+        batch_size=config.eval.batch_size,
+        seed=config.seed,
+        visible_tolerance=config.eval.visible_tolerance,
+        choose=lambda number: range(1),
+    )
+    points, _ = eval_step(params, batch, 0)
+    shown = np.flatnonzero(batch["valid"])[: config.train.num_images]
+    rows = []
+    for i in shown.tolist():
+        case = {key: batch[key][i] for key in ("image", "intrinsics", "extrinsics")}
+        pred = np.asarray(points[i])
+        clouds = {"prediction": pred, "truth": spheres.thinned(batch["points"][i], pred)}
+        drawn = spheres.panels(case, spheres.by_height(clouds), (0, 90))
+        rows.append(np.concatenate(list(drawn.values()), axis=1))
+    return np.concatenate(rows)
 
 
 def kl_weight_at(config: Config, step: Array | int) -> Array:

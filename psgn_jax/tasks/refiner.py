@@ -10,13 +10,14 @@ that they were trained on than on new ones, so during training the refiner sees 
 at test time.
 """
 
-import os
 import pathlib
 import shutil
+from collections.abc import Mapping
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jax.tree_util import Partial
 
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config, ConfigError, to_dict, to_json
@@ -24,8 +25,8 @@ from psgn_jax.losses.iou import iou_sweep, soft_iou_loss
 from psgn_jax.models import networks, voxels
 from psgn_jax.models.inputs import network_inputs
 from psgn_jax.system.files import write_atomic
-from psgn_jax.tasks.base import Batch
-from psgn_jax.tasks.voxels import GRID, VoxelTask, apply
+from psgn_jax.tasks.task import Batch, Task
+from psgn_jax.tasks.voxels import GRID, apply, voxel_task
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.leaves import named_leaves
 from psgn_jax.weights.run_folder import Run, open_run
@@ -62,92 +63,89 @@ def open_source(config: Config, workdir: pathlib.Path, name: str) -> Run:
     return run
 
 
-class Refine(VoxelTask):
+def refiner_task(config: Config, workdir: pathlib.Path) -> Task:
     """Maps clouds of one or two trained networks to a volume (`models.voxels.VoxelRefiner`).
 
     Metrics: `iou` of the refiner; `iou_splat_cd`, `iou_splat_emd` of the splats without refiner.
     """
+    names = list(config.voxels.sources)
+    sources = {name: open_source(config, workdir, name) for name in names}
+    frozen = {name: source.params for name, source in sources.items()}
+    # The networks that predict clouds, each with its configuration.
+    clouds = {
+        name: (theirs, networks.build(theirs.model))
+        for name in names
+        if name in CLOUDS
+        for theirs in [sources[name].config]
+    }
+    volume_net = None
+    if "from_volume" in names:
+        volume_net = networks.build_volume_net(sources["from_volume"].config.model)
+    model = networks.build_refiner(config.model, config.voxels)
 
-    metric = "iou"
+    def init_params() -> Any:
+        grids = jnp.zeros((1, *GRID, len(clouds)))
+        volumes = None if volume_net is None else jnp.zeros(1)
+        return model.init(networks.init_key(config), grids, volumes)["params"]
 
-    def __init__(self, config: Config, workdir: str | os.PathLike[str]) -> None:
-        super().__init__(config, workdir)
-        names = list(config.voxels.sources)
-        self._clouds = [name for name in names if name in CLOUDS]
-        self._with_volume = "from_volume" in names
-        self._sources = {name: open_source(config, self.workdir, name) for name in names}
-        self.frozen = {name: source.params for name, source in self._sources.items()}
-        self._networks = {
-            name: networks.build(self._sources[name].config.model) for name in self._clouds
-        }
-        if self._with_volume:
-            theirs = self._sources["from_volume"].config.model
-            self._volume_net = networks.build_volume_net(theirs)
-        self._model = networks.build_refiner(config.model, config.voxels)
-        self.title = "refiner of " + ", ".join(name.removeprefix("from_") for name in names)
-
-    def keep_sources(self) -> None:
-        """Copies the source runs to `frozen/`, unless a complete copy exists."""
-        for name, source in self._sources.items():
-            folder = self.workdir / "frozen" / name
-            if (folder / "config.json").exists():
-                continue
-            shutil.rmtree(folder, ignore_errors=True)  # a copy that was interrupted by a kill
-            checkpoints = Checkpoints(folder / "checkpoints")
-            leaves = named_leaves({"params": source.params})
-            meta = {"config": to_dict(source.config), "seed": source.config.seed}
-            checkpoints.save(source.step, leaves, meta)
-            checkpoints.close()
-            # Written last: its presence marks a complete copy.
-            write_atomic(folder / "config.json", to_json(source.config))
-
-    def random_columns(
-        self, step: Array | int, batch_size: int, *, train: bool
-    ) -> dict[str, Array]:
+    def random_columns(step: Array | int, batch_size: int, *, train: bool) -> dict[str, Array]:
         """A column for each cloud network with a random input, drawn as in an evaluation."""
         columns: dict[str, Array] = {}
-        for name in self._clouds:
-            theirs = self._sources[name].config
+        for name, (theirs, _) in clouds.items():
             r = networks.random_input(theirs, step, batch_size, train=False)
             columns |= {} if r is None else {f"r_{name}": r}
         return columns
 
-    def init_params(self) -> Any:
-        """Initial parameters of the refiner."""
-        grids = jnp.zeros((1, *GRID, len(self._clouds)))
-        volumes = jnp.zeros(1) if self._with_volume else None
-        return self._model.init(networks.init_key(self.config), grids, volumes)["params"]
-
-    def _predict(self, frozen: Any, params: Any, batch: Batch) -> tuple[Array, Array]:
+    def predict(frozen: Any, params: Any, batch: Batch) -> tuple[Array, Array]:
         """Returns probabilities [B,x,y,z] and the splats [B,x,y,z,clouds] of the clouds."""
-        clouds = [
-            networks.predict(
-                self._sources[name].config,
-                self._networks[name],
-                frozen[name],
-                batch,
-                batch.get(f"r_{name}"),
-            )
-            for name in self._clouds
+        predicted = [
+            networks.predict(theirs, network, frozen[name], batch, batch.get(f"r_{name}"))
+            for name, (theirs, network) in clouds.items()
         ]
-        splats = jax.vmap(lambda *one: voxels.splat_clouds(one))(*clouds)
+        splats = jax.vmap(lambda *one: voxels.splat_clouds(one))(*predicted)
         volumes = None
-        if self._with_volume:
-            seen = network_inputs(self.config.data.inputs, batch)
-            volumes = apply(self._volume_net, frozen["from_volume"], seen)
-        return apply(self._model, params, splats, volumes), splats
+        if volume_net is not None:
+            seen = network_inputs(config.data.inputs, batch)
+            volumes = apply(volume_net, frozen["from_volume"], seen)
+        return apply(model, params, splats, volumes), splats
 
-    def _loss(
-        self, frozen: Any, params: Any, batch: Batch, step: Array
+    def objective(
+        frozen: Any, params: Any, batch: Batch, step: Array
     ) -> tuple[Array, dict[str, Array]]:
-        pred, _ = self._predict(frozen, params, batch)
+        pred, _ = predict(frozen, params, batch)
         value = jax.vmap(soft_iou_loss)(pred, batch["occupancy"].astype(pred.dtype)).mean()
         return value, {"loss_step": value}
 
-    def _measure(self, frozen: Any, params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
-        pred, splats = self._predict(frozen, params, batch)
+    def measure(frozen: Any, params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
+        pred, splats = predict(frozen, params, batch)
         metrics = {"iou": jax.vmap(iou_sweep)(pred, batch["occupancy"])}
-        for channel, name in enumerate(self._clouds):
+        for channel, name in enumerate(clouds):
             sweep = jax.vmap(iou_sweep)(splats[..., channel], batch["occupancy"])
             metrics["iou_splat_" + name.removeprefix("from_")] = sweep
         return pred, metrics
+
+    return voxel_task(
+        config,
+        "refiner of " + ", ".join(name.removeprefix("from_") for name in names),
+        init_params,
+        Partial(objective, frozen),
+        Partial(measure, frozen),
+        best="iou",
+        random_columns=random_columns,
+        keep_sources=lambda: _keep(sources, workdir / "frozen"),
+    )
+
+
+def _keep(sources: Mapping[str, Run], frozen: pathlib.Path) -> None:
+    """Copies runs into the folder `frozen`, unless complete copies exist."""
+    for name, source in sources.items():
+        folder = frozen / name
+        if (folder / "config.json").exists():
+            continue
+        shutil.rmtree(folder, ignore_errors=True)  # a copy that was interrupted by a kill
+        checkpoints = Checkpoints(folder / "checkpoints")
+        meta = {"config": to_dict(source.config), "seed": source.config.seed}
+        checkpoints.save(source.step, named_leaves({"params": source.params}), meta)
+        checkpoints.close()
+        # Written last: its presence marks a complete copy.
+        write_atomic(folder / "config.json", to_json(source.config))

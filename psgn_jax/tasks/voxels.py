@@ -1,4 +1,4 @@
-"""The tasks on solid volumes: "volume" and "views"; "refine" has a module of its own.
+"""The tasks on solid volumes: "volume" and "views"; "refine" is in `tasks.refiner`.
 
 The ground truth is the occupancy in the records, a 32^3 grid in the frame of the image. IoU is
 defined in `losses.iou`. A cell counts as occupied if its probability reaches a threshold. Of the
@@ -6,22 +6,24 @@ thresholds .05, .10, ..., .95, the one with the best mean IoU on the split that 
 training is chosen. Later evaluations, on any split, use the same threshold.
 """
 
-import os
-from collections.abc import Mapping
+import pathlib
+from collections.abc import Callable, Mapping
 from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
 from flax import linen as nn
+from jax.tree_util import Partial
 
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config
 from psgn_jax.data.schema import OCCUPANCY_SIZE
 from psgn_jax.evaluation.results import Evaluation, at_thresholds
+from psgn_jax.evaluation.split import compile_measure, evaluate_split
 from psgn_jax.losses.iou import iou_sweep
 from psgn_jax.models import networks, r2n2, voxels
 from psgn_jax.models.inputs import network_inputs
-from psgn_jax.tasks.base import Batch, Task
+from psgn_jax.tasks.task import Batch, Task, no_columns
 
 GRID = (OCCUPANCY_SIZE,) * 3
 
@@ -31,61 +33,74 @@ def apply(model: nn.Module, params: Any, *inputs: Any) -> Array:
     return cast(Array, model.apply({"params": params}, *inputs))
 
 
-class VoxelTask(Task):
-    """Base class of the tasks on solid volumes.
+def voxel_task(
+    config: Config,
+    title: str,
+    init_params: Callable[[], Any],
+    objective: Partial,
+    measure: Partial,
+    *,
+    best: str = "",
+    random_columns: Callable[..., dict[str, Any]] = no_columns,
+    keep_sources: Callable[[], None] = lambda: None,
+) -> Task:
+    """A task on solid volumes.
 
-    Attributes:
-      metric: name of the IoU that decides which checkpoint is the best; "" = none.
+    Args:
+      config: configuration of the run.
+      objective, init_params, random_columns, keep_sources: as in `Task`.
+      measure: (params, batch) -> predictions and metrics [B] or, if a threshold is to be chosen,
+        [B, thresholds].
+      best: name of the IoU that decides which checkpoint is the best; "" = none.
     """
-
-    metric: str = ""
-
-    def __init__(self, config: Config, workdir: str | os.PathLike[str]) -> None:
-        super().__init__(config, workdir)
-        arrays = (key for key in networks.input_keys(config) if key != "points")
-        self.keys = (*arrays, "occupancy")
+    keys = (*(key for key in networks.input_keys(config) if key != "points"), "occupancy")
+    eval_step = compile_measure(measure, random_columns, keys, config.eval.batch_size)
 
     def evaluate(
-        self, params: Any, *, chosen: Mapping[str, float] | None = None, **options: Any
+        params: Any, *, chosen: Mapping[str, float] | None = None, draws: int = 0, **options: Any
     ) -> Evaluation:
-        """Metrics on a split, at the thresholds in `chosen` or the best ones on this split."""
-        return at_thresholds(super().evaluate(params, **options), chosen or {}, best=self.metric)
+        measured = evaluate_split(config, params, eval_step, **options)
+        return at_thresholds(measured, chosen or {}, best=best)
+
+    return Task(
+        title=title,
+        keys=keys,
+        init_params=init_params,
+        objective=objective,
+        evaluate=evaluate,
+        random_columns=random_columns,
+        keep_sources=keep_sources,
+    )
 
 
-class Volume(VoxelTask):
+def volume_task(config: Config, workdir: pathlib.Path) -> Task:
     """Maps an image to the logarithm of the object's volume (`models.voxels.VolumeNet`).
 
     The loss is the squared error of the natural logarithm, the metric `log_volume_abs_error` its
     absolute error.
     """
+    model, sizes = networks.build_volume_net(config.model), config.model
 
-    def __init__(self, config: Config, workdir: str | os.PathLike[str]) -> None:
-        super().__init__(config, workdir)
-        self._model = networks.build_volume_net(config.model)
-        self.title = "volume network"
+    def init_params() -> Any:
+        image = jnp.zeros((1, *sizes.image_size, sizes.in_channels))
+        return model.init(networks.init_key(config), image)["params"]
 
-    def init_params(self) -> Any:
-        """Initial parameters of the network."""
-        model = self.config.model
-        image = jnp.zeros((1, *model.image_size, model.in_channels))
-        return self._model.init(networks.init_key(self.config), image)["params"]
-
-    def _errors(self, params: Any, batch: Batch) -> tuple[Array, Array]:
-        pred = apply(self._model, params, network_inputs(self.config.data.inputs, batch))
+    def errors(params: Any, batch: Batch) -> tuple[Array, Array]:
+        pred = apply(model, params, network_inputs(config.data.inputs, batch))
         return pred, pred - jax.vmap(voxels.log_volume)(batch["occupancy"])
 
-    def _loss(
-        self, frozen: Any, params: Any, batch: Batch, step: Array
-    ) -> tuple[Array, dict[str, Array]]:
-        value = jnp.square(self._errors(params, batch)[1]).mean()
+    def objective(params: Any, batch: Batch, step: Array) -> tuple[Array, dict[str, Array]]:
+        value = jnp.square(errors(params, batch)[1]).mean()
         return value, {"loss_step": value}
 
-    def _measure(self, frozen: Any, params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
-        pred, error = self._errors(params, batch)
+    def measure(params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
+        pred, error = errors(params, batch)
         return pred[:, None], {"log_volume_abs_error": jnp.abs(error)}
 
+    return voxel_task(config, "volume network", init_params, Partial(objective), Partial(measure))
 
-class Views(VoxelTask):
+
+def views_task(config: Config, workdir: pathlib.Path) -> Task:
     """3D-R2N2 (`models.r2n2`): from one or more images to a solid volume, trained by cross-entropy.
 
     Source: Choy et al., "3D-R2N2", ECCV 2016. **Ours**: the network predicts in the frame of the
@@ -97,32 +112,25 @@ class Views(VoxelTask):
     Metrics: `iou_1_views`, `iou_3_views`, ..., one for each number of views in `voxels.eval_views`.
     The predictions that `evaluate` passes to `on_batch` are those for the first of these numbers.
     """
+    model, sizes = networks.build_r2n2(config.model, config.voxels), config.model
+    names = {count: f"iou_{count}_views" for count in config.voxels.eval_views}
 
-    def __init__(self, config: Config, workdir: str | os.PathLike[str]) -> None:
-        super().__init__(config, workdir)
-        voxels = config.voxels
-        self._model = networks.build_r2n2(config.model, voxels)
-        self._names = {count: f"iou_{count}_views" for count in voxels.eval_views}
-        self.metric = self._names[voxels.eval_views[0]]
-        self.title = f"3D-R2N2 (widths times {voxels.width_multiplier:g})"
+    def init_params() -> Any:
+        views = jnp.zeros((1, 1, *sizes.image_size, sizes.in_channels))
+        return model.init(networks.init_key(config), views)["params"]
 
-    def init_params(self) -> Any:
-        """Initial parameters of the network."""
-        model = self.config.model
-        views = jnp.zeros((1, 1, *model.image_size, model.in_channels))
-        return self._model.init(networks.init_key(self.config), views)["params"]
-
-    def _loss(
-        self, frozen: Any, params: Any, batch: Batch, step: Array
-    ) -> tuple[Array, dict[str, Array]]:
-        logits = apply(self._model, params, network_inputs(self.config.data.inputs, batch))
+    def objective(params: Any, batch: Batch, step: Array) -> tuple[Array, dict[str, Array]]:
+        logits = apply(model, params, network_inputs(config.data.inputs, batch))
         value = jax.vmap(r2n2.voxel_cross_entropy)(logits, batch["occupancy"]).mean()
         return value, {"loss_step": value}
 
-    def _measure(self, frozen: Any, params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
-        seen, metrics, volumes = network_inputs(self.config.data.inputs, batch), {}, []
-        for count, name in self._names.items():
-            logits = apply(self._model, params, seen[:, :count])
-            volumes.append(r2n2.occupancy(logits))
+    def measure(params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
+        seen, metrics, volumes = network_inputs(config.data.inputs, batch), {}, []
+        for count, name in names.items():
+            volumes.append(r2n2.occupancy(apply(model, params, seen[:, :count])))
             metrics[name] = jax.vmap(iou_sweep)(volumes[-1], batch["occupancy"])
         return volumes[0], metrics
+
+    title = f"3D-R2N2 (widths times {config.voxels.width_multiplier:g})"
+    best = next(iter(names.values()))
+    return voxel_task(config, title, init_params, Partial(objective), Partial(measure), best=best)

@@ -12,7 +12,7 @@ from jax.sharding import Mesh
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config, OptimConfig
 from psgn_jax.models import efficientnet
-from psgn_jax.tasks.base import Task
+from psgn_jax.tasks.task import Task
 from psgn_jax.training.step import TrainState, make_train_step
 
 
@@ -28,7 +28,7 @@ def create_step(task: Task, config: Config, mesh: Mesh) -> Callable[..., Any]:
     size = config.train.batch_size
     columns = functools.partial(task.random_columns, batch_size=size, train=True)
     tx, rate = optimizer(optim, steps), schedule(optim, steps)
-    return make_train_step(task.objective(), columns, tx, rate, optim.ema_decay, mesh)
+    return make_train_step(task.objective, columns, tx, rate, optim.ema_decay, mesh)
 
 
 def schedule(config: OptimConfig, steps: int) -> optax.Schedule:

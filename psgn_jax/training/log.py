@@ -23,7 +23,7 @@ import jax
 import numpy as np
 from absl import logging
 
-from psgn_jax.config.experiment import Config
+from psgn_jax.config.experiment import TrainConfig
 from psgn_jax.models import posterior
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import finite_or_none, write_atomic
@@ -38,12 +38,12 @@ class NonFiniteError(UserError):
 class TrainingLog:
     """Logs the metrics of training steps.
 
-    It reads the metrics two steps late, so that the device does not wait for the host. It also
-    keeps the host at most two steps ahead of the device. A line has the metrics of its last step
-    and `loss`, the mean of `loss_step` over the steps since the line before.
+    Between two lines it reads the metrics two steps late, so that the device does not wait for the
+    host, and keeps the host at most two steps ahead of the device. A line has the metrics of its
+    last step and `loss`, the mean of `loss_step` over the steps since the line before.
 
     Args:
-      config: configuration of the run.
+      plan: length of the training and steps between lines.
       writer: gets the lines; None = only the terminal does.
       start: step at which the run starts or resumes.
       losses: sum and number of the losses before `start` that belong to the next line.
@@ -55,33 +55,36 @@ class TrainingLog:
 
     def __init__(
         self,
-        config: Config,
+        plan: TrainConfig,
         writer: "MetricsWriter | None",
         start: int,
         losses: tuple[float, int] = (0.0, 0),
     ):
-        self._config = config
+        self._plan = plan
         self._writer = writer
         self._pending: collections.deque[tuple[int, dict[str, jax.Array]]] = collections.deque()
-        self._start = self._last_step = start
-        self._began = self._last_time = time.monotonic()
-        self._paused = 0.0
+        self._start = start
+        self._restart_clock(start)
         self.loss_sum, self.loss_count = np.float32(losses[0]), int(losses[1])
 
     def add(self, step: int, metrics: dict[str, jax.Array]) -> None:
         """Adds the metrics of a step that has been dispatched; raises `NonFiniteError`."""
         self._pending.append((step, metrics))
-        while len(self._pending) > 2:
-            self._pop()
-        if step == self._start + 1:
-            self.drain()
-            logging.info("first step after %.1f s", time.monotonic() - self._began)
+        first, due = step == self._start + 1, step % self._plan.log_every == 0
+        line = due or step == self._plan.steps
+        self._read(0 if first or line else 2)
+        if first:
+            logging.info("first step after %.1f s", time.monotonic() - self._last_time)
             self._restart_clock(step)
+        if line:
+            self._line(step, jax.device_get(metrics))
+            self._restart_clock(step)
+        if due:
+            self.loss_sum, self.loss_count = np.float32(0), 0
 
     def drain(self) -> None:
         """Waits for all steps; raises `NonFiniteError` if the loss or gradient was not finite."""
-        while self._pending:
-            self._pop()
+        self._read(0)
 
     @contextlib.contextmanager
     def pause(self) -> Iterator[None]:
@@ -102,23 +105,19 @@ class TrainingLog:
         if self._writer:
             self._writer.scalars(step, "eval", means)
 
-    def _pop(self) -> None:
-        step, arrays = self._pending.popleft()
-        watched = jax.device_get([arrays[k] for k in ("objective", "grad_norm", "loss_step")])
-        for name, value in zip(("loss", "gradient norm"), watched, strict=False):
-            if not np.isfinite(value):
-                raise NonFiniteError(
-                    f"the {name} is not finite at step {step}; training has stopped, and the "
-                    "checkpoints are from earlier steps; try a lower optim.learning_rate or "
-                    "optim.clip_norm=1 in a new --workdir"
-                )
-        every = self._config.train.log_every
-        self.loss_sum, self.loss_count = self.loss_sum + watched[2], self.loss_count + 1
-        if step % every == 0 or step == self._config.train.steps:
-            self._line(step, jax.device_get(arrays))
-            self._restart_clock(step)
-        if step % every == 0:
-            self.loss_sum, self.loss_count = np.float32(0), 0
+    def _read(self, ahead: int) -> None:
+        """Reads the losses of all steps except the last ones."""
+        while len(self._pending) > ahead:
+            step, arrays = self._pending.popleft()
+            watched = jax.device_get([arrays[k] for k in ("objective", "grad_norm", "loss_step")])
+            for name, value in zip(("loss", "gradient norm"), watched, strict=False):
+                if not np.isfinite(value):
+                    raise NonFiniteError(
+                        f"the {name} is not finite at step {step}; training has stopped, and the "
+                        "checkpoints are from earlier steps; try a lower optim.learning_rate or "
+                        "optim.clip_norm=1 in a new --workdir"
+                    )
+            self.loss_sum, self.loss_count = self.loss_sum + watched[2], self.loss_count + 1
 
     def _restart_clock(self, step: int) -> None:
         self._last_step, self._last_time, self._paused = step, time.monotonic(), 0.0
@@ -136,10 +135,10 @@ class TrainingLog:
             values["kl_dim_max"] = float(by_dim.max())
             values["active_dims"] = float(np.sum(by_dim > posterior.ACTIVE))
             kl = f", KL {values['kl']:.3g} nats in {values['active_dims']:.0f} dimensions"
-        steps, total = step - self._last_step, self._config.train.steps
-        if steps:  # the time of the first step includes the compilation
+        steps, total = step - self._last_step, self._plan.steps
+        if steps:
             seconds = time.monotonic() - self._last_time - self._paused
-            values["samples_per_second"] = steps * self._config.train.batch_size / seconds
+            values["samples_per_second"] = steps * self._plan.batch_size / seconds
             left = datetime.timedelta(seconds=round((total - step) * seconds / steps))
             speed = f", {values['samples_per_second']:.3g} samples/s, {left} left"
         terms = [k for k in values if k.startswith("loss_") and k != "loss_of_draws"]

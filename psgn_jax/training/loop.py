@@ -6,9 +6,10 @@ the same machine, the final parameters are bit-identical to those of an uninterr
 """
 
 import contextlib
+import functools
 import pathlib
 import signal
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import jax
@@ -16,6 +17,7 @@ import numpy as np
 from absl import logging
 
 from psgn_jax import tasks
+from psgn_jax.config.data import DataConfig
 from psgn_jax.config.experiment import (
     Config,
     ConfigError,
@@ -29,14 +31,13 @@ from psgn_jax.data import loader
 from psgn_jax.system import group
 from psgn_jax.system.files import check_folder, write_atomic
 from psgn_jax.system.signals import Stopped, StopSignal
-from psgn_jax.tasks import Task
 from psgn_jax.training.from_config import create_state, create_step
 from psgn_jax.training.log import MetricsWriter, TrainingLog
 from psgn_jax.training.step import TrainState, data_mesh, eval_params, put_batch, put_replicated
 from psgn_jax.weights.checkpoint import Checkpoint, Checkpoints
 from psgn_jax.weights.leaves import from_named_leaves, named_leaves
 from psgn_jax.weights.opening import initial_params, open_initial
-from psgn_jax.weights.run_folder import Run, locked
+from psgn_jax.weights.run_folder import locked
 
 MAY_CHANGE = frozenset(
     {
@@ -62,6 +63,9 @@ MAY_CHANGE = frozenset(
 )
 """Fields that may differ when a run is resumed; a difference in any other field is an error."""
 
+_OF_THE_MACHINE = {"data.path", "data.eval_path", "data.num_workers", "data.cache_gb"}
+"""Fields that may differ between the processes of a training."""
+
 
 class Outcome(NamedTuple):
     """End of a training: the state, and the signal that stopped it; None if it was not stopped."""
@@ -82,63 +86,64 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
 
     Raises:
       ConfigError: raised before compilation if (a) the configuration is wrong, (b) it differs from
-        the checkpoint's in a field that is not in `MAY_CHANGE`, or (c) another process trains in
-        this folder.
+        the checkpoint's in a field that is not in `MAY_CHANGE`, (c) another process trains in
+        this folder, or (d) the processes of this training have different configurations.
       UserError: no file can be written to `workdir`.
       OSError: during training, for example if the disk is full.
       NonFiniteError: the loss or the norm of the gradient is not finite; the message names the
         metric and the step.
     """
     config = config if isinstance(config, Config) else parse(config)
-    workdir, first, mesh = pathlib.Path(workdir), group.is_first(), data_mesh()
-    check_folder(workdir, "--workdir")
-    check_paths(config)
-    if config.train.batch_size % mesh.size:
-        raise ConfigError(
-            f"train.batch_size={config.train.batch_size}: accepted: a multiple of the "
-            f"{mesh.size} devices"
-        )
+    workdir, mesh, plan, first = pathlib.Path(workdir), data_mesh(), config.train, group.is_first()
+    _check(config, workdir, mesh.size)
     task = tasks.create(config, workdir)
     train_step = create_step(task, config, mesh)
-    sizes = _check_data(config)
+    sizes = _num_samples(config.data)
     # A wrong `train.init` is reported before there is a folder.
-    trained = None if (workdir / "checkpoints").exists() else _open_initial(config, task)
+    new = not (workdir / "checkpoints").exists()
+    init = _initial(config, task) if new else None
     with contextlib.ExitStack() as stack:
         if first:
             stack.enter_context(locked(workdir))
         with group.first_alone():
             checkpoints = Checkpoints(
-                workdir / "checkpoints", config.train.keep_checkpoints, read_only=not first
+                workdir / "checkpoints", plan.keep_checkpoints, read_only=not first
             )
             stored = checkpoints.restore_newest()
         stack.callback(checkpoints.close)
+
+        def create() -> TrainState:
+            return create_state(config, task.init_params())
+
         if stored:
             _check_resumable(config, stored, workdir)
-            state, trained = _restored(config, task, stored, workdir), None
+            state, init = _restored(create, stored, workdir), None
         else:
-            trained = trained or _open_initial(config, task)
-            state = _initialised(config, task, trained)
+            init = init or _initial(config, task)
+            state = _started(create, init)
         state = put_replicated(state, mesh)
-        start = step = saved = int(stored.step) if stored else 0
+        start = step = saved = stored.step if stored else 0
         _describe(task.title, state, sizes, mesh.size, workdir, start)
         if first:
             task.keep_sources()
             write_atomic(workdir / "config.json", to_json(config))
+
+        def due(interval: int) -> bool:
+            return bool(interval and step) and (step % interval == 0 or step == plan.steps)
+
         # A network from which the training starts is evaluated too.
-        evaluate_first = _due(config.train.eval_every, start, config) and (
-            start not in checkpoints.scores
-        )
-        evaluate_first |= bool(config.train.eval_every and trained)
+        evaluate_first = due(plan.eval_every) and start not in checkpoints.scores
+        evaluate_first |= bool(plan.eval_every and init)
         writer = MetricsWriter(workdir, start, evaluated=not evaluate_first) if first else None
         if writer:
             stack.callback(writer.close)
-        log = TrainingLog(config, writer, start, _losses(config, stored))
+        log = TrainingLog(plan, writer, start, _losses(plan.log_every, stored))
 
         def save() -> None:
             log.drain()
             losses = {"loss_sum": float(log.loss_sum), "loss_count": log.loss_count}
-            meta = {"config": to_dict(config), **losses}
             if first:
+                meta = {"config": to_dict(config), **losses}
                 checkpoints.save(step, named_leaves(state), meta)
 
         def evaluate() -> None:
@@ -155,7 +160,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
 
         batches = loader.train_batches(
             config.data,
-            batch_size=config.train.batch_size,
+            batch_size=plan.batch_size,
             seed=config.seed,
             start_step=start,
             process_index=jax.process_index(),
@@ -165,25 +170,22 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
         several = jax.process_count() > 1
         stop: group.SharedStop | StopSignal = group.SharedStop() if several else StopSignal()
         stack.enter_context(stop)
+        # Python cannot end while a step calls back into it.
+        stack.callback(lambda: _wait(state))
         if evaluate_first:
             evaluate()
-        while step < config.train.steps and not stop.signal:
+        while step < plan.steps and not stop.signal:
             state, metrics = train_step(state, put_batch(next(batches), mesh, task.keys))
             step += 1
             log.add(step, metrics)
             stop.after_step(step)
-            due = _due(config.train.eval_every, step, config)
-            if (
-                due
-                or step == config.train.steps
-                or _due(config.train.checkpoint_every, step, config)
-            ):
+            if due(plan.eval_every) or due(plan.checkpoint_every) or step == plan.steps:
                 with log.pause():
                     save()
                 saved = step
-            if due and not stop.signal:
+            if due(plan.eval_every) and not stop.signal:
                 evaluate()
-            if _due(config.train.images_every, step, config) and writer and not stop.signal:
+            if due(plan.images_every) and writer and not stop.signal:
                 with log.pause():
                     picture = task.picture(_local(eval_params(state)))
                     if picture is not None:
@@ -196,10 +198,28 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     return Outcome(state, stop.signal)
 
 
-def _check_data(config: Config) -> dict[str, int]:
+def _check(config: Config, workdir: pathlib.Path, devices: int) -> None:
+    """Checks what can be wrong before data are read."""
+    settings = {k: v for k, v in flatten(config).items() if k not in _OF_THE_MACHINE}
+    ours, *others = group.gather(settings)
+    for index, theirs in enumerate(others, 1):
+        if different := [name for name in settings if theirs[name] != ours[name]]:
+            texts = [f"{name}={ours[name]!r} and {theirs[name]!r}" for name in different]
+            raise ConfigError(
+                f"processes 0 and {index} have {', '.join(texts)}; expected the same configuration"
+            )
+    check_folder(workdir, "--workdir")
+    check_paths(config)
+    if config.train.batch_size % devices:
+        raise ConfigError(
+            f"train.batch_size={config.train.batch_size}: accepted: a multiple of the "
+            f"{devices} devices"
+        )
+
+
+def _num_samples(data: DataConfig) -> dict[str, int]:
     """Samples per split; raises `ConfigError` if the data set does not fit the configuration."""
     sizes = {}
-    data = config.data
     for split, evaluation in ((data.train_split, False), (data.eval_split, True)):
         name = "eval_path" if evaluation and data.eval_path else "path"
         try:
@@ -224,14 +244,10 @@ def _check_resumable(config: Config, checkpoint: Checkpoint, workdir: pathlib.Pa
 
 
 def _restored(
-    config: Config, task: Task, checkpoint: Checkpoint, workdir: pathlib.Path
+    create: Callable[[], TrainState], checkpoint: Checkpoint, workdir: pathlib.Path
 ) -> TrainState:
-    template = jax.eval_shape(lambda: create_state(config, task.init_params()))
-    # Earlier versions had the numbers of the log among the leaves, not in the metadata.
-    of_the_log = ("loss_sum", "loss_count", "bad_step", "bad_metric")
-    leaves = {name: leaf for name, leaf in checkpoint.leaves.items() if name not in of_the_log}
     try:
-        return from_named_leaves(template, leaves)
+        return from_named_leaves(jax.eval_shape(create), checkpoint.leaves)
     except ValueError as error:
         raise ConfigError(
             f"--workdir={workdir}: its newest checkpoint does not fit the network of this "
@@ -239,43 +255,45 @@ def _restored(
         ) from error
 
 
-def _losses(config: Config, checkpoint: Checkpoint | None) -> tuple[float, int]:
+def _losses(log_every: int, checkpoint: Checkpoint | None) -> tuple[float, int]:
     """Sum and number of the losses since the last line of metrics."""
-    if checkpoint is None or checkpoint.step % config.train.log_every == 0:
+    if checkpoint is None or checkpoint.step % log_every == 0:
         return 0.0, 0
-    return checkpoint.meta.get("loss_sum", 0.0), checkpoint.meta.get("loss_count", 0)
+    return checkpoint.meta["loss_sum"], checkpoint.meta["loss_count"]
 
 
-def _open_initial(config: Config, task: Task) -> Run | None:
-    """The network of `train.init`, from which a new run starts; None if `train.init` is empty.
+def _initial(config: Config, task: tasks.Task) -> Callable[[Any], Any] | None:
+    """Maps random parameters to those of `train.init`; None if that is empty.
 
     Raises:
       ConfigError, CheckpointError, WeightsError: the network is missing, damaged or does not fit.
     """
     if not config.train.init:
         return None
-    run = open_initial(config)
-    initial_params(config, jax.eval_shape(task.init_params), run.params)
-    logging.info("starting from the parameters of %s, step %d", run.source, run.step)
-    return run
+    opened = open_initial(config)
+    init = functools.partial(initial_params, config, trained=opened.params)
+    init(jax.eval_shape(task.init_params))
+    logging.info("starting from the parameters of %s, step %d", opened.source, opened.step)
+    return init
 
 
-def _initialised(config: Config, task: Task, trained: Run | None) -> TrainState:
+def _started(create: Callable[[], TrainState], init: Callable[[Any], Any] | None) -> TrainState:
     """A new state; its leaves share no memory, so that the training step can overwrite them."""
     # The code that samples the parameters runs once. On a CPU, compiling it with full
     # optimisation takes three times as long (23 s instead of 7 s) and gains nothing.
     quick = {"xla_backend_optimization_level": 1} if jax.default_backend() == "cpu" else None
-    create = jax.jit(lambda: create_state(config, task.init_params()), compiler_options=quick)
-    state = jax.tree.map(np.array, create())
-    if trained is None:
+    state = jax.tree.map(np.array, jax.jit(create, compiler_options=quick)())
+    if init is None:
         return state
-    params = initial_params(config, state.params, trained.params)
+    params = init(state.params)
     ema = jax.tree.map(np.array, params) if jax.tree.leaves(state.ema) else ()
     return state._replace(params=jax.tree.map(np.array, params), ema=ema)
 
 
-def _due(interval: int, step: int, config: Config) -> bool:
-    return bool(interval) and step > 0 and (step % interval == 0 or step == config.train.steps)
+def _wait(state: TrainState) -> None:
+    """Waits for the step in flight, whatever becomes of it."""
+    with contextlib.suppress(Exception):
+        jax.block_until_ready(state)
 
 
 def _local(params: Any) -> Any:

@@ -3,7 +3,6 @@
 import csv
 import dataclasses
 import json
-import pathlib
 
 import numpy as np
 import pytest
@@ -12,13 +11,13 @@ from helpers import standin
 from helpers.weights import config as small_config
 from helpers.weights import random_params
 
+from psgn_jax import tasks
 from psgn_jax.commands.evaluate import open_with_records
 from psgn_jax.config.experiment import ConfigError, to_dict, to_json
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.evaluation import table as table_lib
 from psgn_jax.evaluation.results import Evaluation, SampleName
 from psgn_jax.evaluation.split import evaluate_split
-from psgn_jax.tasks.points import Points
 from psgn_jax.weights.checkpoint import CheckpointError, Checkpoints
 
 
@@ -59,12 +58,12 @@ def test_every_sample_counts_once(batch_size, count):
 def test_emd_is_measured_where_there_are_points_enough():
     config = small_config(eval__emd_tolerance=0.05, data__num_eval_points=12)
     params = random_params(config)
-    result = Points(config, pathlib.Path()).evaluate(params, max_samples=4)
+    result = tasks.create(config).evaluate(params, max_samples=4)
     assert (result.metrics["emd_radius"] > 0.1).all()
     assert (result.metrics["emd_gap"] <= 0.05).all()
     assert "EMD [radius]" in table_lib.text(result)
     few = dataclasses.replace(config, data=dataclasses.replace(config.data, num_eval_points=7))
-    assert "emd_radius" not in Points(few, pathlib.Path()).evaluate(params, max_samples=4).metrics
+    assert "emd_radius" not in tasks.create(few).evaluate(params, max_samples=4).metrics
 
 
 @pytest.fixture
@@ -163,14 +162,14 @@ def test_records_with_depth_have_the_columns_whatever_the_network_sees(monkeypat
         return small_config(data__path=str(tmp_path / folder), **changes)
 
     config = configured("deep", eval__batch_size=2)
-    result = Points(config, pathlib.Path()).evaluate(random_params(config))
+    result = tasks.create(config).evaluate(random_params(config))
     share = result.metrics["visible_share"]
     assert ((share > 0.1) & (share < 0.9)).all()
     assert "hidden [radius^2]" in table_lib.text(result)
 
     other = configured("deep", data__inputs=("rgb", "depth"), data__image_size=(24, 40))
-    seen = Points(other, pathlib.Path()).evaluate(random_params(other)).metrics["visible_share"]
+    seen = tasks.create(other).evaluate(random_params(other)).metrics["visible_share"]
     np.testing.assert_allclose(seen, share, rtol=1e-6)
     for without in (configured("deep", eval__visible_tolerance=0), configured("bare")):
-        found = Points(without, pathlib.Path()).evaluate(random_params(without))
+        found = tasks.create(without).evaluate(random_params(without))
         assert "visible_share" not in found.metrics

@@ -1,7 +1,6 @@
 """Draws outside training depend on seed and sample, not on the batch; their spread is measured."""
 
 import functools
-import pathlib
 
 import jax
 import numpy as np
@@ -9,12 +8,12 @@ import pytest
 from helpers import reference, standin
 from helpers.weights import random_params
 
+from psgn_jax import tasks
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.evaluation import table as table_lib
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.models import networks
 from psgn_jax.prediction import sampling
-from psgn_jax.tasks.points import Points
 
 
 def network(**changes):
@@ -43,7 +42,7 @@ def test_a_network_without_random_input_gives_one_prediction():
 def test_evaluation_with_draws(monkeypatch):
     standin.install(monkeypatch)
     config, model, params = network(eval__emd_tolerance=0.05)
-    result = Points(config, pathlib.Path()).evaluate(params, draws=3)
+    result = tasks.create(config).evaluate(params, draws=3)
     best, mean = (result.metrics[f"cd_sq_radius2_{what}_of_3"] for what in ("best", "mean"))
     assert (best < mean).all()
     assert (result.metrics["emd_radius_best_of_3"] < result.metrics["emd_radius_mean_of_3"]).all()

@@ -3,12 +3,14 @@
 import json
 import pathlib
 import struct
+import time
 
 import numpy as np
 import pytest
 from helpers.disk import without_room
 
-from psgn_jax.training.log import MetricsWriter, read_metrics
+from psgn_jax.config.experiment import TrainConfig
+from psgn_jax.training.log import MetricsWriter, TrainingLog, read_metrics
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
@@ -75,3 +77,17 @@ def test_a_full_disk_is_an_error_and_no_wait(tmp_path):
     assert all(entry["loss"] == 0.5 for entry in read_metrics(tmp_path / "metrics.jsonl"))
     MetricsWriter(tmp_path, 1).scalars(2, "train", {"loss": 0.5})
     assert [entry["step"] for entry in read_metrics(tmp_path / "metrics.jsonl")] == [1, 2]
+
+
+def test_every_logged_speed_is_that_of_the_steps(tmp_path):
+    plan = TrainConfig(batch_size=3, steps=8, log_every=1)
+    writer = MetricsWriter(tmp_path)
+    log = TrainingLog(plan, writer, 0)
+    for step in range(1, plan.steps + 1):
+        time.sleep(0.05)  # the loader is slower than the device
+        log.add(step, {name: np.float32(1) for name in ("objective", "grad_norm", "loss_step")})
+    log.drain()
+    entries = read_metrics(tmp_path / "metrics.jsonl")
+    assert [entry["step"] for entry in entries] == list(range(1, 9))
+    assert "samples_per_second" not in entries[0]  # the first step includes the compilation
+    assert all(10 < entry["samples_per_second"] < 61 for entry in entries[1:])

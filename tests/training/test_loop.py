@@ -15,7 +15,7 @@ import pytest
 from helpers import drawn_solids as solids
 from helpers import standin
 from helpers.processes import wait_until
-from helpers.small_runs import quick_environment, write_config
+from helpers.small_runs import quick_environment, write_config, write_solids
 
 from psgn_jax import tasks
 from psgn_jax.config.experiment import ConfigError, from_json, parse
@@ -301,6 +301,20 @@ def test_a_full_disk_ends_in_one_line_and_the_run_goes_on(command, config, tmp_p
 
 
 @pytest.mark.slow
+def test_a_shard_that_changes_during_training_ends_it_in_one_line(command, tmp_path):
+    records = write_solids(tmp_path / "records")
+    for shard in records.glob("train*"):  # the manifest knows no other content
+        shard.write_bytes(shard.read_bytes()[:-600] + bytes(600))
+    workdir = tmp_path / "run"
+    fields = ("data.cache_gb=0", "train.steps=100000", "train.eval_every=0")
+    flags = [f"--config.{field}" for field in (*fields, f"data.path={records}")]
+    process = command(workdir, *flags)
+    assert process.wait(300) == 2, log_of(workdir)
+    assert log_of(workdir).splitlines()[-1].startswith("error: "), log_of(workdir)
+    assert "Fatal" not in log_of(workdir)
+
+
+@pytest.mark.slow
 def test_resuming_on_records_with_augmentation_and_a_posterior(tmp_path, monkeypatch):
     """Decoding, augmentation, the choice of points and random inputs are resumed too."""
     monkeypatch.undo()  # the real loader
@@ -335,9 +349,10 @@ def test_resuming_on_records_with_augmentation_and_a_posterior(tmp_path, monkeyp
 def test_two_processes_train_and_evaluate_as_one_and_a_signal_stops_both(
     command, run, config, tmp_path, free_port
 ):
-    def start(workdir, *flags):
-        both = [f"--coordinator=127.0.0.1:{free_port()}", "--num_processes=2"]
-        return [command(workdir, *flags, *both, f"--process_id={index}") for index in range(2)]
+    def start(workdir, *flags, own=()):
+        both = [f"--coordinator=127.0.0.1:{free_port()}", "--num_processes=2", *flags]
+        first = command(workdir, *both, "--process_id=0")
+        return [first, command(workdir, *both, *own, "--process_id=1")]
 
     workdir = tmp_path / "run"
     assert [process.wait(300) for process in start(workdir)] == [0, 0], log_of(workdir)
@@ -356,5 +371,17 @@ def test_two_processes_train_and_evaluate_as_one_and_a_signal_stops_both(
     step = newest(workdir).step
     assert f"stopped by SIGTERM after step {step}, checkpoint saved; run" in log_of(workdir)
 
+    both = start(workdir, "--config.train.steps=100000", "--config.train.eval_every=0")
+    before = newest_step(workdir)
+    assert wait_until(lambda: newest_step(workdir) > before, 120), log_of(workdir)
+    both[0].kill()
+    assert both[1].wait(120) == 4, log_of(workdir)
+    assert "Traceback" not in log_of(workdir)
+    assert "another process has ended" in log_of(workdir)
+
     both = start(tmp_path / "wrong", "--config.data.path=/nowhere")
     assert [process.wait(60) for process in both] == [2, 2]
+    both = start(tmp_path / "wrong", own=["--config.optim.b1=0.5"])
+    assert [process.wait(60) for process in both] == [2, 2]
+    message = "processes 0 and 1 have optim.b1=0.9 and 0.5; expected the same configuration"
+    assert log_of(tmp_path / "wrong").count(message) == 2

@@ -12,6 +12,7 @@ import pytest
 from helpers import standin
 from helpers.weights import random_params
 
+from psgn_jax import tasks
 from psgn_jax.config.experiment import OptimConfig
 from psgn_jax.losses.batches import map_pairs
 from psgn_jax.losses.by_name import configured_loss
@@ -31,7 +32,7 @@ QUICK = {"xla_backend_optimization_level": 0}
 def compiled(config, devices):
     """The function that creates the state, the training step (both compiled once), and the mesh."""
     mesh = step.data_mesh(list(devices) if devices else None)
-    task = points.Points(config, "")
+    task = tasks.create(config)
     create = jax.jit(
         lambda: from_config.create_state(config, task.init_params()), compiler_options=QUICK
     )

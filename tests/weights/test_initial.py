@@ -2,15 +2,14 @@
 
 import dataclasses
 import json
-import pathlib
 
 import numpy as np
 import pytest
 from helpers import standin
 from helpers import weights as tiny
 
+from psgn_jax import tasks
 from psgn_jax.config.experiment import ConfigError, from_json
-from psgn_jax.tasks.points import Points
 from psgn_jax.training.loop import train
 from psgn_jax.weights.file import write_weights
 from psgn_jax.weights.leaves import named_leaves
@@ -28,7 +27,7 @@ def test_a_training_begins_with_the_trained_network(tmp_path, monkeypatch):
     path = tmp_path / "w.safetensors"
     weights = tiny.weights(base, "float32")
     write_weights(path, weights)
-    want = Points(base, pathlib.Path()).evaluate(weights.params).means
+    want = tasks.create(base).evaluate(weights.params).means
     config = with_init(base, path)
     outcome = train(config, tmp_path / "run")
     lines = [json.loads(x) for x in (tmp_path / "run" / "metrics.jsonl").read_text().splitlines()]
