@@ -33,14 +33,6 @@ def test_round_trip_through_json():
     assert "in_channels" not in to_dict(config)["model"]
 
 
-def test_fields_of_removed_features_are_read_with_their_old_default():
-    assert parse({"data": {"on_device": False, "cache": True}}) == Config()
-    assert parse({"eval": {"silhouette": False}}) == Config()
-    assert parse({"data": {"photo": {"holes": 0.0}}}) == Config()
-    with pytest.raises(ConfigError, match=r"data.on_device=True: this feature was removed"):
-        parse({"data": {"on_device": True}})
-
-
 def test_flatten_names_every_field():
     flat = flatten(Config())
     assert flat["train.steps"] == 300_000
@@ -89,6 +81,7 @@ WRONG = [
     ({"task": "refin"}, "task='refin': did you mean 'refine'?"),
     ({"task": "refine"}, "voxels.from_cd='': accepted: the folder of a trained run"),
     ({"task": "volume", "data": {"stretch": 0.1}}, "data.stretch=0.1: accepted: 0 with task"),
+    ({"task": "volume", "eval": {"refine": True}}, "eval.refine=True: accepted: False with task"),
     ({"task": "volume", "data": {"image_size": (100, 128)}}, "multiples of 64 for 'volume'"),
     ({"task": "views", "data": {"inputs": ("rgb", "depth")}}, "'rgb' and 'mask' with"),
     ({"task": "views", "data": {"zoom": 0.1}}, "data.zoom=0.1: accepted: 0 with"),

@@ -87,9 +87,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     flags.bool(
         "refine",
-        False,
+        None,
         "Measure clouds as psgn predict gives them: averaged with those of the mirror image, and "
-        "moved into the mask.",
+        "moved into the mask; default: eval.refine of the run.",
     )
     flags.bool(
         "baselines", False, "Compare the network with the floor and with simple baselines instead."

@@ -34,7 +34,7 @@ from psgn_jax.weights.file import (
 )
 from psgn_jax.weights.mask import FILE as MASK_FILE
 from psgn_jax.weights.mask import read_mask_network
-from psgn_jax.weights.opening import shipped, weights_path
+from psgn_jax.weights.opening import DEFAULT, shipped, weights_path
 from psgn_jax.weights.run_folder import open_run
 
 _METRICS = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
@@ -75,7 +75,7 @@ def _list(names: Sequence[str]) -> str:
     texts = []
     for name in names or known:
         path = weights_path(name)
-        is_default = bool(known) and path == shipped()[known[-1]]
+        is_default = path == shipped().get(DEFAULT)
         texts.append(describe(read_weights(path), path, is_default=is_default))
     if not names:
         texts.append(_describe_mask_network())

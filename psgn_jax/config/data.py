@@ -19,28 +19,22 @@ class PhotoEffects:
     """Effects of photos and their masks, added to training images (`data.photo_effects`).
 
     0 disables an effect. Lengths are in pixels of an image with 192 rows.
-
-    Attributes:
-      erode, dilate: the mask is eroded or dilated by a length uniform in [-erode, dilate].
-      ragged: largest random displacement of the edge of the mask.
-      occluders: probability of an occluder at an edge of the object's bounding box, an ellipse or a
-        rectangle with semi-axes of 10 to 30 % of the sides of the box. In half of the cases the
-        occluder is removed from the mask; otherwise the mask is not changed.
-      blur: largest standard deviation of a Gaussian blur, pixels.
-      noise: largest standard deviation of Gaussian noise, 1 = full range.
-      jpeg: strength of JPEG compression; the quality is uniform in [100 - 90 * jpeg, 100].
-      white_balance: largest relative change of the red and the blue channel.
-      exposure: largest change of exposure, in stops (factors of two).
     """
 
+    # The mask is eroded or dilated by a length uniform in [-erode, dilate].
     erode: Pixels = 0.0
     dilate: Pixels = 0.0
-    ragged: Pixels = 0.0
+    ragged: Pixels = 0.0  # Largest random displacement of the edge of the mask.
+    # Probability of an occluder at an edge of the object's bounding box, an ellipse or a rectangle
+    # with semi-axes of 10 to 30 % of the sides of the box. In half of the cases the occluder is
+    # removed from the mask; otherwise the mask is not changed.
     occluders: Fraction = 0.0
-    blur: Pixels = 0.0
-    noise: Fraction = 0.0
-    jpeg: Fraction = 0.0
+    blur: Pixels = 0.0  # Largest standard deviation of a Gaussian blur.
+    noise: Fraction = 0.0  # Largest standard deviation of Gaussian noise, 1 = full range.
+    jpeg: Fraction = 0.0  # Strength of JPEG: the quality is uniform in [100 - 90 * jpeg, 100].
+    # Largest relative change of the red and the blue channel.
     white_balance: Annotated[float, Bounds(low=0, high=0.9)] = 0.0
+    # Largest change of exposure, in stops (factors of two).
     exposure: Annotated[float, Bounds(low=0, high=4)] = 0.0
 
     def any(self) -> bool:
@@ -50,73 +44,61 @@ class PhotoEffects:
 
 @dataclasses.dataclass(frozen=True)
 class DataConfig:
-    """The records, and how batches are made from them.
+    """The records, and how batches are made from them."""
 
-    Attributes:
-      path: folders of records, separated by commas, whose splits are joined; empty = the default
-        data set (procedural models, rendered on first use). With `FOLDER*N`, the training samples
-        of the folder count N times.
-      eval_path: folders for evaluation, in the same form; empty = those of `path`.
-      train_split: name of the split for training.
-      eval_split: name of the split that is evaluated during training.
-      image_size: (height, width) of the network's input; images are resized to it. The network pads
-        sides that are not multiples of 2 ** (levels of `model.widths` - 1).
-      inputs: inputs of the network, from "rgb", "mask" and "depth".
-      num_points: number of true points drawn per sample and training step.
-      num_eval_points: number of true points per sample in an evaluation.
-      flip: whether to mirror half of the training samples (y to -y).
-      stretch: largest relative change of width; the factor is uniform in
-        [1 - stretch, 1 + stretch]. Samples with a rolled or skewed camera are not changed.
-      zoom: largest relative change of scale by cropping; the factor is uniform in
-        [1 - zoom, 1 + zoom].
-      shift: largest shift of that crop, as a fraction of the height and width of the image.
-      place: probability that the object of a training sample is cropped and placed by the rule of
-        `data.framing`, like objects in photos. Image and points are moved together. For samples
-        from other angles than the authors', see `augment.reframe`.
-      reframe_scale: standard deviation of the logarithm of a further random scale of image and
-        points. The logarithm is normally distributed and clipped at two standard deviations. The
-        scale is reduced if the object would leave the image. The authors' images deviate from the
-        rule with a standard deviation of 0.12.
-      reframe_shift: standard deviation of a further random shift along rows and columns, as a
-        fraction of the image height; it is clipped and reduced in the same way. For the authors'
-        images it is 0.07.
-      photo: effects of photos, see `PhotoEffects`.
-      colour_jitter: strength of random changes of brightness, contrast and channel gains; 0 = off.
-      num_workers: number of decoding processes; 0 = threads in this process.
-      cache_gb: size in GB up to which a training keeps decoded samples in memory, shared by the
-        decoding processes; 0 = none.
-      occupancy: whether batches contain the solid volume; filled in from `task`.
-      train_views: largest number of images of the same model in each row of a training batch; 0 =
-        one image, without an axis of views. Filled in from `task` and `voxels`.
-      eval_views: number of images of the same model in each row of an evaluation batch; otherwise
-        like `train_views`.
-      eval_frame: "place" = evaluations place every sample as `place` does; "keep" = unchanged.
-      default_folder: folder of the default data set, filled in by `default_data.with_default_data`.
-    """
-
+    # Folders of records, separated by commas, whose splits are joined; empty = the default data set
+    # (procedural models, rendered on first use). With `FOLDER*N`, the training samples of the
+    # folder count N times.
     path: str = ""
-    eval_path: str = ""
-    train_split: str = "train"
-    eval_split: str = "validation"
+    eval_path: str = ""  # Folders for evaluation, in the same form; empty = those of `path`.
+    train_split: str = "train"  # Name of the split for training.
+    eval_split: str = "validation"  # Name of the split that is evaluated during training.
+    # (height, width) of the network's input; images are resized to it. The network pads sides that
+    # are not multiples of 2 ** (levels of `model.widths` - 1).
     image_size: tuple[Side, Side] = (192, 256)
-    inputs: tuple[Channel, ...] = ("rgb", "mask")
-    num_points: Points = 4096
-    num_eval_points: Points = 4096
-    flip: bool = False
+    inputs: tuple[Channel, ...] = ("rgb", "mask")  # Of the network: "rgb", "mask" and "depth".
+    num_points: Points = 4096  # Number of true points drawn per sample and training step.
+    num_eval_points: Points = 4096  # Number of true points per sample in an evaluation.
+    flip: bool = False  # Whether to mirror half of the training samples (y to -y).
+    # Largest relative change of width; the factor is uniform in [1 - stretch, 1 + stretch]. Samples
+    # with a rolled or skewed camera are not changed.
     stretch: Annotated[float, Bounds(low=0, high=0.9)] = 0.0
+    # Largest relative change of scale by cropping; the factor is uniform in [1 - zoom, 1 + zoom].
     zoom: Annotated[float, Bounds(low=0, high=0.9)] = 0.0
+    # Largest shift of that crop, as a fraction of the height and width of the image.
     shift: Annotated[float, Bounds(low=0, high=0.5)] = 0.0
+    # Probability that the object of a training sample is cropped and placed by the rule of
+    # `data.framing`, like objects in photos. Image and points are moved together. For samples from
+    # other angles than the authors', see `augment.reframe`.
     place: Fraction = 0.0
+    # Standard deviation of the logarithm of a further random scale of image and points. The
+    # logarithm is normally distributed and clipped at two standard deviations. The scale is reduced
+    # if the object would leave the image. The authors' images deviate from the rule with a standard
+    # deviation of 0.12.
     reframe_scale: Annotated[float, Bounds(low=0, high=0.3)] = 0.0
+    # Standard deviation of a further random shift along rows and columns, as a fraction of the
+    # image height; it is clipped and reduced in the same way. For the authors' images it is 0.07.
     reframe_shift: Annotated[float, Bounds(low=0, high=0.3)] = 0.0
-    photo: PhotoEffects = dataclasses.field(default_factory=PhotoEffects)
+    photo: PhotoEffects = dataclasses.field(default_factory=PhotoEffects)  # Effects of photos.
+    # Strength of random changes of brightness, contrast and channel gains; 0 = off.
     colour_jitter: Fraction = 0.0
+    # Number of decoding processes; 0 = threads in this process.
     num_workers: Annotated[int, Bounds(low=0, high=256)] = 0
+    # Size in GB up to which a training keeps decoded samples in memory, shared by the decoding
+    # processes; 0 = none.
     cache_gb: Annotated[float, Bounds(low=0, high=1000)] = 0.5
+
+    # Filled in from `task` and `voxels`; not keys of a configuration file.
+    # Whether batches contain the solid volume.
     occupancy: bool = dataclasses.field(default=False, metadata=DERIVED)
+    # Largest number of images of the same model in each row of a training batch; 0 = one image,
+    # without an axis of views.
     train_views: int = dataclasses.field(default=0, metadata=DERIVED)
+    # Number of images of the same model in each row of an evaluation batch; otherwise the same.
     eval_views: int = dataclasses.field(default=0, metadata=DERIVED)
+    # "place" = evaluations place every sample as `place` does; "keep" = unchanged.
     eval_frame: str = dataclasses.field(default="keep", metadata={"derived": "evaluate --frame"})
+    # Folder of the default data set, filled in by `default_data.with_default_data`.
     default_folder: str = dataclasses.field(default="", metadata={"derived": "data.path"})
 
     @property

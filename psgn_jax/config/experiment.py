@@ -57,44 +57,38 @@ class ModelConfig:
     """The network (paper, section "Point Set Prediction Network").
 
     The default sizes are those of the authors' published network.
-
-    Attributes:
-      name: version of the network, see `models.point_out_net`, or `lite0` (`models.efficientnet`).
-      widths: number of feature maps at each resolution level, full size first; each level halves
-        the size. `lite0` has seven levels, of which the decoder reads those from `deconv_level` on.
-      width_multiplier: factor of all hidden widths, except those of the posterior network. If it is
-        not 1, the results are rounded to multiples of 8 and are at least 8.
-      fc_points: number of points of the fully connected branch; all points of `vanilla`.
-      deconv_level: level at which the deconv branch ends (3 = an eighth of the image size).
-      deconv_channels: number of output channels of the deconv branch, 3 for each point of a cell.
-      fc_widths: hidden widths of the fully connected branch.
-      random_size: dimension of the random input r; 0 = none.
-      trained_blocks: how many of the encoder's 16 blocks are trained, counted from the last one
-        (`lite0` only). The others keep the parameters of `train.init`.
-      posterior: train as a conditional variational autoencoder: in training, r is drawn from the
-        distribution that the posterior network predicts from the ground truth (`models.posterior`).
-        Elsewhere r is drawn from the prior N(0, I).
-      posterior_widths: feature maps of the posterior network's 3D convolutions, each of which
-        halves the 32^3 grid.
-      posterior_hidden: width of the posterior network's dense layer.
-      compute_dtype: dtype of the arithmetic in the network; parameters are always float32.
-      image_size: filled in from `data`; not a key of a configuration file.
-      in_channels: filled in from `data`, like `image_size`.
     """
 
+    # Version of the network, see `models.point_out_net`, or `lite0` (`models.efficientnet`).
     name: Version = "two_branch"
+    # Number of feature maps at each resolution level, full size first; each level halves the size.
+    # `lite0` has seven levels, of which the decoder reads those from `deconv_level` on.
     widths: tuple[Size, ...] = (16, 32, 64, 128, 256, 512, 512)
+    # Factor of all hidden widths, except those of the posterior network. If it is not 1, the
+    # results are rounded to multiples of 8 and are at least 8.
     width_multiplier: Factor = 1.0
+    # Number of points of the fully connected branch; all points of `vanilla`.
     fc_points: Annotated[int, Bounds(low=0, high=1_000_000)] = 256
+    # Level at which the deconv branch ends (3 = an eighth of the image size).
     deconv_level: Count = 3
-    deconv_channels: Size = 3
-    fc_widths: tuple[Size, ...] = (2048, 1024)
+    deconv_channels: Size = 3  # Output channels of the deconv branch, 3 for each point of a cell.
+    fc_widths: tuple[Size, ...] = (2048, 1024)  # Hidden widths of the fully connected branch.
+    # Dimension of the random input r; 0 = none.
     random_size: Annotated[int, Bounds(low=0, high=1_000_000)] = 0
+    # How many of the encoder's 16 blocks are trained, counted from the last one (`lite0` only). The
+    # others keep the parameters of `train.init`.
     trained_blocks: Annotated[int, Bounds(low=0, high=16)] = 0
+    # Train as a conditional variational autoencoder: in training, r is drawn from the distribution
+    # that the posterior network predicts from the ground truth (`models.posterior`). Elsewhere r is
+    # drawn from the prior N(0, I).
     posterior: bool = False
+    # Feature maps of the posterior network's 3D convolutions, each of which halves the 32^3 grid.
     posterior_widths: tuple[Size, ...] = (32, 64, 128)
-    posterior_hidden: Size = 128
+    posterior_hidden: Size = 128  # Width of the posterior network's dense layer.
+    # Dtype of the arithmetic in the network; parameters are always float32.
     compute_dtype: Literal["float32", "bfloat16"] = "float32"
+
+    # Filled in from `data`; not keys of a configuration file.
     image_size: tuple[int, int] = dataclasses.field(default=(192, 256), metadata=DERIVED)
     in_channels: int = dataclasses.field(default=4, metadata=DERIVED)
 
@@ -106,60 +100,42 @@ class ModelConfig:
 
 @dataclasses.dataclass(frozen=True)
 class LossConfig:
-    """The loss.
+    """The loss."""
 
-    Attributes:
-      name: an entry of `losses.by_name.LOSSES`, or a weighted sum of entries, each with its own
-        number of true points, such as "emd_mean@1024 + 5*chamfer_sq_mean".
-      l2: "authors" adds `l2_scale` times the L2 terms of `tasks.points.l2_authors`.
-      l2_scale: weight of these terms; the authors' value is 0.1.
-      emd_tolerance: accepted relative error of the assignment, for losses with an EMD.
-      min_of_n: number of draws of the random input for each sample and training step, of which only
-        the nearest to the truth counts (`losses.min_of_n`); 2 in the paper. Evaluation uses one
-        draw.
-      kl_weight: with `model.posterior`: weight of the Kullback-Leibler divergence from the prior,
-        in the unit of the loss per nat. The variational bound has weight 1 if the loss is -log p of
-        the truth, and 2 sigma^2 if the loss is a sum of squared distances, where sigma is the
-        assumed standard deviation of each coordinate of a point.
-      kl_warmup_steps: number of steps at the start during which the weight grows linearly from 0.
-    """
-
+    # An entry of `losses.by_name.LOSSES`, or a weighted sum of entries, each with its own number of
+    # true points, such as "emd_mean@1024 + 5*chamfer_sq_mean".
     name: str = "chamfer_sq_mean"
+    # "authors" adds `l2_scale` times the L2 terms of `tasks.points.l2_authors`.
     l2: Literal["none", "authors"] = "none"
-    l2_scale: NonNegative = 0.1
-    emd_tolerance: Positive = 0.01
+    l2_scale: NonNegative = 0.1  # Weight of these terms; 0.1 is the authors' value.
+    emd_tolerance: Positive = 0.01  # Accepted relative error of the assignment in an EMD.
+    # Number of draws of the random input for each sample and training step, of which only the
+    # nearest to the truth counts (`losses.min_of_n`); 2 in the paper. Evaluation uses one draw.
     min_of_n: Annotated[int, Bounds(low=1, high=1000)] = 1
+    # With `model.posterior`: weight of the Kullback-Leibler divergence from the prior, in the unit
+    # of the loss per nat. The variational bound has weight 1 if the loss is -log p of the truth,
+    # and 2 sigma^2 if the loss is a sum of squared distances, where sigma is the assumed standard
+    # deviation of each coordinate of a point.
     kl_weight: NonNegative = 1.0
-    kl_warmup_steps: Count = 0
+    kl_warmup_steps: Count = 0  # Steps at the start in which the weight grows linearly from 0.
 
 
 @dataclasses.dataclass(frozen=True)
 class OptimConfig:
-    """Adam and its schedule.
+    """Adam and its schedule."""
 
-    Attributes:
-      learning_rate: the peak; the authors' value is 3e-5.
-      encoder_rate: factor of the learning rate of the blocks of `lite0`.
-      schedule: after the warm-up, constant, or half a cosine down to `final_fraction` of the peak.
-      warmup_steps: number of steps of a linear warm-up from 0.
-      final_fraction: ratio of the learning rate at the last step to the peak (cosine only).
-      b1: Adam's decay rate of the mean gradient.
-      b2: Adam's decay rate of the mean squared gradient.
-      eps: Adam's epsilon.
-      clip_norm: largest global norm of the gradient; 0 = no clipping.
-      ema_decay: decay per step of the averaged parameters, which evaluation uses; 0 = no average.
-        Step t (from 0) uses the smaller of `ema_decay` and (t + 1) / (t + 10).
-    """
-
-    learning_rate: Positive = 3e-5
-    encoder_rate: Fraction = 1.0
+    learning_rate: Positive = 3e-5  # The peak; 3e-5 is the authors' value.
+    encoder_rate: Fraction = 1.0  # Factor of the learning rate of the blocks of `lite0`.
+    # After the warm-up, constant, or half a cosine down to `final_fraction` of the peak.
     schedule: Literal["constant", "cosine"] = "constant"
-    warmup_steps: Count = 0
-    final_fraction: Fraction = 0.0
-    b1: Decay = 0.9
-    b2: Decay = 0.999
-    eps: Positive = 1e-8
-    clip_norm: NonNegative = 0.0
+    warmup_steps: Count = 0  # Number of steps of a linear warm-up from 0.
+    final_fraction: Fraction = 0.0  # Last learning rate as a fraction of the peak (cosine only).
+    b1: Decay = 0.9  # Adam's decay rate of the mean gradient.
+    b2: Decay = 0.999  # Adam's decay rate of the mean squared gradient.
+    eps: Positive = 1e-8  # Adam's epsilon.
+    clip_norm: NonNegative = 0.0  # Largest global norm of the gradient; 0 = no clipping.
+    # Decay per step of the averaged parameters, which evaluation uses; 0 = no average. Step t (from
+    # 0) uses the smaller of `ema_decay` and (t + 1) / (t + 10).
     ema_decay: Decay = 0.0
 
 
@@ -169,63 +145,48 @@ class TrainConfig:
 
     An interval of 0 disables the output; only `log_every` must be at least 1. A checkpoint is also
     written at each evaluation and at the end.
-
-    Attributes:
-      batch_size: samples per step, over all devices and processes.
-      steps: total number of updates; 300,000 in the paper.
-      log_every: steps between lines of metrics.
-      eval_every: steps between evaluations on `data.eval_split`; there is one at the end as well.
-      checkpoint_every: steps between checkpoints.
-      images_every: steps between images of predictions in TensorBoard; also at the end.
-      num_images: number of samples in such an image.
-      keep_checkpoints: number of newest checkpoints kept, besides the best one.
-      init: source of the initial parameters, instead of random ones: a file of weights, the name of
-        weights in the package, or the folder of a trained run (its best checkpoint). Several,
-        separated by commas: the mean of their parameters. They are read only before the first step.
-        The state of the optimiser is not restored.
-      init_skip: patterns of the names of layers that keep random initial parameters; `*` matches
-        any text.
     """
 
-    batch_size: Size = 32
-    steps: PositiveInt = 300_000
-    log_every: PositiveInt = 100
-    eval_every: Count = 5_000
-    checkpoint_every: Count = 1_000
+    batch_size: Size = 32  # Samples per step, over all devices and processes.
+    steps: PositiveInt = 300_000  # Total number of updates; 300,000 in the paper.
+    log_every: PositiveInt = 100  # Steps between lines of metrics.
+    eval_every: Count = 5_000  # Steps between evaluations on `data.eval_split`; also at the end.
+    checkpoint_every: Count = 1_000  # Steps between checkpoints.
+    # Steps between images of predictions in TensorBoard; also at the end.
     images_every: Count = 5_000
-    num_images: Annotated[int, Bounds(low=1, high=1000)] = 6
-    keep_checkpoints: PositiveInt = 2
+    num_images: Annotated[int, Bounds(low=1, high=1000)] = 6  # Number of samples in such an image.
+    keep_checkpoints: PositiveInt = 2  # Number of newest checkpoints kept, besides the best one.
+    # Source of the initial parameters, instead of random ones: a file of weights, the name of
+    # weights in the package, or the folder of a trained run (its best checkpoint). Several,
+    # separated by commas: the mean of their parameters. They are read only before the first step.
+    # The state of the optimiser is not restored.
     init: str = ""
+    # Patterns of the names of layers that keep random initial parameters; `*` matches any text.
     init_skip: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
 class EvalConfig:
-    """Evaluation, during training and afterwards.
+    """Evaluation, during training and afterwards."""
 
-    Attributes:
-      batch_size: samples per step.
-      max_samples: number of samples, from the beginning of the split, that are evaluated during
-        training; 0 = all.
-      fscore_threshold: distance in units below which a point is correct.
-      emd_tolerance: accepted relative error of the earth mover's distance, which compares a
-        prediction with equally many true points; 0 = no EMD.
-      visible_tolerance: a true point is visible if a surface point of the depth image is within
-        this distance, in units (`data.visibility`); 0 = no metrics of visible and hidden points.
-        Records without depth never have these metrics.
-      aligned: whether to measure, during training as well, the distances after the best scale and
-        shift of each prediction (`evaluation.aligned`, about 35 ms of a CPU core per sample). The
-        command `evaluate` always does.
-      refine: whether to measure the clouds as `psgn predict` gives them: averaged with those of the
-        mirror image, and moved into the mask (`prediction.refine`).
-    """
-
-    batch_size: Size = 32
+    batch_size: Size = 32  # Samples per step.
+    # Number of samples, from the beginning of the split, that are evaluated during training;
+    # 0 = all.
     max_samples: Count = 0
-    fscore_threshold: Positive = 0.01
+    fscore_threshold: Positive = 0.01  # Distance in units below which a point is correct.
+    # Accepted relative error of the earth mover's distance, which compares a prediction with
+    # equally many true points; 0 = no EMD.
     emd_tolerance: NonNegative = 0.01
+    # A true point is visible if a surface point of the depth image is within this distance, in
+    # units (`data.visibility`); 0 = no metrics of visible and hidden points. Records without depth
+    # never have these metrics.
     visible_tolerance: Annotated[float, Bounds(low=0, high=0.1)] = 0.025
+    # Whether to measure, during training as well, the distances after the best scale and shift of
+    # each prediction (`evaluation.aligned`, about 35 ms of a CPU core per sample). The command
+    # `evaluate` always does.
     aligned: bool = False
+    # Whether to measure the clouds as `psgn predict` gives them: averaged with those of the mirror
+    # image, and moved into the mask (`prediction.refine`). Only for the task "points".
     refine: bool = False
 
 
@@ -234,28 +195,22 @@ class VoxelConfig:
     """Settings of the tasks on solid volumes (see `Config`).
 
     The description of each field begins with the task that reads it.
-
-    Attributes:
-      from_cd: "refine": folder of a run trained by CD, whose clouds are an input. At least one of
-        `from_cd` and `from_emd` is required. When the refiner starts for the first time, it copies
-        the best checkpoint of that run into its own folder; the copy does not change later.
-      from_emd: "refine": likewise, of a run trained by EMD.
-      from_volume: "refine": folder of a run of the task "volume", whose prediction is an input as
-        well; "" = no such input.
-      widths: "refine": widths of the five hidden layers.
-      width_multiplier: "views": factor of all widths.
-      max_views: "views": largest number of views of each model in a training batch; the number is
-        drawn for each batch, at least 1.
-      eval_views: "views": numbers of views in an evaluation; the best checkpoint is chosen by the
-        first of them.
     """
 
+    # "refine": folder of a run trained by CD, whose clouds are an input. At least one of `from_cd`
+    # and `from_emd` is required. When the refiner starts for the first time, it copies the best
+    # checkpoint of that run into its own folder; the copy does not change later.
     from_cd: str = ""
-    from_emd: str = ""
+    from_emd: str = ""  # "refine": likewise, of a run trained by EMD.
+    # "refine": folder of a run of the task "volume", whose prediction is an input as well; "" =
+    # no such input.
     from_volume: str = ""
-    widths: tuple[Size, Size, Size, Size, Size] = (16,) * 5
-    width_multiplier: Factor = 1.0
+    widths: tuple[Size, Size, Size, Size, Size] = (16,) * 5  # "refine": of the hidden layers.
+    width_multiplier: Factor = 1.0  # "views": factor of all widths.
+    # "views": largest number of views of each model in a training batch; the number is drawn for
+    # each batch, at least 1.
     max_views: Annotated[int, Bounds(low=1, high=1000)] = 5
+    # "views": numbers of views in an evaluation; the best checkpoint is chosen by the first one.
     eval_views: tuple[PositiveInt, ...] = (1, 3, 5)
 
     @property
@@ -267,40 +222,20 @@ class VoxelConfig:
 
 @dataclasses.dataclass(frozen=True)
 class Config:
-    """Everything a run depends on.
+    """Everything a run depends on."""
 
-    Attributes:
-      seed: seed of all random numbers.
-      task: "points" predicts a cloud from an image. The others use the solid volumes of the
-        records: "refine" predicts a volume from the clouds of trained networks; "volume" predicts
-        the volume of the object (a number) from an image; "views" is 3D-R2N2, a volume from one or
-        more images.
-    """
-
-    seed: Annotated[int, Bounds(low=0, high=2**63 - 1)] = 0
+    seed: Annotated[int, Bounds(low=0, high=2**63 - 1)] = 0  # Of all random numbers.
     data: DataConfig = dataclasses.field(default_factory=DataConfig)
     model: ModelConfig = dataclasses.field(default_factory=ModelConfig)
     loss: LossConfig = dataclasses.field(default_factory=LossConfig)
     optim: OptimConfig = dataclasses.field(default_factory=OptimConfig)
     train: TrainConfig = dataclasses.field(default_factory=TrainConfig)
     eval: EvalConfig = dataclasses.field(default_factory=EvalConfig)
+    # "points" predicts a cloud from an image. The others use the solid volumes of the records:
+    # "refine" predicts a volume from the clouds of trained networks; "volume" predicts the volume
+    # of the object (a number) from an image; "views" is 3D-R2N2, a volume from one or more images.
     task: Task = "points"
     voxels: VoxelConfig = dataclasses.field(default_factory=VoxelConfig)
-
-
-# Fields of removed features, which configurations of earlier runs have with one of these values.
-_REMOVED: Mapping[str, list[Any]] = types.MappingProxyType(
-    {
-        "data.on_device": [False],
-        "data.cache": [False, True],
-        "data.photo.holes": [0],
-        "data.photo.corners": [0],
-        "model.random_at": ["bottleneck"],
-        "loss.emd_schedule": ["scaling"],
-        "eval.silhouette": [False],
-        "voxels.cell": ["gru"],
-    }
-)
 
 
 def parse(config: Any) -> Config:
@@ -313,7 +248,7 @@ def parse(config: Any) -> Config:
       ConfigError: a key is unknown, a type is wrong, a value is out of range, or fields contradict
         each other; the message names the field, its value and what is accepted.
     """
-    parsed = build(Config, _without_removed(config))
+    parsed = build(Config, config)
     views = parsed.task == "views"
     parsed = dataclasses.replace(
         parsed,
@@ -331,20 +266,6 @@ def parse(config: Any) -> Config:
     )
     _check_together(parsed)
     return parsed
-
-
-def _without_removed(node: Any, prefix: str = "") -> Any:
-    node = node.to_dict() if hasattr(node, "to_dict") else node
-    if not isinstance(node, Mapping):
-        return node
-    kept = {}
-    for key, value in node.items():
-        if (name := f"{prefix}{key}") not in _REMOVED:
-            kept[key] = _without_removed(value, f"{name}.")
-        elif value not in _REMOVED[name]:
-            accepted = " or ".join(map(repr, _REMOVED[name]))
-            raise ConfigError(f"{name}={value!r}: this feature was removed; accepted: {accepted}")
-    return kept
 
 
 def check_paths(config: Config) -> None:
@@ -431,6 +352,7 @@ def _check_together(config: Config) -> None:
            f"0 with task={task!r} (volumes are not transformed)")
           for name in ("stretch", "place", "reframe_scale", "reframe_shift")),
         ("loss.l2", on_volumes and loss.l2 != "none", f"'none' with task={task!r}"),
+        ("eval.refine", on_volumes and config.eval.refine, f"False with task={task!r}"),
         ("voxels.from_cd", task == "refine" and not (voxels.from_cd or voxels.from_emd),
          "the folder of a trained run (or voxels.from_emd)"),
         ("data.image_size",

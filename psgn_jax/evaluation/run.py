@@ -37,7 +37,7 @@ def evaluate_run(
     out: str | pathlib.Path | None = None,
     draws: int = 0,
     frame: str = "keep",
-    refine: bool = False,
+    refine: bool | None = None,
     on_batch: OnBatch | None = None,
 ) -> Evaluation:
     """Evaluates an opened network and writes the tables.
@@ -49,7 +49,7 @@ def evaluate_run(
       draws: number of predictions per image for the metrics of `tasks.points.with_draws`; 0 = none.
       frame: "keep": use the images of the records as they are. "place": crop and place every image
         like a photo, and move its true points accordingly (`data.framing`).
-      refine: measure the clouds of `prediction.refine`.
+      refine: measure the clouds of `prediction.refine`; None: as `eval.refine` says.
 
     Raises:
       ConfigError: the task or the data do not fit; the message is one line.
@@ -64,6 +64,7 @@ def evaluate_run(
         require_points_task(config, f"--frame={frame}")
     if refine:
         require_points_task(config, "--refine")
+    refine = config.eval.refine if refine is None else refine
     config = dataclasses.replace(
         config,
         data=dataclasses.replace(config.data, eval_frame=frame),

@@ -118,32 +118,6 @@ def read_npz(path: str | os.PathLike[str], limits: Mapping[str, int]) -> dict[st
     return arrays
 
 
-def matches(value: Any, shape: Any) -> bool:
-    """Whether a value of JSON has a shape.
-
-    A shape is a type (`int` means a count below 2^63, `float` a number below 1e30), None, a tuple
-    of alternatives, `[shape of the items]`, or `{key: shape}`; there, `...` stands for all other
-    keys, and a key that ends with "?" may be missing.
-    """
-    if isinstance(shape, tuple):
-        return any(matches(value, alternative) for alternative in shape)
-    if isinstance(shape, list):
-        return isinstance(value, list) and all(matches(item, shape[0]) for item in value)
-    if isinstance(shape, dict):
-        if not isinstance(value, dict):
-            return False
-        known = {key if key is ... else key.rstrip("?"): inner for key, inner in shape.items()}
-        needed = {key for key in shape if key is not ... and not key.endswith("?")}
-        return needed <= value.keys() and all(
-            matches(item, known.get(key, known.get(..., object))) for key, item in value.items()
-        )
-    if shape is int:
-        return type(value) is int and 0 <= value < 1 << 63
-    if shape is float:
-        return type(value) in (int, float) and abs(value) < 1e30
-    return value is None if shape is None else isinstance(value, shape)
-
-
 def with_checksum(entry: Mapping[str, Any] | Mapping[int, Any]) -> dict[str, Any]:
     """An object of JSON with the key `crc32`, the checksum of the rest of it."""
     plain = json.loads(json.dumps(entry))

@@ -18,10 +18,11 @@ of the configuration has exactly these parameters, with the same shapes.
 
 import dataclasses
 import json
+import math
 import os
 import pathlib
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import jax
 import numpy as np
@@ -29,10 +30,11 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from psgn_jax.config.experiment import Config, ConfigError, from_json, require_points_task, to_json
+from psgn_jax.config.structured import Bounds, build
 from psgn_jax.models import networks
 from psgn_jax.system.errors import UserError
-from psgn_jax.system.files import finite_or_none, write_atomic
-from psgn_jax.system.untrusted import brief, matches, parse_json, read_json, size_of
+from psgn_jax.system.files import write_atomic
+from psgn_jax.system.untrusted import brief, parse_json, read_json, size_of
 from psgn_jax.weights.leaves import checksum, from_named_leaves, named_leaves
 
 FORMAT = "psgn_jax weights 1"
@@ -44,17 +46,36 @@ DTYPES = {"float16": "F16", "float32": "F32"}
 
 _TEXTS = ("format", "config", "figures", "sources")
 
-# The fields of `figures` and `sources`, for `matches`.
-_FIGURES = {
-    "step": int,
-    "samples_seen": int,
-    "parameters": int,
-    "averaged?": bool,
-    "metrics": {...: (float, None)},
-    "data": [{"samples?": int, ...: str}],
-}
-_LICENCE = {"models?": int, "holders?": ([str], None)}
-_SOURCES = [{"source": str, "licences": {...: _LICENCE}}]
+_Large = Annotated[int, Bounds(low=0, high=2**63 - 1)]
+
+
+@dataclasses.dataclass(frozen=True)
+class _DataSet:
+    name: str = ""
+    source: str = ""
+    samples: _Large = 0
+
+
+@dataclasses.dataclass(frozen=True)
+class _Figures:
+    step: _Large
+    samples_seen: _Large
+    parameters: _Large
+    metrics: Mapping[str, float]
+    data: tuple[_DataSet, ...]
+    averaged: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class _Licence:
+    models: _Large = 0
+    holders: tuple[str, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True)
+class _Source:
+    source: str
+    licences: Mapping[str, _Licence]
 
 
 class WeightsError(UserError):
@@ -143,12 +164,10 @@ def read_weights(path: str | os.PathLike[str]) -> Weights:
         config = from_json(metadata["config"])
         require_points_task(config, "a file of weights")
         figures, sources = parse_json(metadata["figures"]), parse_json(metadata["sources"])
-    except (KeyError, ValueError) as error:
+        build(_Figures, figures, "figures.")
+        _check_sources(sources)
+    except (KeyError, ValueError, TypeError) as error:
         raise WeightsError(f"{path}: error in its metadata: {brief(error)}") from None
-    if not matches(figures, _FIGURES) or not matches(sources, _SOURCES):
-        raise WeightsError(
-            f"{path}: error in its metadata: the figures or sources do not have the expected fields"
-        )
     params = _check_fits(config, leaves, pathlib.Path(path))
     return Weights(config, params, figures, sources, dtype)
 
@@ -193,13 +212,14 @@ def read_sources(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
     """
     try:
         rows = read_json(path)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"--sources={path}: {brief(error)}") from None
-    if not rows or not matches(rows, _SOURCES):
+        if rows == []:
+            raise ValueError("the list is empty")
+        _check_sources(rows)
+    except (OSError, ValueError, KeyError, TypeError) as error:
         raise ConfigError(
-            f'--sources={path}: accepted: a list of {{"source": NAME, "licences": {{LICENCE: '
-            '{"models": N, "holders": [...]}}}, like sources.json of a training set'
-        )
+            f'--sources={path}: {brief(error)}; accepted: a list of {{"source": NAME, "licences": '
+            '{LICENCE: {"models": N, "holders": [...]}}}, like sources.json of a training set'
+        ) from None
     return list(rows)
 
 
@@ -218,9 +238,16 @@ def figures_of(
         "samples_seen": step * config.train.batch_size,
         "parameters": sum(np.size(leaf) for leaf in jax.tree.leaves(params)),
         "averaged": averaged,
-        "metrics": finite_or_none(metrics),
+        "metrics": {name: value for name, value in metrics.items() if math.isfinite(value)},
         "data": [dict(row) for row in data],
     }
+
+
+def _check_sources(rows: Any) -> None:
+    if not isinstance(rows, list):
+        raise TypeError(f"sources: {type(rows).__name__}, expected a list")
+    for row in rows:
+        build(_Source, {name: row[name] for name in ("source", "licences")}, "sources.")
 
 
 def _check_sizes(path: pathlib.Path) -> None:

@@ -22,31 +22,30 @@ from psgn_jax.weights.run_folder import Run, open_run
 FOLDER = pathlib.Path(__file__).resolve().parent
 """Folder of the files in the package."""
 
+DEFAULT = "small-5"
+"""Name of the weights that are used if none are named."""
+
 
 def shipped() -> dict[str, pathlib.Path]:
-    """The files of weights in the package by name, `small-2` before `small-10`.
-
-    The last one is the default.
-    """
-    paths = [path for path in FOLDER.glob(f"*{SUFFIX}") if path != mask.FILE]
-    paths.sort(key=lambda path: (len(path.stem), path.stem))
+    """The files of weights in the package by name."""
+    paths = sorted(path for path in FOLDER.glob(f"*{SUFFIX}") if path != mask.FILE)
     return {path.stem: path for path in paths}
 
 
 def weights_path(name_or_file: str = "") -> pathlib.Path:
-    """The file of weights for a name or a path; "" is the default of the package.
+    """The file of weights for a name or a path; "" is `DEFAULT`.
 
     Raises:
       ConfigError: there is no such file; the message says what is accepted.
     """
     known = shipped()
     if not name_or_file:
-        if not known:
+        if DEFAULT not in known:
             raise ConfigError(
                 "this version of the package has no weights; expected a trained run "
                 "(--workdir=RUN) or a file of weights (--weights=FILE)"
             )
-        return list(known.values())[-1]
+        return known[DEFAULT]
     path = pathlib.Path(name_or_file)
     if name_or_file in known and not path.is_file():
         return known[name_or_file]
@@ -83,8 +82,7 @@ def open_network(
         raise ConfigError(f"--checkpoint={checkpoint}: accepted only with --workdir=RUN")
     path = weights_path(weights or "")
     read = read_weights(path)
-    scores = {k: float(v) for k, v in read.figures["metrics"].items() if v is not None}
-    step = read.figures["step"]
+    step, scores = read.figures["step"], dict(read.figures["metrics"])
     return Run(read.config, step, read.params, scores, path.stem, "weights", read.sources)
 
 

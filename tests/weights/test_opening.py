@@ -13,7 +13,7 @@ from psgn_jax.config.experiment import ConfigError, to_dict, to_json
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.file import read_weights
 from psgn_jax.weights.leaves import named_leaves
-from psgn_jax.weights.opening import open_network, weights_path
+from psgn_jax.weights.opening import DEFAULT, open_network, weights_path
 from psgn_jax.weights.opening import shipped as shipped_files
 
 
@@ -39,10 +39,11 @@ def test_without_shipped_weights_one_line_says_what_to_do(shipped):
 
 
 def test_names_of_shipped_weights(shipped, file):
-    for name in ("small-1", "small-10", "small-2"):
+    names = (DEFAULT, "small-1", "small-2", "small-5-long", "large")
+    for name in names:
         shutil.copy(file, shipped / f"{name}.safetensors")
-    assert list(shipped_files()) == ["small-1", "small-2", "small-10"]
-    assert open_network().source == "small-10"
+    assert list(shipped_files()) == sorted(names)
+    assert open_network().source == DEFAULT
     network = open_network(weights="small-2")
     assert list(network.sources) == list(read_weights(weights_path("small-2")).sources)
     assert (network.source, network.source_kind, network.step) == ("small-2", "weights", 50)
@@ -89,11 +90,12 @@ def test_export_takes_the_checkpoint_as_asked(run, weights, tmp_path, capsys):
 def test_list_shows_figures_data_and_licences(file, shipped, capsys):
     assert command.main(["list"]) == 0
     assert "no weights come with this version" in capsys.readouterr().out
-    shutil.copy(file, shipped / "small-1.safetensors")
+    for name in (DEFAULT, "small-50"):
+        shutil.copy(file, shipped / f"{name}.safetensors")
     assert command.main(["list"]) == 0
     text = capsys.readouterr().out
     for part in (
-        "small-1 (default)",
+        f"{DEFAULT} (default)\n",
         "vanilla",
         "rgb+mask of 16x32 pixels to 8 points",
         "step 50, 400 samples seen, averaged",

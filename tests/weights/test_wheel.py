@@ -12,6 +12,7 @@ from helpers.small_runs import write_solids
 from PIL import Image
 
 from psgn_jax.weights.file import write_weights
+from psgn_jax.weights.opening import DEFAULT
 
 
 @pytest.mark.slow
@@ -23,14 +24,14 @@ def test_a_wheel_has_weights_and_examples_predicts_and_trains(weights, tmp_path)
         shutil.copytree(ROOT / name, tree / name, ignore=ignored)
     for name in ("pyproject.toml", "README.md", "LICENSE", ".gitignore"):
         shutil.copy(ROOT / name, tree / name)
-    write_weights(tree / "psgn_jax" / "weights" / "tiny-1.safetensors", weights)
+    write_weights(tree / "psgn_jax" / "weights" / f"{DEFAULT}.safetensors", weights)
     command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", f"-w{tmp_path}", str(tree)]
     subprocess.run(command, check=True, timeout=300)
     (wheel,) = tmp_path.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
         archive.extractall(packages)
-    assert "psgn_jax/weights/tiny-1.safetensors" in names
+    assert f"psgn_jax/weights/{DEFAULT}.safetensors" in names
     examples = (ROOT / "psgn_jax" / "web" / "page" / "static" / "examples").glob("*.png")
     assert {path.relative_to(ROOT).as_posix() for path in examples} <= set(names)
     assert "psgn_jax/configs/quickstart.py" in names

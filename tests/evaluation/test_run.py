@@ -1,0 +1,35 @@
+"""What `evaluate_run` hands to a task and states about it."""
+
+import dataclasses
+import json
+import types
+
+import numpy as np
+import pytest
+from helpers import weights as tiny
+
+from psgn_jax.evaluation.results import Evaluation, SampleName
+from psgn_jax.evaluation.run import evaluate_run
+from psgn_jax.weights.run_folder import Run
+
+
+@pytest.mark.parametrize(("asked", "want"), [(None, True), (False, False), (True, True)])
+def test_the_runs_own_setting_decides_whether_clouds_are_refined(tmp_path, asked, want):
+    config = tiny.config(eval__refine=True)
+    seen = []
+
+    def evaluate(params, **options):
+        names = [SampleName(0, "chair", "a", 0)]
+        return Evaluation("validation", names, {"cd_sq_radius2": np.ones(1)}, 0.01, (8, 64))
+
+    def create(config, workdir):
+        seen.append(config)
+        return types.SimpleNamespace(evaluate=evaluate)
+
+    evaluate_run(Run(config, 1, {}, {}, "tiny", "weights"), create, out=tmp_path, refine=asked)
+    assert seen == [
+        dataclasses.replace(
+            config, eval=dataclasses.replace(config.eval, aligned=True, refine=want)
+        )
+    ]
+    assert json.loads((tmp_path / "table.json").read_text())["refine"] is want
