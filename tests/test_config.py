@@ -51,6 +51,7 @@ WRONG = [
     ({"train": {"steps": 0}}, "train.steps=0: accepted: a number >= 1"),
     ({"optim": {"learning_rate": 0}}, "optim.learning_rate=0: accepted: a number > 0"),
     ({"optim": {"learning_rate": float("nan")}}, "accepted: a finite number"),
+    ({"optim": {"learning_rate": 10**400}}, "accepted: a finite number"),
     ({"optim": {"b1": 1.0}}, "optim.b1=1.0: accepted: a number >= 0 and < 1"),
     ({"optim": {"schedule": "cosin"}}, "did you mean 'cosine'? accepted: 'constant', 'cosine'"),
     ({"model": {"posterior": True}}, "model.random_size=0: accepted: at least 1 with model.post"),

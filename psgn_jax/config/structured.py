@@ -11,6 +11,7 @@ is not accepted as a key and is not written out.
 import dataclasses
 import difflib
 import math
+import sys
 import typing
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
@@ -184,7 +185,7 @@ def _convert(hint: Any, value: Any, path: str) -> Any:
         if not isinstance(value, int):
             raise wrong(path, value, "an integer")
         return value
-    if not math.isfinite(value):
+    if not -sys.float_info.max <= value <= sys.float_info.max:
         raise wrong(path, value, "a finite number")
     return float(value)
 

@@ -63,9 +63,6 @@ MAY_CHANGE = frozenset(
 )
 """Fields that may differ when a run is resumed; a difference in any other field is an error."""
 
-_OF_THE_MACHINE = {"data.path", "data.eval_path", "data.num_workers", "data.cache_gb"}
-"""Fields that may differ between the processes of a training."""
-
 
 class Outcome(NamedTuple):
     """End of a training: the state, and the signal that stopped it; None if it was not stopped."""
@@ -200,10 +197,9 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
 
 def _check(config: Config, workdir: pathlib.Path, devices: int) -> None:
     """Checks what can be wrong before data are read."""
-    settings = {k: v for k, v in flatten(config).items() if k not in _OF_THE_MACHINE}
-    ours, *others = group.gather(settings)
+    ours, *others = group.gather(flatten(config))
     for index, theirs in enumerate(others, 1):
-        if different := [name for name in settings if theirs[name] != ours[name]]:
+        if different := [name for name in ours if theirs[name] != ours[name]]:
             texts = [f"{name}={ours[name]!r} and {theirs[name]!r}" for name in different]
             raise ConfigError(
                 f"processes 0 and {index} have {', '.join(texts)}; expected the same configuration"

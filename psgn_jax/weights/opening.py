@@ -28,8 +28,8 @@ DEFAULT = "small-5"
 
 def shipped() -> dict[str, pathlib.Path]:
     """The files of weights in the package by name."""
-    paths = sorted(path for path in FOLDER.glob(f"*{SUFFIX}") if path != mask.FILE)
-    return {path.stem: path for path in paths}
+    paths = {path.stem: path for path in FOLDER.glob(f"*{SUFFIX}") if path != mask.FILE}
+    return dict(sorted(paths.items()))
 
 
 def weights_path(name_or_file: str = "") -> pathlib.Path:
