@@ -11,6 +11,7 @@ and for `--config.train.init=FILE`. The format is described in `psgn_jax.weights
 0 done, 2 error, 5 disk full.
 """
 
+import contextlib
 import pathlib
 import sys
 from collections.abc import Mapping, Sequence
@@ -23,6 +24,7 @@ from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.schema import RecordError
 from psgn_jax.models import networks
+from psgn_jax.system.errors import UserError
 from psgn_jax.system.untrusted import one_line
 from psgn_jax.weights.file import (
     DTYPES,
@@ -35,7 +37,7 @@ from psgn_jax.weights.file import (
 from psgn_jax.weights.mask import FILE as MASK_FILE
 from psgn_jax.weights.mask import read_mask_network
 from psgn_jax.weights.opening import DEFAULT, shipped, weights_path
-from psgn_jax.weights.run_folder import open_run
+from psgn_jax.weights.run_folder import load_config, open_run
 
 _METRICS = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
 
@@ -106,19 +108,30 @@ def _export(values: Any) -> str:
 
 
 def _data_of(config: Config) -> list[dict[str, Any]]:
-    """Name of each data set; source and number of training samples if its manifest can be read."""
-    if not config.data.path:
-        return [{"name": "default data set"}]
-    rows: list[dict[str, Any]] = []
-    for folder in map(pathlib.Path, dict.fromkeys(config.data.folders)):
-        rows.append({"name": folder.name})
-        try:
+    """The data sets of a training, then those of the networks that it started from.
+
+    A row has the name and, if the manifest can be read, the source and the number of training
+    samples. Folders with the same name are listed with their parents' names.
+    """
+    folders = [pathlib.Path(folder) for folder in dict.fromkeys(config.data.folders)]
+    names = [folder.name for folder in folders]
+    rows: list[dict[str, Any]] = [] if folders else [{"name": "default data set"}]
+    for folder in folders:
+        alone = names.count(folder.name) == 1
+        rows.append({"name": folder.name if alone else f"{folder.parent.name}/{folder.name}"})
+        with contextlib.suppress(RecordError, OSError):
             manifest = load_manifest(folder)
-        except (RecordError, OSError):
-            continue
-        shards = manifest.splits().get(config.data.train_split, ())
-        rows[-1] |= {"source": manifest.source, "samples": sum(shard.count for shard in shards)}
-    return rows
+            shards = manifest.splits().get(config.data.train_split, ())
+            rows[-1] |= {"source": manifest.source, "samples": sum(shard.count for shard in shards)}
+    for init in filter(None, map(str.strip, config.train.init.split(","))):
+        with contextlib.suppress(UserError, OSError):
+            is_run = pathlib.Path(init).is_dir()
+            rows += (
+                _data_of(load_config(init))
+                if is_run
+                else read_weights(weights_path(init)).figures["data"]
+            )
+    return [row for i, row in enumerate(rows) if row not in rows[:i]]
 
 
 def describe(weights: Weights, path: pathlib.Path, *, is_default: bool = False) -> str:

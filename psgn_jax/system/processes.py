@@ -8,6 +8,8 @@ import os
 import pathlib
 import sys
 
+from psgn_jax.system.quiet import quiet_orbax
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 """The folder that contains the packages `psgn_jax` and `data_gen`."""
 
@@ -36,7 +38,7 @@ def environment(**changes: str) -> dict[str, str]:
 
 
 def start_command() -> None:
-    """Changes the environment of this process for a command; only its entry point calls this.
+    """Changes this process for a command; only its entry point calls this, once.
 
     Its children import from absolute folders only. XLA's and CUDA's native code logs only fatal
     errors, unless TF_CPP_MIN_LOG_LEVEL is set: when XLA loads a program from the compilation cache
@@ -45,3 +47,4 @@ def start_command() -> None:
     """
     os.environ.update(environment())
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+    quiet_orbax()

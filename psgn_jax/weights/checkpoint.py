@@ -10,13 +10,11 @@ leaves no incomplete checkpoint behind; the checksums detect later damage.
 import contextlib
 import errno
 import json
-import logging as python_logging
 import math
 import os
 import pathlib
 import re
 import shutil
-import sys
 import zlib
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple, TypeVar
@@ -69,7 +67,6 @@ class Checkpoints:
         self._directory = pathlib.Path(directory).absolute()
         self._keep = keep
         self._read_only = read_only
-        _quiet_threads()
         self._saver: ocp.AsyncCheckpointer | None = None
         if self._directory.is_dir() and not read_only:
             for pattern in ("*.orbax-checkpoint-tmp*", "*.deleting"):
@@ -248,35 +245,6 @@ def _read_scores(path: pathlib.Path) -> dict[int, dict[str, float]]:
     except (ValueError, TypeError, AttributeError, RecursionError) as error:
         logging.warning("%s is damaged (%s): the best checkpoint is unknown", path, brief(error))
         return {}
-
-
-def _quiet_threads() -> None:
-    """Suppresses messages of orbax's threads about an error, which is raised here anyway.
-
-    The threads log the error with a stack trace. If one array cannot be read or written, orbax also
-    closes its event loop while operations on other arrays are pending. When such an operation ends,
-    Python prints an exception, "Event loop is closed". If an operation has failed before the loop
-    was closed, asyncio logs that its exception was never retrieved.
-    """
-    for logger in (logging.get_absl_logger(), python_logging.getLogger("asyncio")):
-        logger.addFilter(_is_news)  # adding it again has no effect
-    before = sys.unraisablehook
-    if getattr(before, "__name__", "") == "_ignore_closed_loops":
-        return
-
-    def _ignore_closed_loops(unraisable: Any) -> None:
-        if str(unraisable.exc_value) != "Event loop is closed":
-            before(unraisable)
-
-    sys.unraisablehook = _ignore_closed_loops
-
-
-def _is_news(record: python_logging.LogRecord) -> bool:
-    message = record.getMessage()
-    of_tensorstore = "tensorstore_spec" in message or "OCDBT database" in message
-    if of_tensorstore and "exception was never retrieved" in message:
-        return False
-    return not (record.exc_info and f"{os.sep}orbax{os.sep}" in record.pathname)
 
 
 @contextlib.contextmanager

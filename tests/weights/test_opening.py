@@ -6,6 +6,7 @@ import shutil
 import jax
 import numpy as np
 import pytest
+from helpers import weights as tiny
 
 import psgn_jax
 from psgn_jax.commands import weights as command
@@ -17,10 +18,8 @@ from psgn_jax.weights.opening import DEFAULT, open_network, weights_path
 from psgn_jax.weights.opening import shipped as shipped_files
 
 
-@pytest.fixture
-def run(config, weights, tmp_path):
-    """The folder of a run whose averaged parameters differ from the current ones."""
-    folder = tmp_path / "run"
+def write_run(folder, config, weights):
+    """A run whose averaged parameters differ from the current ones."""
     checkpoints = Checkpoints(folder / "checkpoints")
     doubled = jax.tree.map(lambda leaf: 2 * leaf, weights.params)
     leaves = named_leaves({"params": doubled, "ema": weights.params})
@@ -29,6 +28,11 @@ def run(config, weights, tmp_path):
     checkpoints.score(12, {"cd_sq_radius2": 0.5, "emd_radius": 0.25})
     (folder / "config.json").write_text(to_json(config))
     return folder
+
+
+@pytest.fixture
+def run(config, weights, tmp_path):
+    return write_run(tmp_path / "run", config, weights)
 
 
 def test_without_shipped_weights_one_line_says_what_to_do(shipped):
@@ -85,6 +89,18 @@ def test_export_takes_the_checkpoint_as_asked(run, weights, tmp_path, capsys):
     assert read.figures["samples_seen"] == seen + 1000
     assert (read.figures["averaged"], read.figures["metrics"]) == (False, {})
     np.testing.assert_allclose(jax.tree.leaves(read.params)[0], 2 * want, rtol=1e-3)
+
+
+def test_weights_list_the_data_of_all_trainings_once(run, weights, tmp_path, capsys):
+    first, second = tmp_path / "first.safetensors", tmp_path / "second.safetensors"
+    assert command.main(["export", f"--workdir={run}", f"--out={first}"]) == 0
+    changes = {"data__path": "/a/level/chairs,/a/turned/chairs,/b/records"}
+    going_on = tiny.config(**changes, train__init=f"{first}, {run}, {tmp_path / 'none'}")
+    again = write_run(tmp_path / "again", going_on, weights)
+    assert command.main(["export", f"--workdir={again}", f"--out={second}"]) == 0
+    names = [row["name"] for row in read_weights(second).figures["data"]]
+    assert names == ["level/chairs", "turned/chairs", "records"]
+    assert psgn_jax.load(second).checksum == psgn_jax.load(first).checksum
 
 
 def test_list_shows_figures_data_and_licences(file, shipped, capsys):
