@@ -31,14 +31,14 @@ from psgn_jax.system.files import check_folder, write_atomic
 from psgn_jax.system.memory import keep_freed_memory
 from psgn_jax.weights.mask import read_mask_network
 from psgn_jax.weights.opening import open_network
-from psgn_jax.weights.run_folder import Run
+from psgn_jax.weights.run_folder import Trained
 
 _OPTIONS = ("split", "out", "draws", "frame", "refine")
 
 
 def open_with_records(
     workdir: str | None, weights: str | None, checkpoint: str = "best", data: str | None = None
-) -> Run:
+) -> Trained:
     """Opens a network to be evaluated; `data` replaces the records of its configuration."""
     run = open_network(workdir, weights, checkpoint)
     config = run.config
@@ -49,7 +49,7 @@ def open_with_records(
     return run._replace(config=with_default_data(config))
 
 
-def _baselines(run: Run, split: str | None, out: str | None) -> str:
+def _baselines(run: Trained, split: str | None, out: str | None) -> str:
     """Writes `baselines.txt` and `baselines.json`; returns the table."""
     require_points_task(run.config, "--baselines")
     split = split or run.config.data.eval_split

@@ -71,7 +71,7 @@ class Collector:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Run:
+class Reported:
     """The evaluation of one network, with its clouds.
 
     Attributes:
@@ -87,7 +87,7 @@ class Run:
     num_fc: int = 0
 
 
-def write_report(folder: str | pathlib.Path, runs: Sequence[Run]) -> pathlib.Path:
+def write_report(folder: str | pathlib.Path, runs: Sequence[Reported]) -> pathlib.Path:
     """Writes the pages; returns the path of `index.html`.
 
     Args:
@@ -147,7 +147,7 @@ def write_report(folder: str | pathlib.Path, runs: Sequence[Run]) -> pathlib.Pat
 
 
 def _viewer_case(
-    i: int, title: str, runs: Sequence[Run], errors: Sequence[np.ndarray]
+    i: int, title: str, runs: Sequence[Reported], errors: Sequence[np.ndarray]
 ) -> page.Case:
     cases = [run.cases[i] for run in runs]
     # The slider of the viewer can only show clouds with the same number of points.
@@ -174,7 +174,7 @@ def _thumbs(case: Mapping[str, np.ndarray]) -> list[str]:
     return uris
 
 
-def _table(runs: Sequence[Run]) -> list[list[str]]:
+def _table(runs: Sequence[Reported]) -> list[list[str]]:
     """The header and the rows as text, averages last; two runs have their columns side by side."""
     metrics = [name for name in _TABLE if name in runs[0].evaluation.metrics]
     head = ["category", "samples"]

@@ -24,13 +24,13 @@ from psgn_jax.evaluation.split import OnBatch
 from psgn_jax.models import networks
 from psgn_jax.system import group
 from psgn_jax.system.files import check_folder, write_atomic
-from psgn_jax.weights.run_folder import Run
+from psgn_jax.weights.run_folder import Trained
 
 FRAMES = ("keep", "place")
 
 
 def evaluate_run(
-    run: Run,
+    run: Trained,
     create_task: Callable[[Config, str], Any],
     *,
     split: str | None = None,
@@ -90,7 +90,7 @@ def evaluate_run(
 
 
 def output_folder(
-    run: Run, out: str | pathlib.Path | None, name: str, split: str, ends: str = ""
+    run: Trained, out: str | pathlib.Path | None, name: str, split: str, ends: str = ""
 ) -> pathlib.Path:
     """`out`, or the default folder of results; raises `ConfigError` if it cannot be written."""
     default = f"{name}_{run.source}_{split}{ends}"
@@ -102,7 +102,7 @@ def output_folder(
 
 def report_runs(
     folder: str | pathlib.Path,
-    runs: Sequence[Run],
+    runs: Sequence[Trained],
     create_task: Callable[[Config, str], Any],
     **options: Any,
 ) -> Evaluation:
@@ -120,7 +120,7 @@ def report_runs(
         options["out"] = None
         label = pathlib.Path(run.source).resolve().name
         num_fc = len(networks.build(run.config.model).branches.fc)
-        reported.append(report_lib.Run(label, result, collector, num_fc))
+        reported.append(report_lib.Reported(label, result, collector, num_fc))
     try:
         page = report_lib.write_report(folder, reported)
     except ValueError as error:

@@ -22,7 +22,7 @@ from psgn_jax.portable.network import PortableNetwork
 from psgn_jax.prediction import sampling
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import write_atomic
-from psgn_jax.weights.run_folder import Run
+from psgn_jax.weights.run_folder import Trained
 
 FORMAT = "psgn_jax network 1"
 LATENTS = 16
@@ -69,7 +69,7 @@ def require_packages() -> None:
 
 
 def write_network(
-    run: Run,
+    run: Trained,
     out: str | os.PathLike[str],
     *,
     weights: Sequence[str] = ("float32", "float16"),
@@ -131,7 +131,7 @@ def write_network(
     return description
 
 
-def write_folder(run: Run, out: str | os.PathLike[str], **options: Any) -> dict[str, Any]:
+def write_folder(run: Trained, out: str | os.PathLike[str], **options: Any) -> dict[str, Any]:
     """Calls `write_network`, adds a README and examples; returns the content of `network.json`."""
     description = write_network(run, out, **options)
     height, width = description["image_size"]
@@ -235,7 +235,7 @@ def check(
     return row | {"cd": cd, "cd_change": change}
 
 
-def _describe(run: Run, network: PortableNetwork) -> dict[str, Any]:
+def _describe(run: Trained, network: PortableNetwork) -> dict[str, Any]:
     """The content of `network.json`, for programs that call the network; no files yet."""
     model = network.config.model
     intrinsics, extrinsics = camera.default_camera(framing.VIEW_SIZE)

@@ -21,7 +21,7 @@ from jax import export as jax_export
 from psgn_jax.config.experiment import Config, ConfigError, require_points_task
 from psgn_jax.models import networks
 from psgn_jax.models.cpu_convolution import plain_convolutions
-from psgn_jax.weights.run_folder import Run
+from psgn_jax.weights.run_folder import Trained
 
 PLATFORMS = ("cpu", "cuda", "rocm", "tpu")
 """Platforms of the StableHLO program."""
@@ -42,7 +42,7 @@ class PortableNetwork:
       config: configuration of the training, with `compute_dtype` changed to float32.
     """
 
-    def __init__(self, run: Run):
+    def __init__(self, run: Trained):
         """The network of an opened run, see `weights.opening.open_network`.
 
         Raises:

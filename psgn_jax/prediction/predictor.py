@@ -24,7 +24,7 @@ from psgn_jax.prediction.refine import refined
 from psgn_jax.prediction.silhouette import largest_share
 from psgn_jax.system.files import write_atomic
 from psgn_jax.weights.leaves import checksum, named_leaves
-from psgn_jax.weights.run_folder import Run
+from psgn_jax.weights.run_folder import Trained
 
 FC, DECONV = 0, 1
 
@@ -107,7 +107,7 @@ class Prediction:
 class Predictor:
     """A trained network that can be called with images; `weights.opening` opens the run."""
 
-    def __init__(self, run: Run):
+    def __init__(self, run: Trained):
         config = run.config
         require_points_task(config, "a prediction from photos")
         if "depth" in config.data.inputs:

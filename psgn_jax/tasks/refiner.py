@@ -29,12 +29,12 @@ from psgn_jax.tasks.task import Batch, Task
 from psgn_jax.tasks.voxels import GRID, apply, voxel_task
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.leaves import named_leaves
-from psgn_jax.weights.run_folder import Run, open_run
+from psgn_jax.weights.run_folder import Trained, open_run
 
 CLOUDS = ("from_cd", "from_emd")
 
 
-def open_source(config: Config, workdir: pathlib.Path, name: str) -> Run:
+def open_source(config: Config, workdir: pathlib.Path, name: str) -> Trained:
     """Opens the run that `voxels.<name>` names, or its copy in `workdir` if there is one.
 
     Raises:
@@ -136,7 +136,7 @@ def refiner_task(config: Config, workdir: pathlib.Path) -> Task:
     )
 
 
-def _keep(sources: Mapping[str, Run], frozen: pathlib.Path) -> None:
+def _keep(sources: Mapping[str, Trained], frozen: pathlib.Path) -> None:
     """Copies runs into the folder `frozen`, unless complete copies exist."""
     for name, source in sources.items():
         folder = frozen / name

@@ -17,7 +17,7 @@ from psgn_jax.config.experiment import Config, ConfigError, suggestion
 from psgn_jax.weights import mask
 from psgn_jax.weights.file import SUFFIX, read_weights
 from psgn_jax.weights.leaves import named_leaves
-from psgn_jax.weights.run_folder import Run, open_run
+from psgn_jax.weights.run_folder import Trained, open_run
 
 FOLDER = pathlib.Path(__file__).resolve().parent
 """Folder of the files in the package."""
@@ -61,7 +61,7 @@ def open_network(
     workdir: str | os.PathLike[str] | None = None,
     weights: str | None = None,
     checkpoint: str = "best",
-) -> Run:
+) -> Trained:
     """Opens a trained network from a run or from weights.
 
     Args:
@@ -83,10 +83,10 @@ def open_network(
     path = weights_path(weights or "")
     read = read_weights(path)
     step, scores = read.figures["step"], dict(read.figures["metrics"])
-    return Run(read.config, step, read.params, scores, path.stem, "weights", read.sources)
+    return Trained(read.config, step, read.params, scores, path.stem, "weights", read.sources)
 
 
-def open_initial(config: Config) -> Run:
+def open_initial(config: Config) -> Trained:
     """Opens the network that `train.init` names: the folder of a run, a file of weights, or a name.
 
     Several, separated by commas, must have the same layers; the result has the mean of their
@@ -123,7 +123,7 @@ def open_initial(config: Config) -> Run:
     return runs[0]._replace(params=params, source=source)
 
 
-def _open(config: Config, init: str) -> Run:
+def _open(config: Config, init: str) -> Trained:
     path = pathlib.Path(init)
     if path.exists() or init in shipped():
         run = open_network(path) if path.is_dir() else open_network(weights=init)

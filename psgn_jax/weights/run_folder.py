@@ -20,8 +20,8 @@ from psgn_jax.weights.checkpoint import Checkpoint, CheckpointError, Checkpoints
 from psgn_jax.weights.leaves import params_from_named_leaves
 
 
-class Run(NamedTuple):
-    """A trained run, opened at one checkpoint.
+class Trained(NamedTuple):
+    """A trained network: a run opened at one checkpoint, or a file of weights.
 
     Attributes:
       config: configuration of the run.
@@ -47,7 +47,7 @@ class Run(NamedTuple):
 
 def open_run(
     workdir: str | os.PathLike[str], checkpoint: str = "best", *, averaged: bool = True
-) -> Run:
+) -> Trained:
     """Opens a run at its best or last checkpoint.
 
     Args:
@@ -78,7 +78,7 @@ def open_run(
     _check_fits(config, trained, f"--workdir={workdir}", opened.step)
     params = params_from_named_leaves(opened.leaves, averaged=averaged)
     scores = checkpoints.scores.get(opened.step, {})
-    return Run(config, opened.step, params, scores, str(workdir), checkpoint=checkpoint)
+    return Trained(config, opened.step, params, scores, str(workdir), checkpoint=checkpoint)
 
 
 _OF_THE_NETWORK = ("task", "model.", "data.image_size", "data.inputs", "voxels.")

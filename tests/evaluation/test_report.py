@@ -27,7 +27,7 @@ def made(count=13, label="first", n=40, seed=0):
     error = rng.permutation(count) * 0.01 + 0.005
     metrics = {"cd_sq_radius2": error, "cd_l1_radius": error**0.5, "fscore": 1 - error}
     evaluation = Evaluation("validation", names, metrics, 0.01, (n, 90))
-    return report.Run(label, evaluation, cases, n // 4)
+    return report.Reported(label, evaluation, cases, n // 4)
 
 
 def data_of(path):

@@ -10,7 +10,7 @@ from helpers import weights as tiny
 
 from psgn_jax.evaluation.results import Evaluation, SampleName
 from psgn_jax.evaluation.run import evaluate_run
-from psgn_jax.weights.run_folder import Run
+from psgn_jax.weights.run_folder import Trained
 
 
 @pytest.mark.parametrize(("asked", "want"), [(None, True), (False, False), (True, True)])
@@ -26,7 +26,7 @@ def test_the_runs_own_setting_decides_whether_clouds_are_refined(tmp_path, asked
         seen.append(config)
         return types.SimpleNamespace(evaluate=evaluate)
 
-    evaluate_run(Run(config, 1, {}, {}, "tiny", "weights"), create, out=tmp_path, refine=asked)
+    evaluate_run(Trained(config, 1, {}, {}, "tiny", "weights"), create, out=tmp_path, refine=asked)
     assert seen == [
         dataclasses.replace(
             config, eval=dataclasses.replace(config.eval, aligned=True, refine=want)

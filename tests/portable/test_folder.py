@@ -26,7 +26,7 @@ from psgn_jax.portable import folder, onnx_file
 from psgn_jax.portable.network import PortableNetwork
 from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.weights.file import write_weights
-from psgn_jax.weights.run_folder import Run
+from psgn_jax.weights.run_folder import Trained
 
 NETWORKS = {
     "with r": {"model__random_size": 3},
@@ -43,7 +43,7 @@ NETWORKS = {
 
 def make_run(size=(48, 64), **changes):
     config = helper.config(data__image_size=size, **changes)
-    return Run(config, 7, helper.random_params(config), {}, "tiny", "weights")
+    return Trained(config, 7, helper.random_params(config), {}, "tiny", "weights")
 
 
 def arrays_for(network, images, draws=2, seed=0):

@@ -22,7 +22,7 @@ from psgn_jax.training import loop
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.leaves import named_leaves
 from psgn_jax.weights.opening import open_network
-from psgn_jax.weights.run_folder import Run
+from psgn_jax.weights.run_folder import Trained
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def params(config):
 
 @pytest.fixture(scope="module")
 def predictor(config, params):
-    return Predictor(Run(config, 7, params, {}, "runs/x"))
+    return Predictor(Trained(config, 7, params, {}, "runs/x"))
 
 
 def photo_of_a_box(height=90, width=120):
@@ -168,11 +168,11 @@ def test_wrong_arguments(predictor, config, params):
         predictor(photo_of_a_box(), np.ones((5, 5), bool))
     depth = standin.config(data__inputs=("rgb", "mask", "depth"))
     with pytest.raises(ConfigError, match="photos have no depth"):
-        Predictor(Run(depth, 7, params, {}))
+        Predictor(Trained(depth, 7, params, {}))
     fixed = standin.config(model__random_size=0)
     with pytest.raises(ConfigError, match="samples=2: accepted: 1, as this network has no random"):
-        Predictor(Run(fixed, 7, params, {}))(photo_of_a_box(), samples=2)
-    broken = Predictor(Run(config, 7, jax.tree.map(lambda leaf: leaf * np.nan, params), {}))
+        Predictor(Trained(fixed, 7, params, {}))(photo_of_a_box(), samples=2)
+    broken = Predictor(Trained(config, 7, jax.tree.map(lambda leaf: leaf * np.nan, params), {}))
     with pytest.raises(ConfigError, match="not finite"):
         broken(photo_of_a_box())
 

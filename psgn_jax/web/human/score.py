@@ -32,7 +32,7 @@ from psgn_jax.studies import figures
 from psgn_jax.system.files import finite_or_none, write_atomic
 from psgn_jax.system.untrusted import message_line, one_line
 from psgn_jax.web.human.files import Answer, StudyFile
-from psgn_jax.weights.run_folder import Run
+from psgn_jax.weights.run_folder import Trained
 
 NUM_POINTS = 1024
 """Points of each model in the paper."""
@@ -70,7 +70,7 @@ class Scored:
     metrics: Mapping[str, Mapping[str, float]]
 
 
-def label_networks(runs: Sequence[Run]) -> dict[str, Run]:
+def label_networks(runs: Sequence[Trained]) -> dict[str, Trained]:
     """Names for the networks: the last part of their folder, or of the name of their weights.
 
     Raises:
@@ -78,7 +78,7 @@ def label_networks(runs: Sequence[Run]) -> dict[str, Run]:
     """
     if len(runs) > MAX_NETWORKS:
         raise ConfigError(f"{len(runs)} networks: accepted: at most {MAX_NETWORKS}")
-    labelled: dict[str, Run] = {}
+    labelled: dict[str, Trained] = {}
     for run in runs:
         require_points_task(run.config, "psgn human score")
         label = one_line(pathlib.Path(run.source).resolve().name)
@@ -90,7 +90,7 @@ def label_networks(runs: Sequence[Run]) -> dict[str, Run]:
     return labelled
 
 
-def predict(run: Run, samples: Sequence[Sample], records: Sequence[int]) -> list[np.ndarray]:
+def predict(run: Trained, samples: Sequence[Sample], records: Sequence[int]) -> list[np.ndarray]:
     """Points [n, 3] of a network for each image; a random input depends on the record's number.
 
     Raises:
@@ -119,7 +119,7 @@ def score(
     study: StudyFile,
     answers: Sequence[Answer],
     samples: Sequence[Sample],
-    networks: Mapping[str, Run],
+    networks: Mapping[str, Trained],
     num_points: int = NUM_POINTS,
 ) -> list[Scored]:
     """Points and metrics of every case that has a model.
@@ -172,7 +172,7 @@ def write_scores(
     out: pathlib.Path,
     study: StudyFile,
     scored: Sequence[Scored],
-    networks: Mapping[str, Run],
+    networks: Mapping[str, Trained],
     num_points: int,
 ) -> str:
     """Writes scores.json, scores.md and scores.png, the paper's figure; returns scores.md."""

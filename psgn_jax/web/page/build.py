@@ -12,7 +12,7 @@ from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing.page import CLOUD_SCRIPT
 from psgn_jax.web.page.browser_runtime import runtime_files
 from psgn_jax.weights.mask import read_mask_network
-from psgn_jax.weights.run_folder import Run
+from psgn_jax.weights.run_folder import Trained
 
 MASK_NETWORK = "mask.onnx"
 STATIC = pathlib.Path(__file__).resolve().parent / "static"
@@ -21,7 +21,7 @@ LARGEST = 30_000_000
 
 
 def build_page(
-    run: Run,
+    run: Trained,
     out: str | os.PathLike[str],
     *,
     weights: str = "float16",

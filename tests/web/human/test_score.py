@@ -17,7 +17,7 @@ from psgn_jax.data.dataset import write_dataset
 from psgn_jax.web.human import score
 from psgn_jax.web.human.files import build_study, open_cases, read_answers, read_study
 from psgn_jax.web.human.score import sample_union
-from psgn_jax.weights.run_folder import Run
+from psgn_jax.weights.run_folder import Trained
 
 TABLE = [turn(corners(*box)).tolist() for box in (TOP, *LEGS)]
 
@@ -136,7 +136,7 @@ def test_other_records_are_refused(study, tmp_path, records):
 
 def network(source, **changes):
     config = helper.config(model__fc_points=40, **changes)
-    return Run(config, 7, helper.random_params(config), {}, source, "weights", helper.SOURCES)
+    return Trained(config, 7, helper.random_params(config), {}, source, "weights", helper.SOURCES)
 
 
 @pytest.fixture

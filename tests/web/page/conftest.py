@@ -10,7 +10,7 @@ from helpers import weights as helper
 
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.web.page import browser_runtime
-from psgn_jax.weights.run_folder import Run
+from psgn_jax.weights.run_folder import Trained
 
 
 @pytest.fixture(scope="session")
@@ -34,7 +34,7 @@ def run():
         model__fc_points=40,
         model__deconv_level=1,
     )
-    return Run(config, 7, helper.random_params(config), {}, "tiny", "weights", helper.SOURCES)
+    return Trained(config, 7, helper.random_params(config), {}, "tiny", "weights", helper.SOURCES)
 
 
 @pytest.fixture(scope="session")
