@@ -3,9 +3,13 @@
 import platform
 import zlib
 
+from absl import logging
+
 from psgn_jax.config.command_line import Flags
 from psgn_jax.system.cores import features_line
-from psgn_jax.system.files import cache_folder
+from psgn_jax.system.errors import UserError
+from psgn_jax.system.files import cache_folder, check_folder
+from psgn_jax.system.untrusted import message_line, refuse_special_files
 
 
 def define_network_flags(flags: Flags) -> None:
@@ -28,7 +32,7 @@ def keep_compiled() -> None:
     Call it before JAX compiles anything. JAX_COMPILATION_CACHE_DIR names another folder.
 
     The cache has one folder per type of processor, because a program that was compiled for one may
-    not run on another.
+    not run on another. Without a home, or where the folder cannot be written, nothing is kept.
     """
     import jax  # imported here so that wrong flags are reported before JAX is loaded
 
@@ -36,6 +40,12 @@ def keep_compiled() -> None:
         return
     features = features_line() or platform.processor()
     kind = f"{platform.machine()}-{zlib.crc32(features.encode()):08x}"
-    folder = cache_folder() / "compiled" / kind
+    try:
+        folder = cache_folder() / "compiled" / kind
+        check_folder(folder, "PSGN_CACHE")
+        refuse_special_files(folder)
+    except (OSError, UserError) as error:
+        logging.info("compiled programs are not kept: %s", message_line(error))
+        return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.5)

@@ -56,9 +56,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     if argv is None:
         start_command()
-    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        return _run(list(sys.argv[1:] if argv is None else argv))
+    except KeyboardInterrupt:  # while the command's modules were being imported
+        sys.stderr.write("stopped by Ctrl-C\n")
+        return 130
+    except OSError as error:  # of a help text that stdout does not take
+        sys.stderr.write(f"error: {error.strerror or error}\n")
+        return 2
+
+
+def _run(arguments: Sequence[str]) -> int:
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         sys.stdout.write(_help())
+        sys.stdout.flush()
         return 0
     if arguments[0] == "--version":
         sys.stdout.write(f"psgn_jax {metadata.version('psgn-jax')}\n")
@@ -70,11 +81,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             f"{', '.join(COMMANDS)}\n"
         )
         return 2
-    try:
-        code: int = importlib.import_module(module(name)).main(rest)
-    except KeyboardInterrupt:  # while the command's modules were being imported
-        sys.stderr.write("stopped by Ctrl-C\n")
-        return 130
+    code: int = importlib.import_module(module(name)).main(rest)
     return code
 
 

@@ -11,7 +11,6 @@ by its own hashes. The CRC-32 of a record also detects changes between encoder a
 
 import collections
 import contextlib
-import errno
 import itertools
 import os
 import pathlib
@@ -33,7 +32,13 @@ from psgn_jax.data.manifest import (
     save_manifest,
 )
 from psgn_jax.data.schema import RecordError, Sample
-from psgn_jax.system.files import file_crc32, install, is_disk_full, remove_temporaries
+from psgn_jax.system.files import (
+    file_crc32,
+    install,
+    native_error,
+    remove_temporaries,
+    temporary_for,
+)
 from psgn_jax.system.untrusted import brief, kind_of
 
 T = TypeVar("T")
@@ -64,7 +69,7 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
         *, tag: str = "",
     ) -> None:  # fmt: skip
         self._path = folder / shard_name(split, number, tag)
-        self._temporary = folder / f".{self._path.name}.{os.getpid()}.tmp"
+        self._temporary = temporary_for(self._path)
         self._split, self.inputs = split, tuple(inputs)
         self._categories: collections.Counter[str] = collections.Counter()
         self._fields = set(schema.FIELDS)
@@ -86,8 +91,7 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
         try:
             yield
         except RuntimeError as error:
-            number = errno.ENOSPC if is_disk_full(error) else errno.EIO
-            raise OSError(number, os.strerror(number), str(self._path)) from error
+            raise native_error(error, self._path) from error
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
         try:

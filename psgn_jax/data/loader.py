@@ -12,6 +12,7 @@ the time), or one of `num_workers` processes.
 
 import gc
 import itertools
+import signal
 import sys
 from collections.abc import Callable, Generator, Sequence
 
@@ -26,6 +27,7 @@ from psgn_jax.data.batches import ORDER, Batch, EvalBatch, Items, TrainBatch, mo
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
 from psgn_jax.system.cores import num_cores
+from psgn_jax.system.errors import UserError
 
 MAX_THREADS = 8
 """Largest number of decoding threads in one process, which is also limited by the cores."""
@@ -83,6 +85,14 @@ def _iterate(
         # Workers pass arrays in shared memory, which Grain frees when it deletes the array. A JAX
         # array on the CPU may still use that memory, so the consumer gets a copy.
         yield from map(_plain, iterator)
+    except RuntimeError as error:
+        if f"exit code {-signal.SIGBUS}." not in str(error):
+            raise
+        raise UserError(
+            f"data.num_workers={cfg.num_workers}: there is not enough shared memory (/dev/shm) for "
+            "the batches of the worker processes; set data.num_workers=0, or give more of it "
+            "(docker run --shm-size=1g)"
+        ) from error
     finally:
         iterator.close()
         # Grain keeps batches that were made ahead in reference cycles and removes their shared

@@ -6,6 +6,7 @@ import math
 import os
 import pathlib
 import re
+import secrets
 import tempfile
 import zlib
 from collections.abc import Mapping
@@ -16,24 +17,33 @@ from psgn_jax.system.errors import UserError
 DISK_FULL = 5
 """Exit code of a command that failed because the disk was full."""
 
-_TEMPORARY = re.compile(r"\..+\.[0-9]+\.tmp", re.DOTALL)
+_TEMPORARY = re.compile(r"\..+\.[0-9a-f]{8}\.tmp", re.DOTALL)
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
 def is_disk_full(error: BaseException) -> bool:
     """Whether an error, or one that caused it, means that a file system is full.
 
-    An exceeded disk quota and an exceeded maximum file size count as a full file system. Errors of
-    C++ libraries are recognised by their text.
+    An exceeded disk quota and an exceeded maximum file size count as a full file system.
     """
     seen: BaseException | None = error
     while seen is not None:
         if isinstance(seen, OSError) and seen.errno in _FULL:
             return True
-        if any(os.strerror(number) in str(seen) for number in _FULL):
-            return True
         seen = seen.__cause__ or seen.__context__
     return False
+
+
+def native_error(error: BaseException, path: pathlib.Path) -> OSError:
+    """The `OSError` for an error of a C++ library that was writing to `path`.
+
+    Such a library states only the text of the system's error. Names of folders may contain the same
+    text, so they are removed before the text is searched.
+    """
+    said = str(error).replace(str(path.parent), "")
+    full = is_disk_full(error) or any(os.strerror(number) in said for number in _FULL)
+    number = errno.ENOSPC if full else errno.EIO
+    return OSError(number, os.strerror(number), str(path))
 
 
 def exit_code_of(error: BaseException) -> int | None:
@@ -41,12 +51,13 @@ def exit_code_of(error: BaseException) -> int | None:
 
     The user can fix errors with an attribute `exit_code` (`UserError`, and `RecordError` of
     `data.schema`), errors of the operating system (2, or `DISK_FULL` if the disk is full), and too
-    little memory on a device (2).
+    little memory on the host or a device (2).
     """
     if is_disk_full(error):
         return DISK_FULL
-    no_memory = type(error).__name__ == "JaxRuntimeError" and "RESOURCE_EXHAUSTED" in str(error)
-    return getattr(error, "exit_code", 2 if isinstance(error, OSError) or no_memory else None)
+    on_device = type(error).__name__ == "JaxRuntimeError" and "RESOURCE_EXHAUSTED" in str(error)
+    fixable = isinstance(error, OSError | MemoryError) or on_device
+    return getattr(error, "exit_code", 2 if fixable else None)
 
 
 def check_folder(folder: str | os.PathLike[str], name: str) -> None:
@@ -94,8 +105,27 @@ def cache_folder() -> pathlib.Path:
     """Folder for data and compiled programs: $PSGN_CACHE, or ~/.cache/psgn_jax.
 
     Its contents can be deleted; they are created again when needed.
+
+    Raises:
+      UserError: PSGN_CACHE is not set, and the user has no home, as in `docker run -u 1234`.
     """
-    return pathlib.Path(os.environ.get("PSGN_CACHE") or pathlib.Path.home() / ".cache" / "psgn_jax")
+    if given := os.environ.get("PSGN_CACHE"):
+        return pathlib.Path(given)
+    try:
+        return pathlib.Path.home() / ".cache" / "psgn_jax"
+    except RuntimeError:
+        raise UserError(
+            "this user has no home folder; name a folder for the cache in the environment variable "
+            "PSGN_CACHE"
+        ) from None
+
+
+def temporary_for(path: pathlib.Path) -> pathlib.Path:
+    """A name beside `path` that nothing else uses; see `remove_temporaries`.
+
+    Not even another machine or container that writes to the same disk: they may share process ids.
+    """
+    return path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
 
 
 def write_atomic(path: str | os.PathLike[str], content: bytes | str, *, sync: bool = True) -> None:
@@ -109,7 +139,7 @@ def write_atomic(path: str | os.PathLike[str], content: bytes | str, *, sync: bo
     """
     path = pathlib.Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = temporary_for(path)
     try:
         temporary.write_bytes(content.encode() if isinstance(content, str) else content)
         if sync:
@@ -140,7 +170,7 @@ def _sync(path: pathlib.Path) -> None:
 
 
 def remove_temporaries(folder: pathlib.Path) -> None:
-    """Removes the temporary files (`.NAME.PID.tmp`) that killed processes left in a folder."""
+    """Removes the temporary files that killed processes left in a folder."""
     for path in folder.glob(".*.tmp"):
         if _TEMPORARY.fullmatch(path.name):
             path.unlink(missing_ok=True)

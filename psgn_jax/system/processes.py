@@ -4,6 +4,7 @@ Python puts the current folder first on the import path of `python -m` and `pyth
 others are data, so a `numpy.py` beside a mesh must not run in the children of a command.
 """
 
+import io
 import os
 import pathlib
 import sys
@@ -44,7 +45,15 @@ def start_command() -> None:
     errors, unless TF_CPP_MIN_LOG_LEVEL is set: when XLA loads a program from the compilation cache
     on a CPU, it wrongly warns, in 3,000 characters, that the processor lacks two features, which
     are tuning flags of XLA. The variable has no effect once jaxlib has been imported.
+
+    A closed stdout or stderr (`psgn ... >&-`) takes everything, and a name that the encoding of
+    stdout lacks is escaped, as on stderr.
     """
     os.environ.update(environment())
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     quiet_orbax()
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")

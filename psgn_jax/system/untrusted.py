@@ -1,5 +1,7 @@
 """Handling of untrusted files: JSON and arrays in bounded memory, one-line messages."""
 
+import contextlib
+import errno
 import io
 import json
 import math
@@ -142,6 +144,18 @@ def _crc32(entry: Mapping[str, Any]) -> int:
     return zlib.crc32(json.dumps(entry, sort_keys=True).encode())
 
 
+def refuse_special_files(folder: str | os.PathLike[str]) -> None:
+    """Raises `OSError` if there is a named pipe, a socket or a device in a folder, at any depth.
+
+    Reading a named pipe would wait without end.
+    """
+    for parent, _, names in os.walk(folder):
+        for path in (os.path.join(parent, name) for name in names):
+            with contextlib.suppress(FileNotFoundError):  # removed by another process
+                if kind := kind_of(path):
+                    raise OSError(errno.EINVAL, f"it is {kind}, expected a file", path)
+
+
 def kind_of(path: str | os.PathLike[str]) -> str | None:
     """The kind of a path that is not a regular file, such as "a named pipe"; None for a file.
 
@@ -177,6 +191,8 @@ def message_line(error: object) -> str:
     For an error of the operating system, the line contains the file and the reason.
     """
     text = str(error)
+    if isinstance(error, MemoryError):
+        text = f"not enough memory; {text}".rstrip("; ")
     if isinstance(error, OSError) and error.strerror:
         named = isinstance(error.filename, str | bytes)
         text = (f"{one_line(os.fsdecode(error.filename))}: " if named else "") + error.strerror

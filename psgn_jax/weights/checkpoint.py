@@ -8,7 +8,6 @@ leaves no incomplete checkpoint behind; the checksums detect later damage.
 """
 
 import contextlib
-import errno
 import json
 import math
 import os
@@ -25,7 +24,7 @@ import orbax.checkpoint as ocp
 from absl import logging
 
 from psgn_jax.system.errors import UserError
-from psgn_jax.system.files import is_disk_full, write_atomic
+from psgn_jax.system.files import is_disk_full, native_error, write_atomic
 from psgn_jax.system.untrusted import brief, with_checksum, without_checksum
 
 FORMAT = 1
@@ -253,9 +252,8 @@ def _writing(folder: pathlib.Path) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        if is_disk_full(error):
-            number = errno.ENOSPC
-            raise OSError(number, os.strerror(number), str(folder)) from error
+        if is_disk_full(known := native_error(error, folder)):
+            raise known from error
         raise CheckpointError(
             f"the checkpoint in {folder} could not be written: {brief(error)}"
         ) from error

@@ -15,7 +15,7 @@ from absl import logging
 
 from psgn_jax.config.experiment import Config, ConfigError, DamagedError, flatten, from_json, parse
 from psgn_jax.system.files import remove_temporaries
-from psgn_jax.system.untrusted import brief
+from psgn_jax.system.untrusted import brief, refuse_special_files
 from psgn_jax.weights.checkpoint import Checkpoint, CheckpointError, Checkpoints
 from psgn_jax.weights.leaves import params_from_named_leaves
 
@@ -97,8 +97,14 @@ def _check_fits(config: Config, trained: Config, run: str, step: int) -> None:
 
 
 def load_config(workdir: str | os.PathLike[str]) -> Config:
-    """The configuration of a run; raises `ConfigError` if there is none."""
+    """The configuration of a run.
+
+    Raises:
+      ConfigError: there is none.
+      OSError: something in the folder is neither a file nor a folder.
+    """
     path = pathlib.Path(workdir) / "config.json"
+    refuse_special_files(workdir)
     try:
         text = path.read_text("utf-8", errors="replace")
     except FileNotFoundError:
@@ -133,6 +139,7 @@ def locked(workdir: str | pathlib.Path) -> Iterator[None]:
     """
     path = pathlib.Path(workdir) / ".lock"
     path.parent.mkdir(parents=True, exist_ok=True)
+    refuse_special_files(workdir)
     with open(path, "a") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

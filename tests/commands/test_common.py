@@ -46,7 +46,12 @@ def run(error):
         (FileNotFoundError(2, "No such file", "/no/such"), 2, "error: /no/such: No such file"),
         (OSError("two\nlines"), 2, "error: two lines"),
         (OSError(errno.ENOSPC, "No space left", "/a/b"), 5, "error: /a/b: No space left"),
-        (UserError(f"p: {os.strerror(errno.EDQUOT)}"), 5, "error: p: Disk quota exceeded"),
+        (
+            UserError("No space left on device.jpg: no image"),
+            2,
+            "error: No space left on device.jpg: no image",
+        ),
+        (MemoryError(), 2, "error: not enough memory"),
         (KeyboardInterrupt(), 130, "stopped by Ctrl-C"),
         (
             jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory\nallocating 9 bytes"),
@@ -102,14 +107,18 @@ print(jax.jit(lambda x: x @ x + 1)(jax.numpy.ones((64, 64))).sum())
 """
     environment = {"PATH": "/usr/bin:/bin", "JAX_PLATFORMS": "cpu", "PSGN_CACHE": str(tmp_path)}
     outputs = []
-    for _ in range(2):
+    for attempt in range(3):
+        if attempt == 2:  # without a cache: reading a named pipe would wait without end
+            (entry, *_) = tmp_path.rglob("*-cache")
+            entry.unlink()
+            os.mkfifo(entry)
         done = subprocess.run(
             [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, env=environment
         )
         assert done.returncode == 0, done.stderr
         assert done.stderr == ""
         outputs.append(done.stdout)
-    assert outputs[0] == outputs[1]
+    assert outputs[0] == outputs[1] == outputs[2]
     assert [path for path in tmp_path.rglob("*") if path.is_file()]
 
 

@@ -2,9 +2,12 @@
 
 import importlib.util
 import re
+import subprocess
+import sys
 
 import pytest
 from helpers.commands import ROOT, psgn_each
+from helpers.small_runs import write_solids
 
 from psgn_jax.commands import psgn as cli
 from psgn_jax.config import recipes as config_files
@@ -28,6 +31,23 @@ def test_an_unknown_command_ends_in_one_line(capsys):
     assert line.startswith(
         "error: psgn trian: no such command; did you mean 'train'? expected one of train"
     )
+
+
+@pytest.mark.parametrize(
+    ("shell", "code", "error"),
+    [
+        ('exec "$@" >&-', 0, ""),
+        ('exec "$@" > /dev/full', 2, "error: No space left on device\n"),
+        ('PYTHONIOENCODING=ascii exec "$@"', 0, ""),
+    ],
+)
+def test_output_that_nothing_can_take_ends_without_a_traceback(shell, code, error, tmp_path):
+    data = write_solids(tmp_path / "datä")
+    for arguments in (["--help"], ["inspect", data]):
+        script = "import sys; from psgn_jax.commands.psgn import main; sys.exit(main())"
+        program = ["bash", "-c", shell, "bash", sys.executable, "-c", script, *arguments]
+        done = subprocess.run(program, capture_output=True, text=True, cwd=ROOT)
+        assert (done.returncode, done.stderr) == (code, error)
 
 
 def test_arguments_and_exit_codes_are_those_of_the_command():

@@ -1,5 +1,8 @@
 import dataclasses
 import itertools
+import multiprocessing
+import os
+import signal
 
 import numpy as np
 import pytest
@@ -10,6 +13,7 @@ from psgn_jax.data import batches, camera, loader, visibility
 from psgn_jax.data.codec import decode
 from psgn_jax.data.dataset import RecordReader, write_dataset
 from psgn_jax.data.schema import RecordError
+from psgn_jax.system.errors import UserError
 
 
 @pytest.fixture(scope="module")
@@ -129,6 +133,17 @@ def test_worker_processes_equal_threads(cfg, whole):
     assert_all_same(got, whole[4:9])
     for batch in got:
         assert all(type(v) is np.ndarray for v in batch.values())  # no shared memory is handed out
+
+
+def test_a_worker_without_shared_memory_is_an_error_that_says_so(cfg):
+    batches = loader.train_batches(
+        dataclasses.replace(cfg, num_workers=1), batch_size=4, seed=0, start_step=0
+    )
+    next(batches)
+    for worker in multiprocessing.active_children():
+        os.kill(worker.pid, signal.SIGBUS)  # what a write beyond the end of /dev/shm causes
+    with pytest.raises(UserError, match=r"data\.num_workers=1: there is not enough shared memory"):
+        list(itertools.islice(batches, 20))
 
 
 def test_evaluation_sees_every_sample_once(cfg, dataset):

@@ -268,7 +268,7 @@ def test_a_kill_at_any_step_leaves_the_old_state_or_the_new_one(stride, tmp_path
                 assert steps > 20
                 break
         assert models_of(out) in (TEN[:5], TEN)
-        (out / ".left.0.tmp").touch()  # of a process that was killed while it wrote
+        (out / ".left.0123abcd.tmp").touch()  # of a process that was killed while it wrote
         make(out, TEN)
         assert contents(out) == contents(tmp_path / "once")
 

@@ -1,5 +1,7 @@
+import concurrent.futures
 import errno
 import os
+import pathlib
 
 import pytest
 from helpers.disk import without_room
@@ -70,14 +72,43 @@ def test_a_folder_without_permission(tmp_path):
         check_folder(tmp_path, "--out")
 
 
-def test_a_full_disk_is_known_by_number_text_and_cause():
+def test_a_full_disk_is_known_by_number_and_cause_and_not_by_a_name():
     def raised(cause):
         error = ValueError("x")
         error.__cause__ = cause
         return error
 
     assert files.is_disk_full(OSError(errno.ENOSPC, "x"))
-    assert files.is_disk_full(RuntimeError("write() failed: No space left on device; writing"))
     assert files.is_disk_full(raised(OSError(errno.EDQUOT, "x")))
     assert not files.is_disk_full(OSError(errno.EACCES, "x"))
     assert not files.is_disk_full(raised(None))
+    text = "No space left on device"
+    assert not files.is_disk_full(UserError(f"{text}.jpg: not an image"))
+    assert not files.is_disk_full(FileNotFoundError(errno.ENOENT, text, f"/photos/{text}.jpg"))
+    path = pathlib.Path(f"/{text}/shard")
+    for said, full in ((f"writing {path}: I/O error", False), (f"{path}: write: {text}", True)):
+        assert files.is_disk_full(files.native_error(RuntimeError(said), path)) == full
+
+
+def test_threads_that_write_the_same_file_leave_a_whole_one(tmp_path):
+    path, contents = tmp_path / "file", [bytes([i]) * 100_000 for i in range(8)]
+    with concurrent.futures.ThreadPoolExecutor(8) as pool:
+        writes = [pool.submit(write_atomic, path, c, sync=False) for c in contents * 20]
+        while not all(write.done() for write in writes):
+            if path.exists():
+                assert path.read_bytes() in contents
+    for write in writes:
+        write.result()
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_user_without_a_home_is_told_to_name_a_cache(monkeypatch, tmp_path):
+    def no_home(_):
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(pathlib.Path, "home", classmethod(no_home))
+    monkeypatch.setenv("PSGN_CACHE", str(tmp_path))
+    assert files.cache_folder() == tmp_path
+    monkeypatch.delenv("PSGN_CACHE")
+    with pytest.raises(UserError, match="the environment variable PSGN_CACHE"):
+        files.cache_folder()

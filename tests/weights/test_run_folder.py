@@ -1,3 +1,4 @@
+import os
 import re
 
 import numpy as np
@@ -10,7 +11,10 @@ from psgn_jax.weights.run_folder import locked, open_run
 
 def test_a_folder_is_locked_and_cleared_of_what_killed_trainings_left(tmp_path):
     (tmp_path / "checkpoints").mkdir()
-    left = [tmp_path / ".config.json.123.tmp", tmp_path / "checkpoints/.scores.json.9.tmp"]
+    left = [
+        tmp_path / ".config.json.0123abcd.tmp",
+        tmp_path / "checkpoints/.scores.json.9876fedc.tmp",
+    ]
     others = [tmp_path / "config.json", tmp_path / ".mine.tmp"]
     for path in left + others:
         path.touch()
@@ -40,6 +44,16 @@ def edit(run, old, new, checksum=False):
         text = re.sub(r',\s*"crc32": \d+', "", text)
     assert old in text
     (run / "config.json").write_text(text.replace(old, new, 1))
+
+
+@pytest.mark.parametrize("name", ["config.json", "checkpoints/scores.json", "metrics.jsonl"])
+def test_a_named_pipe_in_the_folder_is_refused(run, name):
+    (run / name).unlink(missing_ok=True)
+    os.mkfifo(run / name)
+    with pytest.raises(OSError, match="it is a named pipe, expected a file"):
+        open_run(run)
+    with pytest.raises(OSError, match="it is a named pipe, expected a file"), locked(run):
+        pass
 
 
 @pytest.mark.parametrize(
