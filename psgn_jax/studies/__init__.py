@@ -1,1 +1,1 @@
-"""Experiments of the paper; `study` has their common parts."""
+"""The experiments of the paper; `runner` has their common parts."""

@@ -390,7 +390,8 @@ class Entry(NamedTuple):
       mean: mean over seeds and samples.
       error_samples: standard error over samples; seeds are averaged first. NaN for one sample.
       error_seeds: standard error over seeds. NaN for one seed.
-      better: share of samples with a better metric than `minus`; NaN without `minus`.
+      better: share of samples with a better metric than `minus`; NaN without `minus`, and for
+        metrics of which neither more nor less is better.
       samples, seeds: their numbers.
     """
 
@@ -405,7 +406,18 @@ class Entry(NamedTuple):
     seeds: int
 
 
-_LARGER_IS_BETTER = ("fscore", "recall", "iou", "gain", "thin_recall")
+_LARGER_IS_BETTER = ("fscore", "precision", "recall", "iou", "gain", "thin_recall")
+_SMALLER_IS_BETTER = (
+    "cd",
+    "emd",
+    "aligned",
+    "log_volume",
+    "stray",
+    "missed",
+    "unevenness",
+    "gt_to",
+)
+"""How the names of metrics begin."""
 
 
 def summarise(results: Results, study: Study) -> list[Entry]:
@@ -448,9 +460,10 @@ def _values(results: Results, metric: str, *, by_model: bool) -> dict[str, np.nd
 def _entry(name: str, minus: str, metric: str, array: np.ndarray) -> Entry:
     seeds, samples = array.shape
     each, better = array.mean(axis=0), math.nan
-    if minus and samples:
-        sign = 1 if metric.startswith(_LARGER_IS_BETTER) else -1
-        better = float(np.mean(sign * each > 0))
+    if minus and samples and metric.startswith(_LARGER_IS_BETTER):
+        better = float(np.mean(each > 0))
+    elif minus and samples and metric.startswith(_SMALLER_IS_BETTER):
+        better = float(np.mean(each < 0))
     mean = float(array.mean()) if array.size else math.nan
     errors = standard_error(each), standard_error(array.mean(axis=1) if samples else each)
     return Entry(name, minus, metric, mean, *errors, better, samples, seeds)
@@ -487,7 +500,8 @@ def _tables(entries: Sequence[Entry], study: Study) -> list[Lines]:
         if e.minus:
             title = study.metrics[e.metric]
             cell = _cell(title, e, sign=True)
-            changes.append([f"{e.configuration} - {e.minus}", title, cell, f"{e.better:.0%}"])
+            better = "" if math.isnan(e.better) else f"{e.better:.0%}"
+            changes.append([f"{e.configuration} - {e.minus}", title, cell, better])
     return [lines, changes] if len(changes) > 1 else [lines]
 
 

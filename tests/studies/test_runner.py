@@ -188,6 +188,14 @@ def test_means_differences_and_their_errors():
     assert change.mean == pytest.approx(2 / 3)
     assert change.error_samples == pytest.approx(np.std([0, 2, 0], ddof=1) / np.sqrt(3))
     assert change.better == 0
+    for metric, better in (("precision", 1), ("emd_radius", 0), ("visible_share", math.nan)):
+        pair = {
+            "a": [measured({metric: [1.0, 2]}, "ab")],
+            "b": [measured({metric: [3.0, 4]}, "ab")],
+        }
+        one = dataclasses.replace(STUDY, metrics={metric: metric}, pairs=[("b", "a")])
+        *_, change = lib.summarise(pair, one)
+        np.testing.assert_equal(change.better, better)
     # Views of a model are averaged first: a has 2 and 3, b has 3 and 3.
     by_model = dataclasses.replace(study, by_model=True, metrics={"cd": "CD [radius^2]"})
     *_, change = lib.summarise(results, by_model)
