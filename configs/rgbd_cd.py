@@ -5,8 +5,8 @@ Command: psgn convert authors SRC records/authors
 Hardware: a GPU; on two CPU cores a step takes some seconds (docs/benchmarks.md).
 Time: not measured.
 Expect: a lower cd_sq_radius2 than that of `authors.py`, mainly because of visible points; not
-measured at this size. A smaller network had .0107 with depth and .0123 without after 1,000 steps
-(docs/experiments.md).
+measured at this size. A smaller network, trained with EMD + 5 CD, had .0104 with depth and .0141
+without after 1,000 steps (docs/experiments.md).
 
 The recipe is that of `authors.py`. All records with depth can be used
 (`--config.data.path=RECORDS`). The depth channels are described in `models.inputs.stack_channels`.

@@ -15,6 +15,8 @@ divergence. **Ours**:
   standard deviation of sqrt(0.3 / 2) = .39 for each coordinate of a point. The loss is the sum of
   5,120 squared distances; for the mean CD, the corresponding weight is about 1e-4. In
   `psgn_jax.studies.ambiguity`, 2e-4 worked; with 5e-4, z had too little effect.
+- There are 4,096 true points for 1,024 predicted ones, so in the sum the direction from truth to
+  prediction weighs four times as much as the other one (`mo2_cd.py` says why).
 - The weight rises over the first 10,000 steps. Otherwise the KL divergence could make z carry no
   information before the generator has learned to use it.
 """

@@ -7,7 +7,8 @@ Expect: not measured. Without `--config.data.path` it trains on the default data
 
 This is `vae_cd.py` with another loss and another weight of the KL divergence. The loss is the
 paper's earth mover's distance between the 1,024 predicted points and 1,024 points of the ground
-truth, to 1 % by auction. The weight is 1 (**ours**).
+truth, to 1 % by auction. The weight is 1 (**ours**). The volume Y that z encodes is made from the
+same 1,024 points.
 """
 
 import ml_collections

@@ -77,7 +77,7 @@ def test_files_and_modules_in_the_documents_exist():
     for page in PAGES:
         for code in re.findall(r"`([^`\n]+)`", _FENCED.sub("", page.read_text())):
             for name in re.findall(
-                r"\b(?:configs|data_gen|docs|notebooks|psgn_jax|tests)/[\w/.]*\w", code
+                r"\b(?:configs|data_gen|docs|notebooks|psgn_jax|recipes|tests)/[\w/.]*\w", code
             ):
                 if not (ROOT / name).exists() and not name.startswith("psgn_jax/configs"):
                     wrong.append(f"{page.name}: {name}")

@@ -3,7 +3,7 @@
 Sources: Tan and Le 2019, "EfficientNet"; the Lite variants of github.com/tensorflow/tpu, which have
 ReLU6 and no squeeze-and-excitation. The published parameters were trained on ImageNet. Batch
 normalisation is folded into kernels and biases, and the head of the classifier is left out:
-2.9 M parameters remain. `tests/bench/encoder.py` converts them.
+2.9 M parameters remain. `recipes/encoder.py` converts them.
 """
 
 from typing import Any, NamedTuple

