@@ -8,11 +8,13 @@ flags, the help and the exit codes.
 """
 
 import importlib
+import os
 import sys
 from collections.abc import Mapping, Sequence
 from importlib import metadata
 
 from psgn_jax.config.structured import suggestion
+from psgn_jax.system.files import exit_code_of
 from psgn_jax.system.processes import start_command
 
 COMMANDS: Mapping[str, str] = {
@@ -57,19 +59,25 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is None:
         start_command()
     try:
-        return _run(list(sys.argv[1:] if argv is None else argv))
+        code = _run(list(sys.argv[1:] if argv is None else argv))
+        if not code:
+            sys.stdout.flush()
     except KeyboardInterrupt:  # while the command's modules were being imported
         sys.stderr.write("stopped by Ctrl-C\n")
-        return 130
-    except OSError as error:  # of a help text that stdout does not take
+        code = 130
+    except OSError as error:  # stdout is a full disk, or a pipe that nothing reads
         sys.stderr.write(f"error: {error.strerror or error}\n")
-        return 2
+        code = exit_code_of(error) or 2
+    try:
+        sys.stdout.flush()
+    except OSError:  # without this, Python would try again at its end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return code
 
 
 def _run(arguments: Sequence[str]) -> int:
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         sys.stdout.write(_help())
-        sys.stdout.flush()
         return 0
     if arguments[0] == "--version":
         sys.stdout.write(f"psgn_jax {metadata.version('psgn-jax')}\n")

@@ -34,7 +34,9 @@ def test_a_wheel_has_weights_and_examples_predicts_and_trains(weights, tmp_path)
     assert f"psgn_jax/weights/{DEFAULT}.safetensors" in names
     examples = (ROOT / "psgn_jax" / "web" / "page" / "static" / "examples").glob("*.png")
     assert {path.relative_to(ROOT).as_posix() for path in examples} <= set(names)
-    assert {"psgn_jax/configs/quickstart.py", "psgn_jax/py.typed", "data_gen/py.typed"} <= set(names)
+    assert {"psgn_jax/configs/quickstart.py", "psgn_jax/py.typed", "data_gen/py.typed"} <= set(
+        names
+    )
     (entry_points,) = packages.glob("*.dist-info/entry_points.txt")
     assert "psgn = psgn_jax.commands.psgn:main" in entry_points.read_text()
 
