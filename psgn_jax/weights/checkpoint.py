@@ -10,7 +10,6 @@ leaves no incomplete checkpoint behind; the checksums detect later damage.
 import contextlib
 import json
 import math
-import os
 import pathlib
 import re
 import shutil
