@@ -56,14 +56,11 @@ def evaluate_run(
     """
     config, workdir = run.config, run.source if run.source_kind == "workdir" else ""
     split = split or config.data.eval_split
-    if draws:
-        require_points_task(config, "--draws")
     if frame not in FRAMES:
         raise ConfigError(f"--frame={frame}: accepted: {', '.join(FRAMES)}")
-    if frame != "keep":
-        require_points_task(config, f"--frame={frame}")
-    if refine:
-        require_points_task(config, "--refine")
+    asked = {"--draws": draws, f"--frame={frame}": frame != "keep", "--refine": refine}
+    for flag in filter(asked.get, asked):
+        require_points_task(config, flag)
     refine = config.eval.refine if refine is None else refine
     config = dataclasses.replace(
         config,

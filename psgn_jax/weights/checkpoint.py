@@ -5,6 +5,10 @@ dotted name, and a JSON item `meta` with the caller's data and a checksum of eve
 `scores.json` contains the metrics of the checkpoints that were evaluated. Orbax writes under a
 temporary name and renames the folder when it is complete, so a process that is killed while writing
 leaves no incomplete checkpoint behind; the checksums detect later damage.
+
+Orbax's `CheckpointManager` is not enough: it ranks checkpoints only by metrics that are known when
+they are saved, returns wrong numbers for a flipped bit, and ends with an error at a damaged
+checkpoint, where this module takes the one before.
 """
 
 import contextlib
@@ -81,13 +85,12 @@ class Checkpoints:
 
     def best_step(self) -> int | None:
         """The step with the lowest metric (the latest in case of a tie), or None."""
-        candidates = {
-            step: next((scores[m] for m in RANKING if m in scores), math.nan)
-            for step in self.steps()
-            if (scores := self.scores.get(step)) is not None
-        }
-        finite = [(score, -step) for step, score in candidates.items() if math.isfinite(score)]
-        return -min(finite)[1] if finite else None
+        ranked = []
+        for step in self.steps():
+            scores = self.scores.get(step, {})
+            score = next((scores[name] for name in RANKING if name in scores), math.nan)
+            ranked += [(score, -step)] if math.isfinite(score) else []
+        return -min(ranked)[1] if ranked else None
 
     def score(self, step: int, metrics: Mapping[str, float]) -> None:
         """Records the metrics of a checkpoint."""

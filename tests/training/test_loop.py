@@ -5,7 +5,6 @@ import json
 import pathlib
 import re
 import resource
-import runpy
 import signal
 import subprocess
 import sys
@@ -18,7 +17,7 @@ from helpers.processes import wait_until
 from helpers.small_runs import quick_environment, write_config, write_solids
 
 from psgn_jax import tasks
-from psgn_jax.config.experiment import ConfigError, from_json, parse
+from psgn_jax.config.experiment import ConfigError, from_json
 from psgn_jax.data import loader
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.evaluation.run import evaluate_run
@@ -187,28 +186,6 @@ with pytest.raises(ConfigError, match="train.batch_size=3: accepted: a multiple 
     assert result.returncode == 0, result.stderr[-3000:]
     assert not (tmp_path / "refused").exists()
     assert [entry["kind"] for entry in lines(tmp_path / "run")] == ["train", "eval"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["authors_emd", "mo2_emd"])
-def test_the_emd_configurations_train(tmp_path, name):
-    """The configurations with smaller sizes train for three steps and are evaluated."""
-    settings = runpy.run_path(str(ROOT / "configs" / f"{name}.py"))["get_config"]()
-    small = standin.config()
-    settings.data.path = ""
-    settings.data.image_size = small.data.image_size
-    settings.data.num_points = settings.data.num_eval_points = 136
-    settings.model.update(widths=(4, 6, 8, 8), fc_points=8, fc_widths=(12,), deconv_level=1)
-    settings.train.update(
-        batch_size=4, steps=3, log_every=1, eval_every=3, checkpoint_every=3, images_every=0
-    )
-    settings.eval.update(batch_size=4, emd_tolerance=0.05)
-    settings.optim.warmup_steps = 1
-    train(parse(settings), tmp_path / name)
-    entries = lines(tmp_path / name)
-    assert [e["step"] for e in entries if e["kind"] == "train"] == [1, 2, 3]
-    assert all(np.isfinite(e["loss"]) for e in entries if e["kind"] == "train")
-    assert [e["emd_radius"] > 0 for e in entries if e["kind"] == "eval"] == [True]
 
 
 # --- Killed and stopped processes ---------------------------------------------------------------

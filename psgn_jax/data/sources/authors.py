@@ -55,7 +55,7 @@ _TO_PROJECT = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Entry:
+class ExactSample:
     """One sample, with the lattice and the codes from which it is stored exactly."""
 
     sample: schema.Sample
@@ -125,7 +125,7 @@ def lattice_matrix(rotation: np.ndarray) -> np.ndarray:
     return np.concatenate([turn / 255, turn @ [[-0.7], [-0.5], [-0.5]]], axis=1)
 
 
-def read_batch(path: str | pathlib.Path) -> Iterator[Entry]:
+def read_batch(path: str | pathlib.Path) -> Iterator[ExactSample]:
     """Yields the 32 samples of a file, after the whole file has been checked.
 
     Raises:
@@ -169,4 +169,4 @@ def read_batch(path: str | pathlib.Path) -> Iterator[Entry]:
             model_id=key,
             source="authors",
         )
-        yield Entry(sample, points, depth)
+        yield ExactSample(sample, points, depth)
