@@ -1,5 +1,6 @@
 """README.md and docs/: commands, flags and names in them exist, and the site builds."""
 
+import ast
 import pathlib
 import re
 import shlex
@@ -84,7 +85,18 @@ def test_files_and_modules_in_the_documents_exist():
             for name in re.findall(r"\b(?:data_gen|psgn_jax)(?:\.[a-z]\w*)+", code):
                 if not _exists(name):
                     wrong.append(f"{page.name}: {name}")
+        for name in imports(page):
+            if not _exists(name):
+                wrong.append(f"{page.name}: {name}")
     assert not wrong, "\n".join(wrong)
+
+
+def imports(page):
+    """What the Python code of a page imports from this package."""
+    for kind, code in _FENCED.findall(page.read_text()):
+        for node in ast.walk(ast.parse(code if kind == "python" else "")):
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("psgn_jax"):
+                yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
 def _exists(name):
