@@ -21,6 +21,7 @@ from data_gen import pool
 from data_gen.catalogues.entry import Entry
 from data_gen.engine import choose_variant
 from data_gen.render_model import Context, failure
+from psgn_jax.data.shards import Result
 
 NO_DASK = "Dask is not installed: `pip install 'psgn-jax[cluster]'`"
 
@@ -30,7 +31,7 @@ _SECONDS_TO_WAIT = 600  # for the first worker
 _kept: dict[tuple[str, int], pool.Renderer] = {}
 
 
-def _render(job: str, number: int, entry: Entry, context: Context) -> pool.Result:
+def _render(job: str, number: int, entry: Entry, context: Context) -> Result:
     """Renders a model in the process of this thread of a worker."""
     key = job, threading.get_ident()
     if key not in _kept:
@@ -48,7 +49,7 @@ def _release(job: str) -> None:
 
 def render_on(
     address: str, tasks: Sequence[tuple[int, Entry]], context: Context
-) -> Generator[pool.Result]:
+) -> Generator[Result]:
     """Renders models on a cluster; see `pool.Pool`.
 
     Args:
@@ -95,7 +96,7 @@ def render_on(
                     yield future.result()
                 except KilledWorker as error:
                     line = failure(entry, "crashed", f"its Dask workers died: {error}")
-                    yield pool.Result(number, line, [])
+                    yield Result(number, line, [])
                 except Exception as error:
                     raise RuntimeError(
                         f"a Dask worker cannot render: {type(error).__name__}: {error}"

@@ -9,6 +9,7 @@ from data_gen.catalogues.by_name import open_catalogue
 from data_gen.catalogues.procedural import FAMILIES
 from data_gen.engine import has_mitsuba
 from psgn_jax.data.manifest import load_manifest
+from psgn_jax.data.shards import OtherSettingsError
 
 NUM_PER_CATEGORY = 40
 """Number of models of each of the 13 categories, with one view each: 520 images."""
@@ -50,13 +51,13 @@ def build(
     folder = pathlib.Path(folder)
     source = open_catalogue("procedural", str(models_per_category))
     try:
-        summary = job.render_catalogue(source, folder, options)
-    except job.OtherSettingsError:
+        outcome = job.render_catalogue(source, folder, options)
+    except OtherSettingsError:
         # An incomplete data set of the other variant of the renderer is deleted.
         if load_manifest(folder, allow_incomplete=True).complete:
             raise
         shutil.rmtree(folder)
-        summary = job.render_catalogue(source, folder, options)
-    if not summary.samples:
-        raise RuntimeError(f"the default data set: {summary.text()}")
+        outcome = job.render_catalogue(source, folder, options)
+    if not outcome.samples:
+        raise RuntimeError(f"the default data set: {job.text_of(outcome)}")
     return str(folder)

@@ -17,12 +17,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Generator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from data_gen import engine
 from data_gen.catalogues.entry import Entry
 from data_gen.render_model import Context, failure, render_model
+from psgn_jax.data.shards import Result
 from psgn_jax.system import processes
+from psgn_jax.system.cores import num_cores
 
 _ATTEMPTS = 2
 """Number of attempts at a model if its process dies, perhaps for another reason than the model."""
@@ -32,14 +34,6 @@ _ATTEMPTS = 2
 _FAILED_STARTS = 3
 _SECONDS_TO_START = 300.0
 _SECONDS_IDLE = 600.0
-
-
-class Result(NamedTuple):
-    """The result of a model: its number in the job, its line in the report, and its records."""
-
-    number: int
-    line: dict[str, Any]
-    records: list[bytes]
 
 
 Pool = Callable[[Sequence[tuple[int, Entry]], Context], Generator[Result]]
@@ -185,7 +179,7 @@ class Renderer:
 
 def render_local(tasks: Sequence[tuple[int, Entry]], context: Context) -> Generator[Result]:
     """Renders models in processes on this machine, one per processor by default; see `Pool`."""
-    count = min(context.settings.job.workers or len(os.sched_getaffinity(0)), len(tasks))
+    count = min(context.settings.job.workers or num_cores(), len(tasks))
     renderers = [Renderer(context) for _ in range(count)]
     idle: queue.SimpleQueue[Renderer] = queue.SimpleQueue()
     for renderer in renderers:

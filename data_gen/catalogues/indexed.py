@@ -2,6 +2,7 @@
 
 import csv
 import dataclasses
+import fnmatch
 import functools
 import hashlib
 import io
@@ -46,7 +47,10 @@ _KINDS = {
 
 
 def indexed(
-    source: str | os.PathLike[str], *, fractions: tuple[float, float, float] = (0.9, 0.05, 0.05)
+    source: str | os.PathLike[str],
+    *,
+    fractions: tuple[float, float, float] = (0.9, 0.05, 0.05),
+    licences: tuple[str, ...] = (),
 ) -> Catalogue:
     """The meshes that a file `index.csv` in a folder lists.
 
@@ -61,11 +65,16 @@ def indexed(
     Args:
       source: the folder.
       fractions: fractions of the models for training, validation and test, see `split_of`.
+      licences: patterns such as `CC-BY-?.0` or `MIT*`; models whose column `licence` fits none of
+        them are left out. Empty = all models.
 
     Raises:
       ValueError: the index is missing or damaged; the message names the line.
     """
-    rows = read_index(source)
+    rows = [
+        row for row in read_index(source)
+        if not licences or any(fnmatch.fnmatchcase(row.get("licence", ""), p) for p in licences)
+    ]  # fmt: skip
     files = FolderFiles(source)
     entries = []
     for row in rows:

@@ -1,10 +1,14 @@
 """Reads formats other than Wavefront OBJ with trimesh."""
 
 import collections
+import contextlib
 import io
+import logging
 import posixpath
 import struct
 import warnings as python_warnings
+import zipfile
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -17,6 +21,7 @@ from psgn_jax.system.untrusted import one_line, parse_json
 _MAX_XML_BYTES = 64 << 20
 
 _ARCHIVES = {"zip", "bz2", "tar.bz2", "tar.gz"}
+_ZIPPED = ("zae", "3mf", "3dxml")  # formats that are zip archives of XML files
 
 
 def _faces_in_header(data: bytes, kind: str) -> int:
@@ -164,6 +169,18 @@ def palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:
     )
 
 
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Context without warnings and tracebacks of trimesh; `Assets` notes what is missing."""
+    log = logging.getLogger("trimesh")
+    before, log.disabled = log.disabled, True
+    try:
+        with python_warnings.catch_warnings(action="ignore"):
+            yield
+    finally:
+        log.disabled = before
+
+
 def read_trimesh(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
     """Arrays of a file in any format that the installed trimesh reads, for `mesh.build_model`.
 
@@ -188,15 +205,19 @@ def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
     if kind not in formats:
         raise UnusableModelError(f"format {kind!r}: expected one of {sorted(formats)}")
     check_face_count(_faces_in_header(data, kind), assets.max_faces)
-    if kind in ("dae", "zae", "3mf", "xaml", "3dxml"):
-        if len(data) > _MAX_XML_BYTES:
-            raise UnusableModelError(
-                f"{len(data)} bytes of {kind}, more than the limit of {_MAX_XML_BYTES}"
-            )
-        if b"<!ENTITY" in data:
+    if kind in ("dae", "xaml", *_ZIPPED):
+        with (
+            zipfile.ZipFile(io.BytesIO(data)) if kind in _ZIPPED else contextlib.nullcontext() as z
+        ):
+            size = sum(member.file_size for member in z.infolist()) if z else len(data)
+            if size > _MAX_XML_BYTES:
+                raise UnusableModelError(
+                    f"{size} bytes of {kind}, more than the limit of {_MAX_XML_BYTES}"
+                )
+            texts = [z.read(name) for name in z.namelist()] if z else [data]
+        if any(b"<!ENTITY" in text for text in texts):
             raise UnusableModelError("XML entities are refused")
-    with python_warnings.catch_warnings():
-        python_warnings.simplefilter("ignore")
+    with _quiet():
         scene = trimesh.load_scene(
             io.BytesIO(data),
             file_type=kind,

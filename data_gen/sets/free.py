@@ -2,15 +2,17 @@
 
     python data_gen/sets/free.py --packages FOLDER --out records/free
 
-FOLDER contains Debian packages, each unpacked in a folder with its name. If packages are missing,
-the command prints the commands that fetch them:
+FOLDER contains Debian packages, each unpacked in a folder with its name, and a folder `meshes` with
+a file `index.csv` (`data_gen.catalogues.indexed`). The source `collections` has the models of the
+index whose licence is permissive, `copyleft` those that may only be passed on under their own
+licence. If something is missing, the command prints how to get it:
 
     cd FOLDER && apt-get download torcs-data && dpkg-deb -x torcs-data_*.deb torcs-data
 
 Each source becomes a separate data set, `records/free/<source>`. Training reads several of them:
 `--config.data.path=records/free/furniture,records/free/aircraft`. `SOURCES.md` and `sources.json`
 list the contents and the licences, and `licences/` contains the copyright statements of the
-packages.
+packages. Licences and authors of the meshes are those in the index.
 
 If the command is stopped and started again, it continues. Unusable models are refused and
 reported. `--fraction=0.01` renders a small part of the set. `--photo=0.25` renders a quarter of the
@@ -26,6 +28,7 @@ missing packages or no data set; 143 stopped by SIGTERM; 130 stopped by Ctrl-C.
 
 import contextlib
 import dataclasses
+import fnmatch
 import gzip
 import hashlib
 import json
@@ -45,12 +48,16 @@ from absl import logging
 from data_gen import config, job, settings
 from data_gen.catalogues import non_objects
 from data_gen.catalogues.by_name import open_catalogue, variants_of
-from data_gen.catalogues.entry import Catalogue, family_of, original_name, split_of
+from data_gen.catalogues.entry import Catalogue, family_of, original_name, printable, split_of
+from data_gen.catalogues.indexed import INDEX, read_index
 from psgn_jax.config.command_line import Flags
 from psgn_jax.system.files import write_atomic
 from psgn_jax.system.processes import start_command
 from psgn_jax.system.signals import exit_on_signals
 from psgn_jax.system.untrusted import message_line
+
+MESHES = "meshes"
+"""Name of the folder with an index, beside the packages."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,8 +83,9 @@ class Source:
       name: name of the source and of its folder in the training set.
       catalogue: one of `by_name.CATALOGUES`.
       views: number of images of each model.
-      licences: licences of its models; the first one with a matching pattern counts.
-      package: name of the Debian package, "" = none is needed.
+      licences: licences of its models; the first one with a matching pattern counts. Empty = those
+        in the index.
+      package: name of the Debian package or of the folder of meshes, "" = none is needed.
       place: source of the catalogue: a path in the unpacked package, or a number of models.
       options: options of the catalogue.
       exclude: pattern of the names of models that are left out.
@@ -91,7 +99,7 @@ class Source:
     name: str
     catalogue: str
     views: int
-    licences: tuple[Licence, ...]
+    licences: tuple[Licence, ...] = ()
     package: str = ""
     place: str = ""
     options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
@@ -111,9 +119,17 @@ class Source:
             return ""
         return family_of(model_id.split("/")[0] if self.families == "folder" else model_id)
 
-    def licence_of(self, model_id: str) -> Licence:
-        """The licence of a model."""
-        return next(x for x in self.licences if re.search(x.models, model_id))
+    def licences_of(
+        self, model_ids: Sequence[str], packages: str | os.PathLike[str]
+    ) -> list[Licence]:
+        """The licence of each model."""
+        if self.licences:
+            return [next(x for x in self.licences if re.search(x.models, n)) for n in model_ids]
+        rows = {printable(row["file"]): row for row in read_index(self.path(packages))}
+        return [
+            Licence(row.get("licence", "") or "not stated", holders=row.get("author", ""))
+            for row in (rows[original_name(name)] for name in model_ids)
+        ]
 
 
 def select(
@@ -155,6 +171,11 @@ def select(
 
 _FLIGHTGEAR = "Curtis L. Olson and the FlightGear team"
 _FREE_ART = "Jean-Christophe Durieu; ViPeR"
+
+
+PERMISSIVE = ("CC0-*", "CC-BY-?.?*", "MIT", "MIT-0", "Apache-*")
+COPYLEFT = ("GPL-*", "AGPL-*", "CC-BY-SA-*")
+"""Licences of the sources `collections` and `copyleft`, as patterns."""
 
 
 def _procedural(name: str, *, views: int, models: str) -> Source:
@@ -220,6 +241,13 @@ SOURCES = {
             name="procedural_incomplete",
             options={"first_seed": 480},
             missing=1.0,
+        ),
+        *(
+            Source(
+                name, "indexed", views=14, package=MESHES, options={"licences": licences},
+                families="",
+            )
+            for name, licences in (("collections", PERMISSIVE), ("copyleft", COPYLEFT))
         ),
     )
 }
@@ -290,15 +318,44 @@ def settings_of(
 
 
 def missing(chosen: Sequence[Source], packages: str | os.PathLike[str]) -> list[str]:
-    """Commands that fetch and unpack the missing packages."""
+    """Commands that fetch and unpack the missing packages, and what is missing of the meshes."""
     lines = []
     for package in dict.fromkeys(s.package for s in chosen if s.package):
-        if any(not os.path.exists(s.path(packages)) for s in chosen if s.package == package):
+        sources = [s for s in chosen if s.package == package]
+        if package == MESHES:
+            lines += _missing_meshes(pathlib.Path(packages) / MESHES, sources)
+        elif any(not os.path.exists(s.path(packages)) for s in sources):
             lines += [
                 f"apt-get download {package}",
                 f"dpkg-deb -x {package}_*.deb {pathlib.Path(packages) / package}",
             ]
     return lines
+
+
+def _missing_meshes(folder: pathlib.Path, sources: Sequence[Source]) -> list[str]:
+    """The repositories of the files that are missing in a folder of meshes, or its index."""
+    if not (folder / INDEX).exists():
+        names = ",".join(name for name, s in SOURCES.items() if s.package != MESHES)
+        return [
+            f"# {folder / INDEX}: an index of your own meshes, with the columns file, category, "
+            "licence, author, repository, commit and path; docs/data.md lists free collections "
+            f"(--sources={names} does without)"
+        ]
+    counts: Counter[tuple[str, str, str]] = Counter()
+    for row in read_index(folder):
+        if not (folder / row["file"]).exists() and any(
+            fnmatch.fnmatchcase(row.get("licence", ""), p)
+            for source in sources
+            for p in source.options["licences"]
+        ):
+            top = row["file"].partition("/")[0]
+            counts[row.get("repository", ""), row.get("commit", ""), top] += 1
+    return [
+        (f"git clone https://github.com/{repository} && git -C {repository.rpartition('/')[2]} "
+         f"checkout {commit}" if repository else "")
+        + f"  # for {count} files of {folder / top}; the index has their paths"
+        for (repository, commit, top), count in counts.items()
+    ]  # fmt: skip
 
 
 def _documents_of(packages: str | os.PathLike[str], package: str) -> tuple[str, str]:
@@ -334,7 +391,7 @@ def _row(
     bad = {x["model_id"]: x for x in lines if x["model_id"] not in good}
     refused = Counter(_reason(line["reason"]) for line in bad.values())
     licences: dict[str, dict[str, Any]] = {}
-    for licence in map(source.licence_of, good):
+    for licence in source.licences_of(list(good), packages):
         counted = licences.setdefault(licence.name, {"models": 0, "holders": []})
         counted["models"] += 1
         if licence.holders and licence.holders not in counted["holders"]:
@@ -443,7 +500,7 @@ def _main(flags: Flags) -> int:
     chosen = [s for name, s in SOURCES.items() if not given.sources or name in given.sources]
     if commands := missing(chosen, given.packages):
         sys.stderr.write(
-            "error: packages are missing; these commands download and unpack them:\n  "
+            "error: sources are missing; get them with these commands:\n  "
             + "\n  ".join(commands) + "\n"
         )  # fmt: skip
         return 2

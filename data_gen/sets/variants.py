@@ -41,10 +41,11 @@ from data_gen.catalogues.proportions import DEVIATION
 from psgn_jax.config.command_line import Flags
 from psgn_jax.data.camera import default_camera, project
 from psgn_jax.data.codec import encode
-from psgn_jax.data.conversion import ConvertedRecord, Input, convert_inputs
+from psgn_jax.data.conversion import ConvertedRecord, convert
 from psgn_jax.data.framing import VIEW_SIZE
-from psgn_jax.data.manifest import MANIFEST, Manifest, load_manifest
-from psgn_jax.data.schema import BACKGROUND_GREY, RecordError, Sample
+from psgn_jax.data.manifest import Manifest, load_manifest
+from psgn_jax.data.schema import BACKGROUND_GREY, Sample
+from psgn_jax.data.shards import Tag
 from psgn_jax.system.files import check_folder
 from psgn_jax.system.processes import start_command
 from psgn_jax.system.untrusted import one_line
@@ -199,8 +200,8 @@ def draw_variants(
 
     Raises:
       ValueError: an argument is out of range, or `source` has no training models.
-      RecordError: `destination` contains other records, or variants of other records, or with
-        other arguments.
+      OtherSettingsError: `destination` contains other records, or variants of other records, or
+        with other arguments.
     """
     if not 1 <= variants <= MOST or seed < 0 or not 0 < deviation <= 1 or preset not in CAMERAS:
         raise ValueError(
@@ -219,30 +220,20 @@ def draw_variants(
             if drawn.mask.sum() >= _FEWEST_PIXELS:
                 yield "train", encode(drawn), drawn
 
-    models = records.first_records(str(source))
-    shards = load_manifest(source).shards
-    version = zlib.crc32("".join(f"{s.file}:{s.size}:{s.crc32};" for s in shards).encode())
-    training = {name: index for name, (_, split, index) in models.items() if split == "train"}
-    camera_tag = "" if preset == "authors" else f"{preset}:"
+    manifest, models = load_manifest(source), records.first_records(str(source))
+    version = zlib.crc32("".join(f"{s.file}:{s.size}:{s.crc32};" for s in manifest.shards).encode())
+    statement = {
+        "source": "variants", "records": f"{version:08x}", "variants": variants, "seed": seed,
+        "deviation": deviation, "cameras": preset,
+    }  # fmt: skip
     inputs = [
-        Input(
-            f"{name}:{index}:{variants}:{camera_tag}{deviation}:{seed}:{version:08x}",
-            functools.partial(read, index, name),
-        )
-        for name, index in training.items()
+        (Tag(name, category, split), functools.partial(read, index, name))
+        for name, (category, split, index) in models.items()
+        if split == "train"
     ]
     if not inputs:
         raise ValueError(f"SRC {str(source)!r}: the split 'train' is missing")
-    destination = pathlib.Path(destination)
-    if (destination / MANIFEST).exists():
-        made = load_manifest(destination, allow_incomplete=True).shards
-        known = {tag for shard in made for tag in shard.inputs}
-        if known and known.isdisjoint(each.tag for each in inputs):
-            raise RecordError(
-                f"DST {str(destination)!r} contains variants of other records, or with other "
-                "arguments; give another folder"
-            )
-    return convert_inputs("variants", source, inputs, destination, MODELS_PER_SHARD)
+    return convert(statement, source, inputs, pathlib.Path(destination), MODELS_PER_SHARD)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -4,8 +4,8 @@ A configuration without `data.path` uses it. Commands render it with `data_gen` 
 the cache folder, which takes a minute or two. `data_gen.default` describes its contents.
 """
 
+import contextlib
 import dataclasses
-import fcntl
 import pathlib
 
 from absl import logging
@@ -13,6 +13,7 @@ from absl import logging
 from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.schema import RecordError
+from psgn_jax.system.claims import locked
 from psgn_jax.system.cores import num_cores
 from psgn_jax.system.files import cache_folder
 
@@ -47,16 +48,18 @@ def default_dataset() -> str:
             "data.path is empty, and rendering the default data set needs Mitsuba: "
             "pip install -e '.[render]'; or set data.path to a folder of records"
         )
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(f"the cache folder (environment variable PSGN_CACHE): {error}") from error
-    with open(folder.with_name(f".{default.NAME}.lock"), "w") as lock:
+    with contextlib.ExitStack() as stack:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            logging.info("waiting for another process that is rendering the default data set")
-            fcntl.flock(lock, fcntl.LOCK_EX)
+            stack.enter_context(
+                locked(
+                    folder.with_name(f".{default.NAME}.lock"),
+                    waiting="waiting for another process that renders the default data set",
+                )
+            )
+        except OSError as error:
+            raise ConfigError(
+                f"the cache folder (environment variable PSGN_CACHE): {error}"
+            ) from error
         if not _is_complete(folder):
             minutes = max(1, round(default.CORE_SECONDS / 60 / num_cores()))
             logging.info(

@@ -2,7 +2,7 @@
 
 A data set is a folder with a `manifest.json` (`data.manifest`) and shards
 `<split>-<number>.arrayrecord`. A shard is an ArrayRecord file with one record (`data.codec`) per
-group. In data sets that can be extended, a tag follows the number in the file name.
+group. In data sets written by `data.shards`, a digest follows the number in the file name.
 
 Shards are written under a temporary name, fsynced and renamed. The data set is complete if the
 field `complete` of its manifest is true; this is written last. ArrayRecord detects damaged blocks
@@ -22,7 +22,7 @@ import numpy as np
 from array_record.python import array_record_module
 
 from psgn_jax.data import schema
-from psgn_jax.data.codec import decode, decode_stored, encode
+from psgn_jax.data.codec import decode, decode_stored, encode, unpack
 from psgn_jax.data.manifest import (
     MANIFEST,
     SPLIT_NAME,
@@ -60,30 +60,29 @@ def shard_name(split: str, number: int, tag: str = "") -> str:
 class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
     """Context that writes one shard; the file gets its name when the block ends without error.
 
-    After the block, `shard` describes the file. If the file cannot be written, for instance because
-    the disk is full, `write` or the end of the block raises `OSError`, and no file is left.
+    After the block, `shard` describes the file. `digest` identifies its inputs; the file name holds
+    its beginning. If the file cannot be written, for instance because the disk is full, `write` or
+    the end of the block raises `OSError`, and no file is left.
     """
 
-    def __init__(
-        self, folder: pathlib.Path, split: str, number: int, inputs: Iterable[str] = (),
-        *, tag: str = "",
-    ) -> None:  # fmt: skip
-        self._path = folder / shard_name(split, number, tag)
+    def __init__(self, folder: pathlib.Path, split: str, number: int, digest: str = "") -> None:
+        self._path = folder / shard_name(split, number, digest[:8])
         self._temporary = temporary_for(self._path)
-        self._split, self.inputs = split, tuple(inputs)
+        self._split, self._inputs = split, (digest,) if digest else ()
         self._categories: collections.Counter[str] = collections.Counter()
         self._fields = set(schema.FIELDS)
         self._writer = array_record_module.ArrayRecordWriter(str(self._temporary), _WRITER_OPTIONS)
         self.count = 0
         self.shard: Shard  # set at the end of the block
 
-    def write(self, record: bytes, sample: Sample) -> None:
-        """Appends `record`, the encoded form of `sample`."""
+    def write(self, record: bytes) -> None:
+        """Appends the encoded form of a sample."""
+        stored = unpack(record)
         with self._os_errors():
             self._writer.write(record)
         self.count += 1
-        self._categories[sample.category] += 1
-        self._fields -= {f for f in schema.OPTIONAL_FIELDS if getattr(sample, f) is None}
+        self._categories[str(stored["category"])] += 1
+        self._fields -= {field for field in schema.OPTIONAL_FIELDS if field not in stored}
 
     @contextlib.contextmanager
     def _os_errors(self) -> Iterator[None]:
@@ -114,7 +113,7 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
             crc32=file_crc32(self._path),
             categories=dict(sorted(self._categories.items())),
             fields=tuple(f for f in schema.FIELDS if f in self._fields),
-            inputs=self.inputs,
+            inputs=self._inputs,
         )
 
 
@@ -150,7 +149,7 @@ def write_dataset(
                 break
             with ShardWriter(folder, split, number) as writer:
                 for sample in itertools.chain([first], part):
-                    writer.write(encode(sample), sample)
+                    writer.write(encode(sample))
             shards.append(writer.shard)
     manifest = Manifest(source, True, tuple(shards))
     save_manifest(folder, manifest)

@@ -43,8 +43,8 @@ class Shard:
       crc32: CRC-32 of the whole file.
       categories: number of records of each category.
       fields: the fields that all its records have.
-      inputs: identifiers of the inputs that were converted to it. A converter that is started again
-        compares them.
+      inputs: the digest of the inputs and settings that it was made of, see `data.shards`; empty if
+        it was not made of inputs.
     """
 
     file: str

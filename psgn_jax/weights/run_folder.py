@@ -5,7 +5,6 @@ changes nothing in the folder, because a training may be running in it.
 """
 
 import contextlib
-import fcntl
 import os
 import pathlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,6 +13,7 @@ from typing import Any, NamedTuple
 from absl import logging
 
 from psgn_jax.config.experiment import Config, ConfigError, DamagedError, flatten, from_json, parse
+from psgn_jax.system import claims
 from psgn_jax.system.files import remove_temporaries
 from psgn_jax.system.untrusted import brief, refuse_special_files
 from psgn_jax.weights.checkpoint import Checkpoint, CheckpointError, Checkpoints
@@ -137,20 +137,18 @@ def locked(workdir: str | pathlib.Path) -> Iterator[None]:
     Raises:
       ConfigError: another process holds the lock.
     """
-    path = pathlib.Path(workdir) / ".lock"
-    path.parent.mkdir(parents=True, exist_ok=True)
+    folder = pathlib.Path(workdir)
+    folder.mkdir(parents=True, exist_ok=True)
     refuse_special_files(workdir)
-    with open(path, "a") as file:
+    with contextlib.ExitStack() as stack:
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            held = stack.enter_context(claims.locked(folder / ".lock"))
         except BlockingIOError:
             raise ConfigError(
                 f"--workdir={workdir}: another training is running there; wait for it, stop it, "
                 "or give another folder"
             ) from None
-        except OSError as error:  # file systems without locks
-            logging.warning("%s cannot be locked (%s): start no second training there", path, error)
-        else:
-            for folder in (path.parent, path.parent / "checkpoints"):
-                remove_temporaries(folder)
+        if held:
+            remove_temporaries(folder)
+            remove_temporaries(folder / "checkpoints")
         yield

@@ -9,7 +9,7 @@ from data_gen import job, settings
 from data_gen.engine import has_mitsuba
 from psgn_jax.commands import default_data
 from psgn_jax.config.experiment import Config, ConfigError, DataConfig, to_dict
-from psgn_jax.data import loader
+from psgn_jax.data import loader, shards
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.manifest import Manifest, load_manifest, save_manifest
 from psgn_jax.data.schema import RecordError
@@ -72,5 +72,5 @@ def test_one_begun_otherwise_is_begun_anew(cache, monkeypatch):
     recipe.build(folder, options=TINY)
     splits = load_manifest(folder).splits()
     assert sum(len(RecordReader(folder, split)) for split in splits) == 3
-    with pytest.raises(job.OtherSettingsError, match="complete data set"):
+    with pytest.raises(shards.OtherSettingsError, match="complete data set"):
         recipe.build(folder, options=other)

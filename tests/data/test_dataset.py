@@ -270,7 +270,7 @@ def test_no_damage_goes_unseen_or_ends_the_process(copied):
 def test_failed_writing_leaves_nothing_under_the_name(tmp_path, sample):
     def fail():
         with ShardWriter(tmp_path, "train", 0) as writer:
-            writer.write(encode(sample), sample)
+            writer.write(encode(sample))
             raise RuntimeError("stop")
 
     with pytest.raises(RuntimeError, match="stop"):
@@ -330,7 +330,7 @@ def test_records_with_a_wrong_field_are_refused_wherever_they_are_decoded(
         with pytest.raises(ValueError, match=name):
             read(data)
     with ShardWriter(tmp_path, "train", 0) as writer:
-        writer.write(data, sample)
+        writer.write(data)
     save_manifest(tmp_path, Manifest("test", True, (writer.shard,)))
     with pytest.raises(RecordError, match=f"record 0 of .*{name}"):
         RecordReader(tmp_path, "train").stored(0, ("image", "mask"))

@@ -217,17 +217,82 @@ def test_missing_packages_are_said_with_the_commands(tmp_path):
     assert "apt-get download torcs-data" in lines
     assert f"dpkg-deb -x torcs-data_*.deb {tmp_path / 'torcs-data'}" in lines
     for source in known:
-        if source.package:
+        if source.package != free.MESHES:
             path = pathlib.Path(source.path(tmp_path))
             path.parent.mkdir(parents=True, exist_ok=True)
             path.touch()
-    assert free.missing(known, tmp_path) == []
+    assert free.missing([s for s in known if s.package != free.MESHES], tmp_path) == []
 
 
-def test_all_sources_have_licences_with_holders():
+def test_all_packages_have_licences_with_holders():
     for source in free.SOURCES.values():
-        assert source.licence_of("anything").name
-        assert all(x.holders for x in source.licences if x.name != "see the package")
+        if source.package != free.MESHES:
+            (first,) = source.licences_of(["anything"], "")
+            assert first.name
+            assert all(x.holders for x in source.licences if x.name != "see the package")
+
+
+INDEX = """file,category,licence,author,repository,commit
+a/chair-1.obj,chair,CC0-1.0,Ann,ann/things,abc
+a/chair-2.obj,chair,CC-BY-3.0,Ann,ann/things,abc
+b/rock.obj,rock,GPL-2.0,Bob,bob/rocks,def
+b/own.obj,,all rights reserved,Bob,,
+"""
+
+
+@pytest.fixture
+def meshes(tmp_path):
+    """A folder of packages with meshes of several licences."""
+    for name in ("a/chair-1", "a/chair-2", "b/rock", "b/own"):
+        path = tmp_path / "meshes" / f"{name}.obj"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(
+            "v 0 0 0\nv 1 0 0\nv 0 1 0.4\nv 0 0 1\nf 1 2 3\nf 1 3 4\nf 2 3 4\nf 1 2 4\n"
+        )
+    (tmp_path / "meshes/index.csv").write_text(INDEX)
+    return tmp_path
+
+
+def test_meshes_are_divided_by_the_licence_in_their_index(meshes):
+    collections, copyleft = (free.SOURCES[name] for name in ("collections", "copyleft"))
+    models = free.select(collections, meshes).models
+    assert [e.model_id for e in models] == ["a/chair-1.obj", "a/chair-2.obj"]
+    assert len({e.split for e in models}) == 1  # near duplicates
+    assert models[0].category == "chair"
+    assert models[0].load().parameters["licence"] == "CC0-1.0"
+    assert [e.model_id for e in free.select(copyleft, meshes).models] == ["b/rock.obj"]
+    good = {"status": "ok", "reason": "", "split": "train", "samples": 1}
+    lines = {"collections": [{**good, "model_id": e.model_id} for e in models]}
+    text = free.write_table(meshes, free.plan([collections]), str(meshes), lines)
+    assert "| collections | meshes | 2 | 2 | 0 | CC-BY-3.0 (1); CC0-1.0 (1) | Ann |" in text
+
+
+def test_missing_meshes_are_said_with_their_repositories(meshes):
+    chosen = [free.SOURCES["collections"]]
+    assert free.missing(chosen, meshes) == []
+    (meshes / "meshes/a/chair-2.obj").unlink()
+    (meshes / "meshes/b/rock.obj").unlink()
+    (line,) = free.missing(chosen, meshes)
+    assert line.startswith("git clone https://github.com/ann/things && git -C things checkout abc")
+    assert "1 files of" in line
+    (meshes / "meshes/index.csv").unlink()
+    (line,) = free.missing(chosen, meshes)
+    assert "an index of your own meshes, with the columns file, category, licence" in line
+
+
+def test_a_grey_mesh_gets_a_material_and_a_damaged_index_is_named(meshes):
+    catalogue = open_catalogue("indexed", meshes / "meshes", licences=("GPL*",))
+    (rock,) = (entry.load() for entry in catalogue.models)
+    assert rock.materials[0].texture is not None or np.ptp(rock.materials[0].diffuse) > 0
+    for text, message in (
+        ("name\n", "line 1: expected a heading with a column `file`"),
+        ("file,category\na.obj\n", "line 2: expected 2 values"),
+        ("file\na.obj\na.obj\n", "line 3: 'a.obj' is listed twice"),
+        ("file\n", "it lists no model"),
+    ):
+        (meshes / "meshes/index.csv").write_text(text)
+        with pytest.raises(ValueError, match=message):
+            open_catalogue("indexed", meshes / "meshes")
 
 
 def test_a_share_of_the_views_goes_to_another_preset():

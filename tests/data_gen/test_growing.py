@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from helpers import drawn_solids as solids
 
-from data_gen import job, pool, settings
+from data_gen import job, settings
 from data_gen.catalogues.choosing import Choice
 from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, moved_to_empty_splits, split_of
 from data_gen.engine import Variant
 from data_gen.render_model import failure, model_seed
-from psgn_jax.data import schema
+from psgn_jax.data import schema, shards
 from psgn_jax.data.codec import encode
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.manifest import load_manifest
@@ -62,7 +62,7 @@ class Pool:
                 line |= {"status": "ok", "reason": "", "samples": 1}
                 line["views"] = [{"inside": 1.0, "depth": 0.0, "luminance": 9.0}]
                 data = [encode(sample_of(entry))]
-            yield pool.Result(index, line, data)
+            yield shards.Result(index, line, data)
 
 
 @pytest.fixture(autouse=True)
@@ -72,7 +72,7 @@ def no_renderer(monkeypatch):
 
 def test_damaged_job_folders_are_refused_or_made_again(tmp_path):
     job.render_catalogue(listed(TEN), tmp_path, OPTIONS, render=Pool())
-    lines = (tmp_path / job.REPORT).read_text()
+    lines = (tmp_path / shards.REPORT).read_text()
     for text in (
         "[" * 200_000,
         "5\n",
@@ -80,13 +80,13 @@ def test_damaged_job_folders_are_refused_or_made_again(tmp_path):
         "\xff",
         lines.replace('"split"', '"s"'),
     ):
-        (tmp_path / job.REPORT).write_bytes(text.encode("latin1"))
+        (tmp_path / shards.REPORT).write_bytes(text.encode("latin1"))
         with pytest.raises(ValueError, match=r"models\.jsonl: damaged"):
             job.render_catalogue(listed(TEN), tmp_path, OPTIONS, render=Pool())
-    (tmp_path / job.REPORT).write_text(lines)
+    (tmp_path / shards.REPORT).write_text(lines)
     for text in ("[" * 200_000, "[]", "{", '{"job": 3}', '{"job": []}'):
-        (tmp_path / job.JOB).write_text(text)
-        with pytest.raises(job.OtherSettingsError):
+        (tmp_path / shards.JOB).write_text(text)
+        with pytest.raises(shards.OtherSettingsError):
             job.render_catalogue(listed(TEN), tmp_path, OPTIONS, render=Pool())
 
 
@@ -94,12 +94,13 @@ def test_damaged_samples_of_a_job_under_way_are_made_again(tmp_path):
     make(tmp_path / "whole", TEN)
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
-        make(out, TEN, stop_after=8)
-    first, second, *_ = sorted((out / job.WORK).glob("*.model"))
+        make(out, TEN, stop_after=7)  # blocks of 3 and 2, and 2 models of the next one
+    first, second = sorted((out / shards.WORK).glob("*.input"))
     first.write_bytes(b"[" * 200_000)
     second.write_bytes(b"")
-    (out / job.WORK / job.JOB).write_text("[" * 200_000)
-    assert len(make(out, TEN)[1]) == 4
+    (out / shards.WORK / shards.JOB).write_text("[" * 200_000)
+    (out / shards.WORK / "0.block").write_text("[" * 200_000)
+    assert len(make(out, TEN)[1]) == 5
     assert contents(out) == contents(tmp_path / "whole")
 
 
@@ -118,7 +119,7 @@ def contents(folder):
     """The contents of all files except the report and `job.json`."""
     return {
         p.name: p.read_bytes() for p in pathlib.Path(folder).iterdir()
-        if p.name not in (job.REPORT, job.JOB)
+        if p.name not in (shards.REPORT, shards.JOB)
     }  # fmt: skip
 
 
@@ -144,7 +145,7 @@ def test_a_larger_limit_goes_on(tmp_path):
     assert (summary.exit_code, summary.samples) == (0, 10)
     assert contents(tmp_path / "grown") == contents(tmp_path / "once")
     assert first.stat().st_ino == untouched.st_ino
-    lines = [json.loads(t) for t in (tmp_path / "grown" / job.REPORT).read_text().splitlines()]
+    lines = [json.loads(t) for t in (tmp_path / "grown" / shards.REPORT).read_text().splitlines()]
     assert [line["model_id"] for line in lines] == TEN
     assert make(tmp_path / "grown", TEN)[1] == []
     assert contents(tmp_path / "grown") == contents(tmp_path / "once")
@@ -203,7 +204,7 @@ def test_a_small_set_has_all_splits_and_keeps_them_when_it_grows(tmp_path, caplo
         return listed(names, lambda name: split_of(name, fractions), fractions)
 
     def splits_of(folder):
-        return {line["model_id"]: line["split"] for line in job.read_report(folder)}
+        return {line["model_id"]: line["split"] for line in shards.read_report(folder)}
 
     assert {e.split for e in hashed(5).models} == {"train"}
     before = {}
@@ -256,7 +257,7 @@ def test_a_kill_at_any_step_leaves_the_old_state_or_the_new_one(stride, tmp_path
         out = tmp_path / f"killed-{steps}"
         shutil.copytree(tmp_path / "five", out)
         with monkeypatch.context() as patch:
-            patch.setattr(job, "write_atomic", counted(write))
+            patch.setattr(shards, "write_atomic", counted(write))
             patch.setattr(pathlib.Path, "replace", counted(rename))
             patch.setattr(pathlib.Path, "unlink", counted(unlink))
             left[0] = steps
@@ -280,16 +281,16 @@ def test_what_has_changed_is_named(tmp_path):
         if begun:
             with pytest.raises(KeyboardInterrupt):
                 make(out, TEN[:8], stop_after=1)
-        with pytest.raises(job.OtherSettingsError, match=r"settings \(views: 1 before, 2 now\)"):
+        with pytest.raises(shards.OtherSettingsError, match=r"settings \(views: 1 before, 2 now\)"):
             make(out, TEN, options=settings.parse({"models_per_shard": 3, "views": 2}))
         with pytest.raises(
-            job.OtherSettingsError, match=r"2 of its \d models .*\('m1', 'thing'.*'m2'"
+            shards.OtherSettingsError, match=r"2 of its \d models .*\('m1', 'thing'.*'m2'"
         ):
             make(out, [name for name in TEN if name not in ("m1", "m2")])
         moved = listed(TEN, split=lambda name: "train")
-        with pytest.raises(job.OtherSettingsError, match=r"1 of its .* \('m3', 'thing', test\)"):
+        with pytest.raises(shards.OtherSettingsError, match=r"1 of its .* \('m3', 'thing', test\)"):
             make(out, moved)
-    with pytest.raises(job.OtherSettingsError, match=r"limit: 6 before, 2 now"):
+    with pytest.raises(shards.OtherSettingsError, match=r"limit: 6 before, 2 now"):
         make(out, TEN, limit=2)
     assert models_of(out) == TEN[:6]
 

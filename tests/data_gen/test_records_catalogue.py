@@ -199,9 +199,9 @@ def test_quick_variants_keep_what_is_done_and_refuse_other_arguments(tmp_path, c
     before = shard.stat().st_mtime_ns
     assert variants.main(arguments) == 0
     assert shard.stat().st_mtime_ns == before
-    for other in ("--seed=1", "--cameras=level"):
+    for other, named in (("--seed=1", "seed: 0"), ("--cameras=level", "cameras: 'authors'")):
         assert variants.main([*arguments, other]) == 2
-        assert "with other arguments; give another folder" in capsys.readouterr().err
+        assert f"other settings ({named} before" in capsys.readouterr().err
     assert shard.stat().st_mtime_ns == before
 
 

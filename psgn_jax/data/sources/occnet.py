@@ -24,13 +24,13 @@ import zlib
 from collections.abc import Callable
 
 import numpy as np
-from scipy import ndimage
 
 from psgn_jax.data import camera, schema, synsets
 from psgn_jax.data.sources import binvox, shapenet
 from psgn_jax.system.untrusted import read_npz
 
 SOURCE = "folder ShapeNet of Occupancy Networks"
+NUM_VIEWS = shapenet.NUM_VIEWS
 SPLITS = {"train": "train", "val": "validation", "test": "test"}
 IMAGES = "img_choy2016"
 
@@ -170,14 +170,7 @@ def _silhouette(
     path: pathlib.Path,
 ) -> np.ndarray:
     """The pixels that points project to, with gaps of one pixel closed, bool [H, W]."""
-    height, width = image.shape[:2]
-    pixels, depth = camera.project(points, inner, extrinsics)
-    pixels = pixels[depth > 0]
-    cell = np.floor(pixels[np.isfinite(pixels).all(axis=1)]).astype(np.int64)
-    cell = cell[((cell >= 0) & (cell < (width, height))).all(axis=1)]
-    hit = np.zeros((height, width), np.bool_)
-    hit[cell[:, 1], cell[:, 0]] = True
-    mask = ndimage.binary_closing(np.pad(hit, 1), np.ones((3, 3)))[1:-1, 1:-1]
+    mask = shapenet.drawn_mask(*camera.project(points, inner, extrinsics), image.shape[:2])
     seen = np.argwhere(image.min(axis=2) < _NOT_WHITE)[:, ::-1] + 0.5
     inside = camera.inside_mask(seen, mask, _NEAR_PIXELS).mean() if len(seen) else 0.0
     if inside < _LEAST_INSIDE or not mask.any():

@@ -30,12 +30,16 @@ from psgn_jax.data.sources import binvox, shapenet
 RENDERINGS = "ShapeNetRendering"
 VOXELS = "ShapeNetVox32"
 SOURCE = f"folder with {RENDERINGS} and {VOXELS}"
+NUM_VIEWS = shapenet.NUM_VIEWS
 TRAIN_SHARE = 0.8
 _MAX_LINES = 1000
 
 # A voxel at the surface extends beyond the model by up to its diagonal, about 3.3 * sqrt(3) pixels.
 _NEAR_PIXELS = 6
 _LEAST_NEAR = 0.9
+# The check above passes many wrong signs of the elevation. Such a view is refused if the other sign
+# fits better by this IoU.
+_CLEARLY = 0.05
 
 
 def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]:
@@ -113,6 +117,8 @@ def open_model(
             f"{metadata}: {len(rows)} rows for {pictures} pictures, expected one row per picture"
         )
 
+    inner = shapenet.intrinsics()
+
     def read(view: int) -> schema.Sample:
         path = rendering / f"{view:02d}.png"
         row = rows[view] if view < len(rows) else "missing"
@@ -121,13 +127,22 @@ def open_model(
         image, mask = _read_view(path)
         azimuth, elevation, _, ratio, _ = row
         eye = shapenet.orbit_camera(azimuth, elevation, ratio * shapenet.MAX_DISTANCE)
-        sample = model.sample(view, eye, shapenet.intrinsics(), image, mask)
+        sample = model.sample(view, eye, inner, image, mask)
         pixels, depth = camera.project(sample.points, sample.intrinsics, sample.extrinsics)
         near = camera.inside_mask(pixels, mask, _NEAR_PIXELS)[depth > 0].sum() / len(depth)
         if near < _LEAST_NEAR:
             raise ValueError(
                 f"{path}: {near:.0%} of the points project to within {_NEAR_PIXELS} pixels of the "
                 f"object, expected {_LEAST_NEAR:.0%}; camera, shape and image disagree"
+            )
+        below = shapenet.orbit_camera(azimuth, -elevation, ratio * shapenet.MAX_DISTANCE)
+        drawn = [shapenet.drawn_mask(*camera.project(points, inner, x), mask.shape)
+                 for x in (eye, below)]  # fmt: skip
+        overlap, other = ((x & mask).sum() / (x | mask).sum() for x in drawn)
+        if other > overlap + _CLEARLY:
+            raise ValueError(
+                f"{path}: an elevation of {-elevation:g} degrees fits the image better (IoU "
+                f"{other:.2f}) than that of {metadata.name}, {elevation:g} (IoU {overlap:.2f})"
             )
         return sample
 

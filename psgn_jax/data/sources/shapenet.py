@@ -22,6 +22,7 @@ import zlib
 
 import numpy as np
 from PIL import Image
+from scipy import ndimage
 
 from psgn_jax.data import schema, synsets
 from psgn_jax.data.sources.binvox import Binvox
@@ -169,6 +170,17 @@ def turned_occupancy(solid: Solid, origin: np.ndarray, unit: float, turn: np.nda
     return thick | ((share > 0) & ~near[1:-1, 1:-1, 1:-1])
 
 
+def drawn_mask(pixels: np.ndarray, depth: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """The pixels that projected points show, with gaps of one pixel closed, bool [H, W]."""
+    height, width = shape
+    pixels = pixels[(depth > 0) & np.isfinite(pixels).all(axis=1)]
+    cell = np.floor(pixels).astype(np.int64)
+    cell = cell[((cell >= 0) & (cell < (width, height))).all(axis=1)]
+    hit = np.zeros((height, width), np.bool_)
+    hit[cell[:, 1], cell[:, 0]] = True
+    return ndimage.binary_closing(np.pad(hit, 1), np.ones((3, 3)))[1:-1, 1:-1]
+
+
 def grid_extra(solid: Solid, origin: np.ndarray, unit: float, turn: np.ndarray) -> str:
     """The volume in its original grid, for comparisons there, as the text of `Sample.extra`.
 
@@ -195,10 +207,12 @@ def read_limited(path: pathlib.Path) -> bytes:
     return path.read_bytes()
 
 
-def read_image(path: pathlib.Path, kind: str, mode: str) -> np.ndarray:
-    """Decodes an image of the format `kind` to uint8 [137, 137, channels of `mode`].
+def read_image(
+    path: pathlib.Path, kind: str, mode: str, size: tuple[int, int] = (IMAGE_SIDE, IMAGE_SIDE)
+) -> np.ndarray:
+    """Decodes an image of the format `kind` to uint8 [height, width, channels of `mode`].
 
-    `mode` is "RGB" (grey images are converted) or "RGBA".
+    `mode` is "RGB" (grey images are converted) or "RGBA"; `size` is (width, height).
 
     Raises:
       ValueError: the file is no such image, or has another size; the message names it.
@@ -207,8 +221,8 @@ def read_image(path: pathlib.Path, kind: str, mode: str) -> np.ndarray:
     data = read_limited(path)
     try:
         picture = Image.open(io.BytesIO(data), formats=(kind,))
-        if picture.size != (IMAGE_SIDE, IMAGE_SIDE):
-            raise ValueError(f"{picture.size} pixels, expected {(IMAGE_SIDE, IMAGE_SIDE)}")
+        if picture.size != size:
+            raise ValueError(f"{picture.size} pixels, expected {size}")
         if mode == "RGBA" and picture.mode not in ("RGBA", "LA"):
             raise ValueError(f"mode {picture.mode}, expected one with an alpha channel")
         return np.asarray(picture.convert(mode))
@@ -222,7 +236,7 @@ class Model:
 
     Attributes:
       source: name of the data set.
-      synset, name: category and model.
+      synset, name: category and model; a synset without a name in `synsets` is its own name.
       points: [n, 3], points of a sample.
       normals: [n, 3] or None.
       solid: the volume, or None.
@@ -259,7 +273,7 @@ class Model:
             occupancy=turned_occupancy(solid, origin, unit, turn) if solid else None,
             intrinsics=inner.astype(np.float32),
             extrinsics=np.column_stack([eye[:, :3] @ turn.T, moved]).astype(np.float32),
-            category=synsets.R2N2[self.synset],
+            category=synsets.SHAPENET.get(self.synset, self.synset),
             model_id=f"{self.synset}/{self.name}",
             view=view,
             source=self.source,

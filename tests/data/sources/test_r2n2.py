@@ -165,6 +165,27 @@ def test_damage_names_itself_and_stops_nothing(tree, tmp_path, capsys):
     assert "not one of the 13" in capsys.readouterr().err
 
 
+def test_a_wrong_sign_of_the_elevation_is_refused(tmp_path):
+    tree = trees.write_r2n2(tmp_path, names=("a",))
+    metadata = tree / "ShapeNetRendering" / CHAIR / "a" / "rendering" / "rendering_metadata.txt"
+    metadata.write_text("\n".join(f"{a} {-e} 0 {r} 25" for a, e, r in trees.VIEWS))
+    read = r2n2.open_model(tree, CHAIR, "a", 16384)
+    with pytest.raises(ValueError, match="an elevation of 25 degrees fits the image better"):
+        read(0)
+
+
+def test_a_layout_may_have_other_categories_and_sizes_of_pictures(tmp_path):
+    of_a_layout = shapenet.Model("mine", "cat0", "a", np.eye(3), None, None, np.zeros(3), 1.0)
+    eye = shapenet.orbit_camera(30, 20, 2)
+    image = np.zeros((64, 80, 3), np.uint8)
+    sample = of_a_layout.sample(30, eye, shapenet.intrinsics(), image, image[..., 0] == 0)
+    assert (sample.category, sample.model_id, sample.view) == ("cat0", "cat0/a", 30)
+    Image.fromarray(image).save(tmp_path / "a.png")
+    assert shapenet.read_image(tmp_path / "a.png", "PNG", "RGB", (80, 64)).shape == (64, 80, 3)
+    with pytest.raises(ValueError, match=r"\(80, 64\) pixels, expected \(137, 137\)"):
+        shapenet.read_image(tmp_path / "a.png", "PNG", "RGB")
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

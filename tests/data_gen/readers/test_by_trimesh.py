@@ -1,5 +1,6 @@
 import json
 import struct
+import zipfile
 
 import numpy as np
 import pytest
@@ -128,6 +129,29 @@ def test_collada(tmp_path):
     )
     with pytest.raises(UnusableModelError, match="entities"):
         load_model(tmp_path / "bomb.dae")
+
+
+def test_archives_of_xml_are_bounded_by_their_content(tmp_path):
+    pytest.importorskip("collada")
+    for content, message in (
+        (b" " * (65 << 20), f"{65 << 20} bytes of zae, more than the limit"),
+        (b'<!DOCTYPE a [<!ENTITY b "bbbb">]>', "entities"),
+    ):
+        with zipfile.ZipFile(tmp_path / "a.zae", "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("a.dae", content)
+        with pytest.raises(UnusableModelError, match=message):
+            load_model(tmp_path / "a.zae")
+
+
+def test_a_texture_that_is_no_file_of_the_folder_is_a_warning(tmp_path, capfd):
+    trimesh = pytest.importorskip("trimesh")
+    box = trimesh.creation.box()
+    box.visual = trimesh.visual.TextureVisuals(uv=np.zeros((8, 2)))
+    data = trimesh.exchange.ply.export_ply(box, encoding="ascii", include_attributes=True)
+    data = data.replace(b"comment", b"comment TextureFile /dev/zero\ncomment", 1)
+    (tmp_path / "a.ply").write_bytes(data)
+    assert "file '/dev/zero' is missing" in load_model(tmp_path / "a.ply").warnings
+    assert capfd.readouterr().err == ""
 
 
 def test_files_that_a_model_refers_to_are_read(tmp_path):
