@@ -93,14 +93,18 @@ def render_on(
             for future in done:
                 number, entry = running.pop(future)
                 try:
-                    yield future.result()
+                    result = future.result()
                 except KilledWorker as error:
                     line = failure(entry, "crashed", f"its Dask workers died: {error}")
-                    yield Result(number, line, [])
+                    result = Result(number, line, [])
                 except Exception as error:
                     raise RuntimeError(
-                        f"a Dask worker cannot render: {type(error).__name__}: {error}"
+                        f"--scheduler {address!r}: the connection was lost; run the command again, "
+                        "which continues"
+                        if future.cancelled()
+                        else f"a Dask worker cannot render: {type(error).__name__}: {error}"
                     ) from error
+                yield result
                 future.release()
                 submit()
         finally:

@@ -8,7 +8,7 @@ import hashlib
 import io
 import os
 import pathlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -71,10 +71,7 @@ def indexed(
     Raises:
       ValueError: the index is missing or damaged; the message names the line.
     """
-    rows = [
-        row for row in read_index(source)
-        if not licences or any(fnmatch.fnmatchcase(row.get("licence", ""), p) for p in licences)
-    ]  # fmt: skip
+    rows = read_index(source, licences)
     files = FolderFiles(source)
     entries = []
     for row in rows:
@@ -85,8 +82,12 @@ def indexed(
     return Catalogue("indexed", entries, fractions)
 
 
-def read_index(source: str | os.PathLike[str]) -> list[dict[str, str]]:
+def read_index(
+    source: str | os.PathLike[str], licences: Sequence[str] = ()
+) -> list[dict[str, str]]:
     """The lines of the index of a folder, as mappings from the columns of its heading.
+
+    `licences` are patterns, of which the column `licence` must fit one; empty = all lines.
 
     Raises:
       ValueError: the index is missing or damaged; the message names the line.
@@ -110,9 +111,13 @@ def read_index(source: str | os.PathLike[str]) -> list[dict[str, str]]:
             rows[row["file"]] = row
     except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
         raise ValueError(f"index {str(path)!r}: {one_line(error)}") from error
-    if not rows:
-        raise ValueError(f"index {str(path)!r}: it lists no model, expected at least one")
-    return list(rows.values())
+    kept = [
+        row for row in rows.values()
+        if not licences or any(fnmatch.fnmatchcase(row.get("licence", ""), p) for p in licences)
+    ]  # fmt: skip
+    if not kept:
+        raise ValueError(f"index {str(path)!r}: it lists no such model, expected at least one")
+    return kept
 
 
 def _load(name: str, files: FolderFiles, category: str, about: dict[str, str]) -> Model:

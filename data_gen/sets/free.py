@@ -28,7 +28,6 @@ missing packages or no data set; 143 stopped by SIGTERM; 130 stopped by Ctrl-C.
 
 import contextlib
 import dataclasses
-import fnmatch
 import gzip
 import hashlib
 import json
@@ -341,21 +340,18 @@ def _missing_meshes(folder: pathlib.Path, sources: Sequence[Source]) -> list[str
             "licence, author, repository, commit and path; docs/data.md lists free collections "
             f"(--sources={names} does without)"
         ]
+    licences = [pattern for source in sources for pattern in source.options["licences"]]
     counts: Counter[tuple[str, str, str]] = Counter()
-    for row in read_index(folder):
-        if not (folder / row["file"]).exists() and any(
-            fnmatch.fnmatchcase(row.get("licence", ""), p)
-            for source in sources
-            for p in source.options["licences"]
-        ):
+    for row in read_index(folder, licences):
+        if not (folder / row["file"]).exists():
             top = row["file"].partition("/")[0]
             counts[row.get("repository", ""), row.get("commit", ""), top] += 1
-    return [
-        (f"git clone https://github.com/{repository} && git -C {repository.rpartition('/')[2]} "
-         f"checkout {commit}" if repository else "")
-        + f"  # for {count} files of {folder / top}; the index has their paths"
-        for (repository, commit, top), count in counts.items()
-    ]  # fmt: skip
+    lines = []
+    for (repository, commit, top), count in counts.items():
+        clone = f"git clone https://github.com/{repository} && git -C "
+        clone += f"{repository.rpartition('/')[2]} checkout {commit}  "
+        lines.append(f"{clone if repository else ''}# {count} files of {folder / top}")
+    return lines
 
 
 def _documents_of(packages: str | os.PathLike[str], package: str) -> tuple[str, str]:

@@ -274,7 +274,7 @@ def test_missing_meshes_are_said_with_their_repositories(meshes):
     (meshes / "meshes/b/rock.obj").unlink()
     (line,) = free.missing(chosen, meshes)
     assert line.startswith("git clone https://github.com/ann/things && git -C things checkout abc")
-    assert "1 files of" in line
+    assert line.endswith(f"# 1 files of {meshes / 'meshes/a'}")
     (meshes / "meshes/index.csv").unlink()
     (line,) = free.missing(chosen, meshes)
     assert "an index of your own meshes, with the columns file, category, licence" in line
@@ -288,7 +288,7 @@ def test_a_grey_mesh_gets_a_material_and_a_damaged_index_is_named(meshes):
         ("name\n", "line 1: expected a heading with a column `file`"),
         ("file,category\na.obj\n", "line 2: expected 2 values"),
         ("file\na.obj\na.obj\n", "line 3: 'a.obj' is listed twice"),
-        ("file\n", "it lists no model"),
+        ("file\n", "it lists no such model"),
     ):
         (meshes / "meshes/index.csv").write_text(text)
         with pytest.raises(ValueError, match=message):

@@ -300,7 +300,7 @@ def test_killed_and_parted_gives_the_same_bytes(whole, tmp_path):
     )
     for _ in range(600):
         time.sleep(0.1)
-        if list((out / ".work").glob("*.model")) or process.poll() is not None:
+        if list((out / ".work").glob("*.[bi]*")) or process.poll() is not None:
             break
     process.send_signal(signal.SIGKILL)
     process.wait()

@@ -157,35 +157,6 @@ def test_a_mirrored_and_turned_shape_is_the_same_and_another_is_not(rng):
     assert not duplicates.HeldOut([]).has(sampled())
 
 
-def test_a_killed_conversion_goes_on(make, authors_file, tmp_path, monkeypatch):
-    source, target = tmp_path / "src", tmp_path / "dst"
-    source.mkdir()
-    for i in range(3):
-        content = zlib.compress(make.content_bytes(make.content(validation=True)), 1)
-        (source / f"{i}.gz").write_bytes(content)
-    monkeypatch.setattr(conversion, "FILES_PER_SHARD", 1)
-    calls = []
-    real = authors.read_batch
-
-    def interrupted(path):
-        calls.append(path.name)
-        if path.name == "2.gz":
-            raise KeyboardInterrupt
-        return real(path)
-
-    monkeypatch.setattr(authors, "read_batch", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        convert.convert_authors(source, target)
-    with pytest.raises(RecordError, match="it is incomplete"):
-        RecordReader(target, "validation")
-    calls.clear()
-    monkeypatch.setattr(authors, "read_batch", lambda path: calls.append(path.name) or real(path))
-    manifest, refused = convert.convert_authors(source, target)
-    assert calls == ["2.gz"]
-    assert not refused
-    assert sum(s.count for s in manifest.shards) == 96
-
-
 def test_another_conversion_or_a_full_disk_ends_one_that_goes_on_later(
     authors_file, tmp_path, capsys
 ):
