@@ -243,7 +243,11 @@ SOURCES = {
         ),
         *(
             Source(
-                name, "indexed", views=14, package=MESHES, options={"licences": licences},
+                name,
+                "indexed",
+                views=14,
+                package=MESHES,
+                options={"licences": licences},
                 families="",
             )
             for name, licences in (("collections", PERMISSIVE), ("copyleft", COPYLEFT))

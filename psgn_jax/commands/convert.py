@@ -30,13 +30,14 @@ from psgn_jax.system.files import check_folder
 from psgn_jax.system.untrusted import one_line
 
 _MOST_POINTS = 1_000_000
+_MOST_VIEWS = max(layout.NUM_VIEWS for layout in LAYOUTS.values())
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command; returns its exit code."""
     flags = Flags("psgn convert LAYOUT SRC DST", __doc__)
-    flags.integer("views", shapenet.NUM_VIEWS, "Views per model, at most.", lower_bound=1,
-                  upper_bound=shapenet.NUM_VIEWS)  # fmt: skip
+    flags.integer("views", _MOST_VIEWS, "Views per model, at most.", lower_bound=1,
+                  upper_bound=_MOST_VIEWS)  # fmt: skip
     flags.integer("points", shapenet.NUM_POINTS, "Points per sample, at most.", lower_bound=1,
                   upper_bound=_MOST_POINTS)  # fmt: skip
     flags.bool("strict", False, "Stop at the first bad file.")

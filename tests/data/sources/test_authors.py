@@ -10,7 +10,6 @@ from psgn_jax.commands import convert
 from psgn_jax.data import conversion, schema
 from psgn_jax.data.codec import PointLattice, _lattice_keys, decode_stored
 from psgn_jax.data.dataset import RecordReader
-from psgn_jax.data.schema import RecordError
 from psgn_jax.data.shards import read_report
 from psgn_jax.data.sources import authors, duplicates
 from psgn_jax.system.claims import claim
