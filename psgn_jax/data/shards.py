@@ -147,7 +147,7 @@ class Outcome:
 
     Attributes:
       inputs: number of inputs of the job.
-      lines: lines of the inputs, in their order; if the job is not complete, those of this part.
+      lines: lines of the inputs, in their order; if the job is not complete, of those in shards.
       complete: whether all parts are done.
       seconds: duration of the call.
       made: number of samples that the call made.
@@ -166,7 +166,7 @@ class Outcome:
 
     @property
     def statuses(self) -> dict[str, int]:
-        """Number of inputs with each status; "open" are those of other parts."""
+        """Number of inputs with each status; "open" are those that are not done."""
         counts = Counter(line["status"] for line in self.lines)
         left = self.inputs - len(self.lines)
         return dict(counts) | ({"open": left} if left else {})
@@ -198,26 +198,25 @@ def write(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int] = (0
       ValueError: the folder contains something else.
     """
     started = time.monotonic()
-    lines: list[Line] = []
     made, complete = 0, is_complete(folder, job)
     if not complete:
         with claim(folder / WORK, part):
             complete = is_complete(folder, job)  # another process may have completed it meanwhile
             if not complete:
                 _begin(folder, job)
-                lines, made = _make_part(folder, job, make, part, started)
+                made = _make_part(folder, job, make, part, started)
                 complete = _complete(folder, job)
     if complete:
         _tidy_up(folder, job)
-        lines = read_report(folder)
+    lines = read_report(folder) if complete else _lines(job, _finished(folder, job))
     seconds = time.monotonic() - started
     return Outcome(len(job.inputs), tuple(lines), complete, seconds, made)
 
 
 def _make_part(
     folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int], started: float
-) -> tuple[list[Line], int]:
-    """Makes what is missing of a part; returns its lines and the number of new samples."""
+) -> int:
+    """Makes what is missing of a part; returns the number of new samples."""
     if part == (0, 1):
         remove_temporaries(folder / WORK)  # left by a process that was killed
     tags, finished = job.tags(), _finished(folder, job)
@@ -229,7 +228,7 @@ def _make_part(
     missing = Counter(owner[i] for i in todo)
     for block in fresh:
         if not missing[block]:
-            finished[block.digest] = _write_block(folder, job, block)
+            _write_block(folder, job, block)
     logging.info("%d of %d inputs to do", len(todo), len(tags))
     made = refused = 0
     reported = time.monotonic()
@@ -245,7 +244,7 @@ def _make_part(
             block = owner[index]
             missing[block] -= 1
             if not missing[block]:
-                finished[block.digest] = _write_block(folder, job, block)
+                _write_block(folder, job, block)
             now = time.monotonic()
             if now - reported > _SECONDS_BETWEEN_REPORTS or done == len(todo):
                 reported = now
@@ -255,14 +254,15 @@ def _make_part(
                     done, len(todo), made, made / (now - started), refused,
                     seconds // 3600, seconds % 3600 // 60, seconds % 60,
                 )  # fmt: skip
-    return _in_order(blocks, finished), made
+    return made
 
 
-def _in_order(blocks: Sequence[_Block], finished: Mapping[str, _Done]) -> list[Line]:
-    """The lines of all blocks, in the order of the inputs."""
+def _lines(job: Job, finished: Mapping[str, _Done]) -> list[Line]:
+    """The lines of the finished blocks of a job, in the order of the inputs."""
     lines: dict[int, Line] = {}
-    for block in blocks:
-        lines |= zip(block.indices, finished[block.digest].lines, strict=True)
+    for block in job.blocks():
+        if block.digest in finished:
+            lines |= zip(block.indices, finished[block.digest].lines, strict=True)
     return [lines[i] for i in sorted(lines)]
 
 
@@ -368,8 +368,8 @@ def _complete(folder: pathlib.Path, job: Job) -> bool:
             f"folder {str(folder)!r}: another command has started to add other models to it; the "
             "samples made so far are kept for that command"
         )
-    lines = _in_order(blocks, finished)
-    text = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines)
+    lines = (json.dumps(line, ensure_ascii=False) for line in _lines(job, finished))
+    text = "".join(f"{line}\n" for line in lines)
     # Characters that UTF-8 cannot encode are written as escapes of JSON.
     write_atomic(folder / REPORT, text.encode("utf-8", "backslashreplace"))
     write_atomic(folder / JOB, json.dumps({"job": job.statement, **job.about}, indent=1) + "\n")
@@ -439,7 +439,7 @@ def _is_whole(folder: pathlib.Path, done: _Done) -> bool:
     )
 
 
-def _write_block(folder: pathlib.Path, job: Job, block: _Block) -> _Done:
+def _write_block(folder: pathlib.Path, job: Job, block: _Block) -> None:
     """Writes the shards of a block from the results of its inputs, which it removes.
 
     Raises:
@@ -463,12 +463,11 @@ def _write_block(folder: pathlib.Path, job: Job, block: _Block) -> _Done:
                     writers[split] = stack.enter_context(writer)
                 for record in itertools.islice(left, count):
                     writers[split].write(record)
-    done = _Done(lines, [writers[split].shard for split in sorted(writers)])
-    stated = {"lines": lines, "shards": list(map(dataclasses.asdict, done.shards))}
+    shards = [dataclasses.asdict(writers[split].shard) for split in sorted(writers)]
+    stated = {"lines": lines, "shards": shards}
     write_atomic(folder / WORK / f"{block.digest}.block", json.dumps(stated))
     for tag in tags:
         _result_path(folder, tag).unlink(missing_ok=True)
-    return done
 
 
 def _take_over(folder: pathlib.Path, tags: Iterable[Tag], finished: Mapping[str, _Done]) -> None:
