@@ -172,7 +172,7 @@ def palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
     """Context without warnings and tracebacks of trimesh; `Assets` notes what is missing."""
-    log = logging.getLogger("trimesh")
+    log = logging.getLogger("trimesh.util")  # which all its modules use
     before, log.disabled = log.disabled, True
     try:
         with python_warnings.catch_warnings(action="ignore"):

@@ -197,7 +197,7 @@ def test_quick_variants_continue_and_leave_damaged_models_out(tmp_path, capsys):
     arguments = [str(tmp_path / "src"), str(tmp_path / "dst")]
     for wrong, message in (
         ("--variants=0", "--variants=0"),
-        ("--cameras=photo", "one of authors, angles, level"),
+        ("--cameras=photo", "one of <authors|angles|level>"),
     ):
         assert variants.main([*arguments, wrong]) == 2
         assert message in capsys.readouterr().err
