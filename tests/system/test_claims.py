@@ -1,10 +1,11 @@
 import signal
 import subprocess
 import sys
+import threading
 
 import pytest
 
-from psgn_jax.system.claims import ClaimedError, claim
+from psgn_jax.system.claims import ClaimedError, claim, locked
 
 HOLD = """
 import pathlib, sys
@@ -34,3 +35,23 @@ def test_a_claim_ends_with_its_process(tmp_path):
     with claim(folder, (0, 1)):
         assert folder.is_dir()
     assert not folder.exists()
+
+
+def test_a_lock_can_be_waited_for(tmp_path, caplog):
+    caplog.set_level("INFO", "absl")
+    path, order = tmp_path / "new" / ".lock", []
+
+    def second():
+        with locked(path, waiting="another process renders"):
+            order.append("second")
+
+    with locked(path) as held:
+        assert held
+        thread = threading.Thread(target=second)
+        thread.start()
+        while "another process renders" not in caplog.text:
+            thread.join(0.05)
+        order.append("first")
+    thread.join()
+    assert order == ["first", "second"]
+    assert not path.exists()
