@@ -40,8 +40,6 @@ import sys
 import time
 import warnings
 import zlib
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
 
 import msgpack
 import numpy as np
@@ -50,7 +48,7 @@ from PIL import Image
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
-from helpers import drawn_solids  # noqa: E402
+from helpers import drawn_solids, processes  # noqa: E402
 from helpers import weights as tiny  # noqa: E402
 from helpers.obj_text import CUBE, FACES, png  # noqa: E402
 from helpers.small_runs import quick_environment  # noqa: E402
@@ -73,20 +71,12 @@ TIMES = ("seconds", "samples_per_second", "seconds_per_sample")
 # --- The commands ------------------------------------------------------------------------------
 
 
-class Command(NamedTuple):
-    """A command and the folder of its result.
+def make_commands(work):
+    """Writes the inputs of all commands.
 
-    Attributes:
-      words: arguments of Python; `{out}` is the folder of the result.
-      reader: arguments of a command that reads a damaged result; empty: none.
+    Returns name -> (arguments of Python, those of a command that reads a damaged result). `{out}`
+    is the folder of the result.
     """
-
-    words: list[str]
-    reader: tuple[str, ...] = ()
-
-
-def make_commands(work: pathlib.Path) -> dict[str, Command]:
-    """Writes the inputs of all commands; returns the commands."""
     splits = {
         "train": drawn_solids.samples(10, seed=0, image_size=(16, 32)),
         "validation": drawn_solids.samples(5, seed=1, image_size=(16, 32)),
@@ -126,16 +116,16 @@ def make_commands(work: pathlib.Path) -> dict[str, Command]:
     psgn = ["-m", "psgn_jax.commands.psgn"]
     read_records = (*psgn, "inspect", "{out}", f"--sheet={work / 'sheet.png'}")
     return {
-        "train": Command(train, (*psgn, "evaluate", "--workdir={out}")),
-        "train, 2 workers": Command([*train, "--config.data.num_workers=2"]),
-        "render": Command(render, read_records),
-        "convert": Command([*psgn, "convert", "authors", str(authors), "{out}"], read_records),
-        "predict": Command([*psgn, "predict", str(photos), run, "--out={out}"]),
-        "evaluate": Command([*psgn, "evaluate", run, "--out={out}/t", "--report={out}/gallery"]),
+        "train": (train, (*psgn, "evaluate", "--workdir={out}")),
+        "train, 2 workers": ([*train, "--config.data.num_workers=2"], ()),
+        "render": (render, read_records),
+        "convert": ([*psgn, "convert", "authors", str(authors), "{out}"], read_records),
+        "predict": ([*psgn, "predict", str(photos), run, "--out={out}"], ()),
+        "evaluate": ([*psgn, "evaluate", run, "--out={out}/t", "--report={out}/gallery"], ()),
     }
 
 
-def _batch_of_noise(seed: int) -> bytes:
+def _batch_of_noise(seed):
     """A file in the layout of the authors' batches."""
     rng = np.random.default_rng(seed)
     depth = np.zeros((32, 192, 256), np.uint16)
@@ -150,14 +140,14 @@ def _batch_of_noise(seed: int) -> bytes:
     return zlib.compress(b"".join(a.tobytes() for a in arrays) + names.encode(), 1)
 
 
-def result_of(out: pathlib.Path) -> dict[str, Any]:
+def result_of(out):
     """The result in a folder without times: leaves of the last checkpoint, or contents of files."""
     if (out / "checkpoints").is_dir():
         last = Checkpoints(out / "checkpoints", read_only=True).restore_newest()
         lines = (out / "metrics.jsonl").read_text().splitlines()
         leaves = {} if last is None else {n: leaf.tobytes() for n, leaf in last.leaves.items()}
         return leaves | {"metrics": [_without_times(json.loads(line)) for line in lines]}
-    found: dict[str, Any] = {}
+    found = {}
     for path in sorted(p for p in out.rglob("*") if p.is_file()):
         name = str(path.relative_to(out))
         if path.suffix == ".npz":
@@ -172,7 +162,7 @@ def result_of(out: pathlib.Path) -> dict[str, Any]:
     return found
 
 
-def _without_times(tree: Any) -> Any:
+def _without_times(tree):
     return {k: v for k, v in tree.items() if k not in TIMES} if isinstance(tree, dict) else tree
 
 
@@ -182,24 +172,24 @@ def _without_times(tree: Any) -> Any:
 class Campaign:
     """The inputs, the commands and their undisturbed results, in a folder."""
 
-    def __init__(self, work: pathlib.Path, rng: random.Random) -> None:
+    def __init__(self, work, rng):
         self.work = work
         self.rng = rng
         self.log = work / "log"
         self.environment = quick_environment(work) | {"PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"}
         self.commands = make_commands(work)
-        self.results: dict[str, dict[str, Any]] = {}
+        self.results = {}
 
-    def result(self, name: str) -> dict[str, Any]:
+    def result(self, name):
         """The result of an undisturbed command, which stays in `work / name`."""
         if name not in self.results:
-            code, text = self.run(self.commands[name].words, self.work / name)
+            code, text = self.run(self.commands[name][0], self.work / name)
             if code:
                 raise SystemExit(f"{name} fails undisturbed: {code}: {text[-2000:]}")
             self.results[name] = result_of(self.work / name)
         return self.results[name]
 
-    def start(self, words: list[str], out: pathlib.Path, **variables: str) -> subprocess.Popen[str]:
+    def start(self, words, out, **variables):
         """Starts a command in a process group of its own; its output goes to `log`."""
         with open(self.log, "w") as log:
             return subprocess.Popen(
@@ -208,15 +198,14 @@ class Campaign:
                 start_new_session=True,
             )  # fmt: skip
 
-    def run(self, words: list[str], out: pathlib.Path, **variables: str) -> tuple[int, str]:
+    def run(self, words, out, **variables):
         """Runs a command to its end; returns exit code and output."""
         code = self.start(words, out, **variables).wait(600)
         return code, self.log.read_text(errors="replace")
 
-    def again(self, name: str, out: pathlib.Path) -> str:
+    def again(self, name, out):
         """Runs a disturbed command to its end; returns what did not hold."""
-        command = self.commands[name]
-        code, text = self.run(command.words, out)
+        code, text = self.run(self.commands[name][0], out)
         if code or "Traceback" in text:
             return f"the next start ends with {code}: {text[-600:]}"
         if result_of(out) != self.result(name):
@@ -225,8 +214,7 @@ class Campaign:
         left = [] if name in ("predict", "evaluate") else [*out.rglob("*tmp*")]
         return f"left behind: {left}" if left else ""
 
-    def kill(self, out: pathlib.Path) -> tuple[str, str]:
-        """A trial of the part `kill`."""
+    def kill(self, out):
         name = self.rng.choice(list(self.commands))
         numbers = [signal.SIGKILL] * 4
         if name.startswith("train"):
@@ -235,7 +223,7 @@ class Campaign:
         for _ in range(self.rng.randint(1, 3)):
             number, send = self.rng.choice(numbers), self.rng.choice((os.kill, os.killpg))
             kind = f"{name}: {number.name} to the {'group' if send is os.killpg else 'process'}"
-            process = self.start(self.commands[name].words, out)
+            process = self.start(self.commands[name][0], out)
             time.sleep(self.rng.uniform(0, 12))
             try:
                 send(process.pid, number)
@@ -245,15 +233,11 @@ class Campaign:
             text = self.log.read_text(errors="replace")
             if code not in (0, -number, 128 + number) or ("Traceback" in text and code > 0):
                 return kind, f"exit code {code}: {text[-500:]}"
-            end = time.monotonic() + 15
-            while left := _group(process.pid):
-                if time.monotonic() > end:
-                    return kind, f"processes live on: {left}"
-                time.sleep(0.1)
+            if not processes.wait_until(lambda of=process.pid: not processes.of_group(of), 15):
+                return kind, f"processes live on: {processes.of_group(process.pid)}"
         return kind, self.again(name, out)
 
-    def fault(self, out: pathlib.Path) -> tuple[str, str]:
-        """A trial of the part `fault`."""
+    def fault(self, out):
         library = self.work / "faults.so"
         if not library.exists():
             source = pathlib.Path(__file__).with_name("faults.c")
@@ -271,7 +255,7 @@ class Campaign:
         at = int(2 ** self.rng.uniform(0, 8))
         kind = f"{name}: {fault}"
         code, text = self.run(
-            self.commands[name].words, out, LD_PRELOAD=str(library),
+            self.commands[name][0], out, LD_PRELOAD=str(library),
             PSGN_FAULT=f"{letter}:{number}:{at}:{out}",
         )  # fmt: skip
         if code not in codes or "Traceback" in text:
@@ -279,14 +263,13 @@ class Campaign:
         wrong = self.again(name, out)
         return kind, wrong and f"operation {at}: {wrong}"
 
-    def damage(self, out: pathlib.Path) -> tuple[str, str]:
-        """A trial of the part `damage`."""
-        name = self.rng.choice([n for n, command in self.commands.items() if command.reader])
+    def damage(self, out):
+        name = self.rng.choice([name for name, (_, reader) in self.commands.items() if reader])
         self.result(name)
         shutil.copytree(self.work / name, out)
         file = self.rng.choice(sorted(p for p in out.rglob("*") if p.is_file()))
         data = file.read_bytes()
-        damages: dict[str, bytes | None] = {
+        damages = {
             "a bit flipped": flipped(self.rng, data),
             "cut off": data[: self.rng.randrange(len(data) + 1)],
             "zeros": bytes(len(data)),
@@ -298,10 +281,11 @@ class Campaign:
         content = damages[damage]
         file.unlink() if content is None else file.write_bytes(content)
         kind, where = f"{name}: {damage}", f"{file.relative_to(out)}: "
-        code, text = self.run(list(self.commands[name].reader), out)
+        words, reader = self.commands[name]
+        code, text = self.run(reader, out)
         if code not in (0, 1, 2) or "Traceback" in text:
             return kind, f"{where}the reader ends with {code}: {text[-600:]}"
-        code, text = self.run(self.commands[name].words, out)
+        code, text = self.run(words, out)
         if code not in (0, 2) or "Traceback" in text:
             return kind, f"{where}the next start ends with {code}: {text[-600:]}"
         if code == 0 and name == "train" and result_of(out) != self.result(name):
@@ -309,26 +293,12 @@ class Campaign:
         return kind, ""
 
 
-def flipped(rng: random.Random, data: bytes) -> bytes:
+def flipped(rng, data):
     """A file with one bit changed."""
     if not data:
         return b"x"
     at = rng.randrange(len(data))
     return data[:at] + bytes([data[at] ^ 1 << rng.randrange(8)]) + data[at + 1 :]
-
-
-def _group(leader: int) -> list[str]:
-    """Command names of the living processes of a group."""
-    found = []
-    for path in pathlib.Path("/proc").glob("[0-9]*/stat"):
-        try:
-            name, rest = path.read_text().rsplit(")", 1)
-        except OSError:
-            continue
-        state, _, group = rest.split()[:3]
-        if int(group) == leader and state != "Z":
-            found.append(name)
-    return found
 
 
 # --- Hostile input -----------------------------------------------------------------------------
@@ -340,12 +310,12 @@ _WORDS = (
     b"0", b"-1", b"1e300", b"nan", b"inf", b"99999999999999999999", b"[" * 2000, b"\0", b"\xff",
     b"../../etc/passwd", b"\n", b"", b"true", b"1.5", b"#", b"//", b"\\",
 )  # fmt: skip
-_VALUES: tuple[Any, ...] = (
+_VALUES = (
     None, True, -1, 0, 1, 2**31, 10**18, 1.5, 1e300, "", "x", "../x", "a\nb", [], [1], {}, {"a": 1},
 )  # fmt: skip
 
 
-def mutated(rng: random.Random, data: bytes) -> bytes:
+def mutated(rng, data):
     """Some bytes or words of a file changed, removed, repeated or replaced."""
     out = bytearray(data)
     for _ in range(rng.choice((1, 1, 2, 5, 20))):
@@ -356,12 +326,12 @@ def mutated(rng: random.Random, data: bytes) -> bytes:
     return bytes(out)
 
 
-def mutated_tree(rng: random.Random, tree: Any) -> Any:
+def mutated_tree(rng, tree):
     """A tree of dicts and lists with one value replaced or removed."""
     copy = msgpack.unpackb(msgpack.packb(tree))
-    places: list[tuple[Any, Any]] = []
+    places = []
 
-    def collect(node: Any) -> None:
+    def collect(node):
         for key in list(node if isinstance(node, dict) else range(len(node))):
             places.append((node, key))
             if isinstance(node[key], dict | list):
@@ -378,43 +348,26 @@ def mutated_tree(rng: random.Random, tree: Any) -> Any:
     return copy
 
 
-def mutated_json(rng: random.Random, data: bytes) -> bytes:
-    """JSON with one value replaced or removed."""
+def mutated_json(rng, data):
     return json.dumps(mutated_tree(rng, json.loads(data))).encode()
 
 
-def mutated_record(rng: random.Random, data: bytes) -> bytes:
+def mutated_record(rng, data):
     """A record with one value replaced or removed, and the right checksum."""
     body = msgpack.packb(mutated_tree(rng, msgpack.unpackb(data[4:])))
     return zlib.crc32(body).to_bytes(4, "little") + body
 
 
-class Input(NamedTuple):
-    """A file that is changed and read.
+def hostile_inputs(folder):
+    """Kind of input -> files of this kind.
 
-    Attributes:
-      file: its path.
-      data: its content, before it is changed.
-      change: changes it.
-      read: reads it; returns whether the result is right.
-      refused: the error that is accepted.
+    A file is its path, its content, how to change it, how to read it (whether the result is right),
+    and the error that is accepted.
     """
-
-    file: pathlib.Path
-    data: bytes
-    change: Callable[[random.Random, bytes], bytes]
-    read: Callable[[], bool]
-    refused: type[Exception]
-
-
-def hostile_inputs(folder: pathlib.Path) -> dict[str, list[Input]]:
-    """Kind of input -> files of this kind."""
     import trimesh
 
     ball = trimesh.creation.icosphere(1)
-    meshes: dict[str, Any] = {
-        f"a.{kind}": ball.export(file_type=kind) for kind in ("stl", "ply", "off", "glb")
-    }
+    meshes = {f"a.{kind}": ball.export(file_type=kind) for kind in ("stl", "ply", "off", "glb")}
     meshes = {n: data.encode() if isinstance(data, str) else data for n, data in meshes.items()}
     (folder / "x.png").write_bytes(png((1, 2, 3)))
     material = b"newmtl a\nKd 1 0 0\nmap_Kd -s 1 1 x.png\nd 0.5\nnewmtl b\nKd .1 .2 .3\n"
@@ -442,73 +395,65 @@ def hostile_inputs(folder: pathlib.Path) -> dict[str, list[Input]]:
     write_weights(folder / "w.safetensors", made)
     leaves = named_leaves(made.params)
 
-    def mesh(name: str) -> bool:
+    def mesh(name):
         model = load_model(folder / ("a.obj" if name == "m.mtl" else name))
         finite = np.isfinite(model.vertices).all() and np.isfinite(model.normals).all()
         return bool(finite and abs(np.linalg.norm(model.vertices, axis=1).max() - 1) < 1e-3)
 
-    def image() -> bool:
+    def image():
         array = photo.read_photo(folder / "image").image
         return array.dtype == np.uint8 and array.ndim == 3 and array.shape[2] == 3
 
-    def record_bytes() -> bool:
+    def record_bytes():
         changed = (folder / "record").read_bytes()
         decode(changed)
         return changed == record
 
-    def record_fields() -> bool:
+    def record_fields():
         schema.validate(decode((folder / "record").read_bytes()))
         return True
 
-    def data_set() -> bool:
+    def data_set():
         reader = RecordReader(folder / "set", "train")
         reader.verify()
         records = [reader.read(i) for i in range(len(reader))]
         return set(records) <= known and len(set(records)) == len(records)
 
-    def prediction() -> bool:
+    def prediction():
         return read_prediction(folder / "a.npz", tuple(fields))["points"].shape[1:] == (50, 3)
 
-    def weights() -> bool:
+    def weights():
         found = named_leaves(read_weights(folder / "w.safetensors").params)
         same = (np.array_equal(found.get(name), leaf) for name, leaf in leaves.items())
         return found.keys() == leaves.keys() and all(same)
 
-    def one(name: str, data: bytes, *rest: Any) -> list[Input]:
-        return [Input(folder / name, data, *rest)]
-
-    return {
-        **{
-            f"mesh {name}": one(
-                name, data, mutated, functools.partial(mesh, name), UnusableModelError
-            )
-            for name, data in meshes.items()
-        },
-        "image": [
-            Input(folder / "image", data, mutated, image, photo.PhotoError)
-            for data in images.values()
-        ],
-        "record, bytes": one("record", record, mutated, record_bytes, ValueError),
-        "record, fields": one("record", record, mutated_record, record_fields, ValueError),
+    kinds = {
+        f"mesh {name}": [(name, data, mutated, functools.partial(mesh, name), UnusableModelError)]
+        for name, data in meshes.items()
+    }
+    stored = (folder / "w.safetensors").read_bytes()
+    kinds |= {
+        "image": [("image", data, mutated, image, photo.PhotoError) for data in images.values()],
+        "record, bytes": [("record", record, mutated, record_bytes, ValueError)],
+        "record, fields": [("record", record, mutated_record, record_fields, ValueError)],
         "manifest": [
-            Input(manifest, manifest.read_bytes(), change, data_set, RecordError)
+            (f"set/{MANIFEST}", manifest.read_bytes(), change, data_set, RecordError)
             for change in (mutated, mutated_json)
         ],
-        "prediction": one("a.npz", stream.getvalue(), mutated, prediction, PredictionFileError),
-        "weights": one(
-            "w.safetensors", (folder / "w.safetensors").read_bytes(), mutated, weights, WeightsError
-        ),
+        "prediction": [("a.npz", stream.getvalue(), mutated, prediction, PredictionFileError)],
+        "weights": [("w.safetensors", stored, mutated, weights, WeightsError)],
     }
+    return {kind: [(folder / name, *rest) for name, *rest in of] for kind, of in kinds.items()}
 
 
 class _TooLong(BaseException):
     pass
 
 
-def attempt(read: Callable[[], bool], accepted: type[Exception]) -> str:
+def attempt(read, accepted):
     """Reads an input; returns what did not hold."""
 
-    def stop(number: int, frame: Any) -> None:
+    def stop(*_):
         raise _TooLong
 
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -533,7 +478,7 @@ def attempt(read: Callable[[], bool], accepted: type[Exception]) -> str:
 PARTS = ("kill", "fault", "damage", "input")
 
 
-def trials(part: str, work: pathlib.Path, seed: int) -> Iterator[tuple[str, str]]:
+def trials(part, work, seed):
     """Trials of a part, without end: what was done, and what did not hold, or ""."""
     rng = random.Random(f"{seed} {part}")
     if part == "input":
@@ -541,11 +486,11 @@ def trials(part: str, work: pathlib.Path, seed: int) -> Iterator[tuple[str, str]
         folder.mkdir()
         kinds = hostile_inputs(folder)
         for kind in itertools.cycle(kinds):
-            for each in itertools.chain.from_iterable(kinds.values()):
-                each.file.write_bytes(each.data)
-            chosen = rng.choice(kinds[kind])
-            chosen.file.write_bytes(chosen.change(rng, chosen.data))
-            yield kind, attempt(chosen.read, chosen.refused)
+            for file, data, *_ in itertools.chain.from_iterable(kinds.values()):
+                file.write_bytes(data)
+            file, data, change, read, refused = rng.choice(kinds[kind])
+            file.write_bytes(change(rng, data))
+            yield kind, attempt(read, refused)
     campaign = Campaign(work, rng)
     campaign.result("train")  # which `predict` and `evaluate` read
     while True:
@@ -557,7 +502,7 @@ def trials(part: str, work: pathlib.Path, seed: int) -> Iterator[tuple[str, str]
             yield "a result that cannot be read", f"{type(error).__name__}: {error}"
 
 
-def main() -> int:
+def main():
     """Runs the campaign; returns its exit code."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--seed", type=int, default=0)
@@ -567,7 +512,7 @@ def main() -> int:
     arguments = parser.parse_args()
     out = arguments.out.absolute()
     out.mkdir(parents=True)
-    tried, held = collections.Counter[str](), collections.Counter[str]()
+    tried, held = collections.Counter(), collections.Counter()
     chosen = arguments.part or PARTS
     for part in chosen:
         work = out / "work"
