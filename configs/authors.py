@@ -6,8 +6,8 @@ Hardware: a GPU; on two CPU cores a step takes some seconds (docs/benchmarks.md)
 Time: a complete run has not been measured.
 Expect: a lower cd_sq_radius2 than `configs/authors_small.py`; a complete run has not been measured.
 
-The recipe is based on that of `authors_small.py`, with the published two-branch network and the CD
-as the loss. The flags for the authors' own recipe are:
+The recipe of `authors_small.py` with the published two-branch network and the CD as the loss. For
+the authors' own recipe, add:
     --config.loss.name=chamfer_authors --config.loss.l2=authors
     --config.optim.schedule=constant --config.optim.warmup_steps=0
     --config.optim.learning_rate=3e-5 --config.optim.clip_norm=0 --config.optim.ema_decay=0

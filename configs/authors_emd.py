@@ -9,9 +9,8 @@ measured.
 
 The recipe is that of `authors.py`. The EMD compares clouds of equal size, here 1,024 points.
 
-The half-size network can be trained with the EMD on two CPU cores, at one second per step. After
-600 steps its emd_radius is .156 and its cd_sq_radius2 .0179; 3,200 steps with the Chamfer distance
-give .309 and .0105. The command for the half-size network is:
+On two CPU cores, train the half-size network, at one second per step. After 600 steps its
+emd_radius is .156 and its cd_sq_radius2 .0179; 3,200 steps with the CD give .309 and .0105:
     python -m psgn_jax.main --config=configs/authors_small.py --workdir=runs/authors_small_emd \
     --config.loss.name=emd_mean --config.data.num_points=1024
 """

@@ -6,9 +6,9 @@ Hardware: two CPU cores (5.2 M parameters).
 Time: not measured; a step takes 1.5 times as long as one of `authors_small_cd.py`.
 Expect: cd_sq_radius2 of .0106 and emd_radius of .132 on the validation split, at the last step.
 
-The loss is the EMD to 1,024 of the true points plus five times the CD to all of them. The points of
-the predicted clouds are evenly spaced. Their CD is nearly the same as that of a network trained
-with the CD alone (the table is in `pretrained.py`).
+The loss is the EMD to 1,024 of the true points plus five times the CD to all of them. It spreads
+the predicted points evenly, at nearly the CD of a training with the CD alone (`pretrained.py` has
+the table).
 """
 
 import ml_collections

@@ -1,12 +1,11 @@
 """Several plausible shapes for one image: `psgn study ambiguity`.
 
-The data are `data_gen.catalogues.cabinets`, whose depth cannot be seen from the front, but can be
-seen when the cabinet is turned. A deterministic network, Mo2, Mo4 and Mo8 (trained on the best of
-2, 4 and 8 draws of the random input) and the conditional variational autoencoder are trained on
-both. Measured are distances from the truth, the spread (standard deviation over draws) of the
-output points along the hidden direction x and along y and z, the depths of the drawn cabinets
-beside their true distribution, and the metrics of `prediction.sampling` for the true shapes that
-share an image.
+The data are `data_gen.catalogues.cabinets`: their depth cannot be seen from the front, but can be
+seen when the cabinet is turned. We train a deterministic network, Mo2, Mo4 and Mo8 (on the best of
+2, 4 and 8 draws of the random input) and the conditional variational autoencoder on both. We
+measure distances from the truth; the spread (standard deviation over draws) of the output points
+along the hidden direction x and along y and z; the depths of the drawn cabinets beside their true
+distribution; and the metrics of `prediction.sampling` for the true shapes that share an image.
 
 Source: Fan, Su, Guibas, CVPR 2017, sections "Generation of Multiple Plausible Shapes" and
 "Predicting Multiple Plausible Shapes", which show images and no numbers. Data, measures and goals

@@ -1,7 +1,7 @@
 """The points of each branch: `psgn study branches [--runs=RUN]`.
 
 The paper states that the deconv branch predicts the main body as an ordered surface, and the fc
-branch unordered points on details. Measured are the two-branch networks of the study `networks`, or
+branch unordered points on details. We measure the two-branch networks of the study `networks`, or
 the runs in `--runs`:
 
 - order: the mean distance of points that are neighbours in the output (fc: consecutive points;

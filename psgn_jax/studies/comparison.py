@@ -1,9 +1,9 @@
 """Volumes, compared with 3D-R2N2: `psgn study comparison`.
 
-Trained are the point networks `cd` and `emd`; `volume`, which predicts the logarithm of the
-object's volume; the paper's voxel head with four sets of inputs (`HEADS`); and 3D-R2N2 (`r2n2`) on
-one to five views, for the training time of the head `OURS` and the three networks that it reads.
-Measured on the test split, or on the evaluation split if there is none:
+We train the point networks `cd` and `emd`; `volume`, which predicts the logarithm of the object's
+volume; the paper's voxel head with four sets of inputs (`HEADS`); and 3D-R2N2 (`r2n2`) on one to
+five views, for as long as the head `OURS` and the three networks that it reads took together. On
+the test split, or on the evaluation split if there is none, we measure:
 
 - IoU of 32^3 grids. Thresholds are chosen on the evaluation split;
 - CD and EMD of 1,024 points by the paper's protocol: grids are converted to clouds by farthest

@@ -1,9 +1,9 @@
 """Shape completion from one RGB-D image: `psgn study completion`.
 
-One network is trained twice, with RGB and with RGB-D images, everything else being equal. True
-points that the depth image measured (visible) are measured separately from the others (hidden). The
-figure shows the true points in blue (visible) and orange (hidden), and each predicted point in the
-colour of the nearest true point.
+We train one network twice, with RGB and with RGB-D images, everything else being equal. True points
+that the depth image shows (visible) are measured separately from the others (hidden). The figure
+shows the true points in blue (visible) and orange (hidden), and each predicted point in the colour
+of the nearest true point.
 
 Source: Fan, Su, Guibas, CVPR 2017, section "Shape Completion from RGBD Images", which shows images
 and no numbers; networks, sizes and measures here are **ours**.

@@ -4,10 +4,10 @@ If an image does not determine the shape S, a network trained with a distance L 
 
     x* = argmin over x of E_S[L(x, S)],
 
-the mean shape of that distance. This study computes x* by stochastic gradient descent, without a
-network, for four distributions of plane shapes: a circle with random radius; a spiky arc at a
-random position on the diagonal; a bar with a square at one of its four corners; a bar with a disk
-above it with probability 1/2. The figure shows random shapes in grey and the mean shapes in red.
+the mean shape of that distance. We compute x* by stochastic gradient descent, without a network,
+for four distributions of plane shapes: a circle with random radius; a spiky arc at a random
+position on the diagonal; a bar with a square at one of its four corners; a bar with a disk above it
+with probability 1/2. The figure shows random shapes in grey and the mean shapes in red.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 4.3 and its figure on mean shapes, which show the clouds
 and no numbers; sizes and measures here are **ours**. The shapes lie in a square of side 1.2.

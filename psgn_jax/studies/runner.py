@@ -1,10 +1,10 @@
-"""Studies: a few configurations are trained, and each run is measured, for a table and a figure.
+"""Trains the configurations of a study, measures each run, and writes a table and a figure.
 
-`run` trains the configurations one after another in `WORKDIR/CONFIG-SEED`, which are ordinary
-folders of runs: a stopped study resumes, and a finished run is not trained again. The last
-checkpoints are measured, because the best ones were chosen on the samples of most studies. The
-results are `NAME.md` (tables), `NAME.csv` and `NAME.json` (all numbers), `NAME.png` and, from the
-evaluations during training, `NAME_curves.png`: metrics against the samples seen.
+`run` trains one configuration after another in `WORKDIR/CONFIG-SEED`. These are ordinary runs: a
+stopped study resumes, and a finished run is not trained again. We measure the last checkpoints,
+because most studies use the samples on which the best ones were chosen. The results are `NAME.md`
+(tables), `NAME.csv` and `NAME.json` (all numbers), `NAME.png`, and `NAME_curves.png`: the metrics
+during training against the samples seen.
 """
 
 import dataclasses
@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 from absl import logging
+from scipy.spatial.distance import cdist
 
 from psgn_jax import tasks
 from psgn_jax.config import recipes
@@ -259,7 +260,7 @@ def run(
             _check_data(config)
     if not finished:
         for i, one in enumerate(runs):
-            logging.info("run %d of %d: %s%s", i + 1, len(runs), one.folder, _time_left(runs, i))
+            logging.info("run %d of %d: %s", i + 1, len(runs), one.folder)
             study.train(one)
         if only:
             return ""
@@ -328,8 +329,8 @@ def learning_curves(
 ) -> dict[str, dict[str, figures.Curve]]:
     """{title: {configuration: curve}} from the evaluations during the trainings of `runs`.
 
-    The learning rate of a point before the last one had not fallen to its end. Points of different
-    configurations can be compared with each other, but not with a training of that length.
+    Before the last point, the learning rate has not fallen to its end. So compare a point with
+    those of other configurations, not with a training of that length.
     """
     charts: dict[str, dict[str, figures.Curve]] = {}
     for metric, title in metrics.items():
@@ -476,9 +477,7 @@ def standard_error(values: np.ndarray) -> float:
 
 def squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Squared distances [n, m] between the points of two clouds."""
-    a, b = a.astype(np.float64), b.astype(np.float64)
-    products = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1)[None] - 2 * a @ b.T
-    return np.maximum(products, 0)
+    return cdist(a, b, "sqeuclidean")
 
 
 # --- Tables -------------------------------------------------------------------------------------
@@ -533,17 +532,6 @@ def cost(run: Run) -> tuple[float, float]:
     if not steps:
         return math.nan, math.nan
     return float(np.median(seconds)), float(np.dot(steps, seconds))
-
-
-def _time_left(runs: Sequence[Run], start: int) -> str:
-    """The time for the runs from `start` on, from the logs of those before it."""
-    known = {run.name: cost(run)[1] for run in runs[:start]}
-    known = {name: seconds for name, seconds in known.items() if not math.isnan(seconds)}
-    if not known:
-        return ""
-    mean = sum(known.values()) / len(known)
-    left = sum(known.get(run.name, mean) for run in runs[start:])
-    return f", about {left / 60:.0f} min left in all"
 
 
 def _costs(runs: Sequence[Run]) -> list[Lines]:

@@ -196,13 +196,8 @@ def write_scores(
         "mean_over_cases": {name: {key: mean(name, key) for key in METRICS} for name in names},
         "cases": [
             {
-                "case": case.answer.case,
-                "category": case.sample.category,
-                "model_id": case.sample.model_id,
-                "view": case.sample.view,
-                "seconds": case.answer.seconds,
-                "done": case.answer.done,
-                "parts": case.answer.parts,
+                **{key: getattr(case.answer, key) for key in ("case", "seconds", "done", "parts")},
+                **{key: getattr(case.sample, key) for key in ("category", "model_id", "view")},
                 "metrics": {name: finite_or_none(dict(m)) for name, m in case.metrics.items()},
             }
             for case in scored
