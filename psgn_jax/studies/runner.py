@@ -56,20 +56,13 @@ class Run(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """Measures of one run.
+    """Measures of one run."""
 
-    Attributes:
-      names: the samples. Runs are compared on the same samples.
-      metrics: name -> float64 [samples], NaN for a sample without this metric; [1] for a number of
-        the whole run.
-      shown: data for the figure; by default some samples by number.
-      about: number of samples and points, for the text below the tables.
-    """
-
-    names: Sequence[SampleName]
+    names: Sequence[SampleName]  # runs are compared on the same samples
+    # Name -> float64 [samples], NaN for a sample without it; [1] for a number of the whole run.
     metrics: Mapping[str, np.ndarray]
-    shown: Any = None
-    about: str = ""
+    shown: Any = None  # data for the figure; by default some samples by number
+    about: str = ""  # number of samples and points, for the text below the tables
 
 
 Results = Mapping[str, Sequence[Measured]]
@@ -126,39 +119,24 @@ def evaluate(
 
 @dataclasses.dataclass(frozen=True)
 class Study:
-    """An experiment.
+    """An experiment."""
 
-    Attributes:
-      name: name of the result files.
-      base: what all configurations change of the recipe.
-      configs: maps the base configuration, and a function from the name of a configuration to the
-        folder of its run with the same seed, to the overrides of each configuration by name.
-      metrics: metric -> title of its row in the table, which ends with the unit in brackets; empty:
-        all metrics, with their names as titles.
-      figure: makes the figure from the results.
-      measure: measures a run.
-      pairs: configurations whose difference, first minus second, is shown.
-      tables: makes further tables from the results.
-      train: trains a run, or resumes it.
-      recipe: name of the configuration file with which all configurations begin.
-      split: name of the split that is measured if there is one; otherwise the evaluation split.
-      by_model: whether standard errors are over models; views of a model are averaged first.
-      note: definitions, written below the tables.
-    """
-
-    name: str
-    base: Overrides
+    name: str  # of the result files
+    base: Overrides  # what all configurations change of the recipe
+    # The overrides of each configuration by name, from the base configuration and a function from
+    # such a name to the folder of its run with the same seed.
     configs: Callable[[Config, Callable[[str], str]], Mapping[str, Overrides]]
+    # Metric -> title of its row, which ends with the unit in brackets; empty: all, by their names.
     metrics: Mapping[str, str]
     figure: Callable[[Results], figures.Figure]
     measure: Callable[[Run], Measured] = evaluate
-    pairs: Sequence[tuple[str, str]] = ()
-    tables: Callable[[Results], Sequence[Lines]] = lambda _: ()
-    train: Callable[[Run], None] = train_network
-    recipe: str = "authors_small"
-    split: str = ""
-    by_model: bool = False
-    note: str = ""
+    pairs: Sequence[tuple[str, str]] = ()  # whose difference, first minus second, is shown
+    tables: Callable[[Results], Sequence[Lines]] = lambda _: ()  # further tables
+    train: Callable[[Run], None] = train_network  # trains a run, or resumes it
+    recipe: str = "authors_small"  # with which all configurations begin
+    split: str = ""  # measured if there is one; otherwise the evaluation split
+    by_model: bool = False  # standard errors over models; views of a model are averaged first
+    note: str = ""  # definitions, below the tables
 
     def runs(
         self,
@@ -382,28 +360,18 @@ def _check_data(config: Config) -> None:
 
 
 class Entry(NamedTuple):
-    """A number of the results: the mean of a metric, or of its difference of two configurations.
-
-    Attributes:
-      configuration: name of the configuration.
-      minus: name of the configuration that is subtracted; "" for none.
-      metric: name of the metric.
-      mean: mean over seeds and samples.
-      error_samples: standard error over samples; seeds are averaged first. NaN for one sample.
-      error_seeds: standard error over seeds. NaN for one seed.
-      better: share of samples with a better metric than `minus`; NaN without `minus`, and for
-        metrics of which neither more nor less is better.
-      samples, seeds: their numbers.
-    """
+    """A number of the results: the mean of a metric, or of its difference of two configurations."""
 
     configuration: str
-    minus: str
+    minus: str  # the configuration that is subtracted; "" for none
     metric: str
-    mean: float
-    error_samples: float
-    error_seeds: float
+    mean: float  # over seeds and samples
+    error_samples: float  # standard error; seeds are averaged first. NaN for one sample
+    error_seeds: float  # standard error. NaN for one seed
+    # Share of samples that are better than in `minus`. NaN without `minus`, and for metrics of
+    # which neither more nor less is better.
     better: float
-    samples: int
+    samples: int  # their number
     seeds: int
 
 

@@ -43,42 +43,27 @@ class CaseRecord:
 
 @dataclasses.dataclass(frozen=True)
 class StudyFile:
-    """The content of `study.json`; it contains no points.
-
-    Attributes:
-      format: always "psgn human study".
-      version: version of the format.
-      id: checksum of the images and cameras, which is also in the page and in the saved models.
-      data: folders of records, separated by commas.
-      split: split of the records.
-      cases: in the order of the page.
-    """
+    """The content of `study.json`; it contains no points."""
 
     format: Literal["psgn human study"]
     version: Annotated[int, Bounds(low=1, high=1)]
-    id: str
-    data: str
+    id: str  # checksum of the images and cameras, also in the page and in the saved models
+    data: str  # folders of records, separated by commas
     split: str
-    cases: tuple[CaseRecord, ...]
+    cases: tuple[CaseRecord, ...]  # in the order of the page
 
 
 @dataclasses.dataclass(frozen=True)
 class Answer:
-    """The model of one case.
-
-    Attributes:
-      seconds: time that the person spent on it.
-      parts: number of parts; each has up to three mirrored copies.
-      solids: corners of all convex parts and copies, in the project's frame.
-      model: the model as the page reads it back.
-    """
+    """The model of one case."""
 
     case: str
-    seconds: Seconds
+    seconds: Seconds  # that the person spent on it
     done: bool
-    parts: Count
+    parts: Count  # each has up to three mirrored copies
+    # Corners of all convex parts and copies, in the project's frame.
     solids: tuple[tuple[tuple[Coordinate, Coordinate, Coordinate], ...], ...]
-    model: str = ""
+    model: str = ""  # as the page reads it back
 
 
 @dataclasses.dataclass(frozen=True)

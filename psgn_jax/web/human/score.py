@@ -57,13 +57,7 @@ _COLOURS = ("#e2723e", "#4682b4", "#5aa55a", "#966ebe")
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scored:
-    """A modelled case.
-
-    Attributes:
-      answer: what the person modelled.
-      sample: the record.
-      metrics: name of the person or of a network -> metric -> value.
-    """
+    """A modelled case, and its metrics: person or network -> metric -> value."""
 
     answer: Answer
     sample: Sample
