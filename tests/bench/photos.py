@@ -26,6 +26,7 @@ from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing import spheres
 from psgn_jax.weights.opening import open_network
 
+PHOTOS = pathlib.Path(__file__).resolve().parents[2] / "docs" / "photos"
 HIGH, WIDE = 150, 200
 LARGEST = 480_000
 OUTSIDE = np.array([60, 90, 160])
