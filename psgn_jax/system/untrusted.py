@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import io
+import itertools
 import json
 import math
 import os
@@ -144,16 +145,18 @@ def _crc32(entry: Mapping[str, Any]) -> int:
     return zlib.crc32(json.dumps(entry, sort_keys=True).encode())
 
 
-def refuse_special_files(folder: str | os.PathLike[str]) -> None:
-    """Raises `OSError` if there is a named pipe, a socket or a device in a folder, at any depth.
+def refuse_special_files(*paths: str | os.PathLike[str]) -> None:
+    """Raises `OSError` if a path, or anything below it, is a named pipe, a socket or a device.
 
     Reading a named pipe would wait without end.
     """
-    for parent, _, names in os.walk(folder):
-        for path in (os.path.join(parent, name) for name in names):
-            with contextlib.suppress(FileNotFoundError):  # removed by another process
-                if kind := kind_of(path):
-                    raise OSError(errno.EINVAL, f"it is {kind}, expected a file", path)
+    for path in paths:
+        below = (os.path.join(top, name) for top, _, names in os.walk(path) for name in names)
+        for each in itertools.chain([os.fspath(path)], below):
+            with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+                kind = kind_of(each)
+                if kind not in (None, "a folder"):
+                    raise OSError(errno.EINVAL, f"it is {kind}, expected a file", each)
 
 
 def kind_of(path: str | os.PathLike[str]) -> str | None:

@@ -101,10 +101,10 @@ def load_config(workdir: str | os.PathLike[str]) -> Config:
 
     Raises:
       ConfigError: there is none.
-      OSError: something in the folder is neither a file nor a folder.
+      OSError: a file of the run is a named pipe, a socket or a device.
     """
     path = pathlib.Path(workdir) / "config.json"
-    refuse_special_files(workdir)
+    _refuse_pipes(workdir)
     try:
         text = path.read_text("utf-8", errors="replace")
     except FileNotFoundError:
@@ -115,6 +115,11 @@ def load_config(workdir: str | os.PathLike[str]) -> Config:
         return from_json(text)
     except ConfigError as error:
         raise type(error)(f"{path}: {error}") from None
+
+
+def _refuse_pipes(workdir: str | os.PathLike[str]) -> None:
+    names = ("config.json", "metrics.jsonl", ".lock", "checkpoints")
+    refuse_special_files(*(os.path.join(workdir, name) for name in names))
 
 
 def _best(checkpoints: Checkpoints) -> Checkpoint | None:
@@ -139,7 +144,7 @@ def locked(workdir: str | pathlib.Path) -> Iterator[None]:
     """
     folder = pathlib.Path(workdir)
     folder.mkdir(parents=True, exist_ok=True)
-    refuse_special_files(workdir)
+    _refuse_pipes(workdir)
     with contextlib.ExitStack() as stack:
         try:
             held = stack.enter_context(claims.locked(folder / ".lock"))
