@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from helpers import drawn_solids as solids
 
-from data_gen import job, settings
+from data_gen import job, pool, settings
 from data_gen.catalogues.choosing import Choice
 from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, moved_to_empty_splits, split_of
 from data_gen.engine import Variant
-from data_gen.render_model import failure, model_seed
+from data_gen.render_model import Context, failure, model_seed
 from psgn_jax.data import schema, shards
 from psgn_jax.data.codec import encode
 from psgn_jax.data.dataset import RecordReader
@@ -303,3 +303,14 @@ def test_a_damaged_shard_is_made_again(tmp_path):
     shards[1].write_bytes(b"no shard")
     assert make(out, TEN)[1] == TEN[4:]
     assert contents(out) == contents(tmp_path / "once")
+
+
+def test_the_pool_runs_where_processes_have_no_affinity(monkeypatch):
+    """As on macOS."""
+    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
+    monkeypatch.setattr(
+        pool.Renderer, "render", lambda self, number, entry: shards.Result(number, {}, [])
+    )
+    context = Context(OPTIONS, "listed", Variant("none"), None)
+    found = pool.render_local(list(enumerate(listed(TEN).models)), context)
+    assert sorted(result.number for result in found) == list(range(10))
