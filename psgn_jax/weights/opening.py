@@ -104,11 +104,9 @@ def open_initial(config: Config) -> Trained:
     if "" in names:
         raise ConfigError(f"train.init={init!r}: a name is empty; accepted: names between commas")
     runs = [_open(config, name) for name in names]
-    shapes = [
-        {key: np.shape(leaf) for key, leaf in named_leaves(run.params).items()} for run in runs
-    ]
-    for name, other in zip(names[1:], shapes[1:], strict=True):
-        if other != shapes[0]:
+    shapes = [jax.tree.map(np.shape, run.params) for run in runs]
+    for name, own in zip(names, shapes, strict=True):
+        if own != shapes[0]:
             raise ConfigError(
                 f"train.init={init!r}: the layers of {name!r} differ from those of {names[0]!r}; "
                 "expected networks with the same layers"
