@@ -160,34 +160,6 @@ def test_what_does_not_fit_is_named_before_anything_is_written(
     assert not (tmp_path / "run").exists()
 
 
-@pytest.mark.slow
-def test_batches_that_the_devices_do_not_divide(tmp_path):
-    """Training refuses the batch before anything is written; an evaluation uses one device."""
-    code = f"""
-import jax, pytest, sys
-jax.config.update("jax_num_cpu_devices", 2)
-from psgn_jax.config.experiment import ConfigError
-from psgn_jax.training.loop import train
-sys.path.insert(0, {str(ROOT / "tests")!r})
-from helpers import standin
-standin.install(pytest.MonkeyPatch())
-config = standin.config(
-    model__name="vanilla", model__widths=(4, 6, 8), eval__batch_size=3, train__steps=2,
-    train__eval_every=2, train__images_every=2, train__log_every=2, optim__warmup_steps=0,
-)
-train(config, {str(tmp_path / "run")!r})
-with pytest.raises(ConfigError, match="train.batch_size=3: accepted: a multiple of the 2 devices"):
-    train(standin.config(train__batch_size=3), {str(tmp_path / "refused")!r})
-"""
-    environment = quick_environment(tmp_path) | {"PYTHONPATH": str(ROOT)}
-    result = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd=ROOT
-    )
-    assert result.returncode == 0, result.stderr[-3000:]
-    assert not (tmp_path / "refused").exists()
-    assert [entry["kind"] for entry in lines(tmp_path / "run")] == ["train", "eval"]
-
-
 # --- Killed and stopped processes ---------------------------------------------------------------
 
 

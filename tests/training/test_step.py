@@ -227,11 +227,15 @@ def test_leaves_of_a_checkpoint_are_checked(trained):
         *(pytest.param(k, marks=pytest.mark.slow) for k in ({"loss__min_of_n": 2}, VAE)),
     ],
 )
-def test_eight_devices_give_the_same_numbers_as_one(kind):
+def test_eight_devices_give_the_same_numbers_as_one(kind, tmp_path):
+    """Training refuses a batch that they do not divide; an evaluation then uses one device."""
     code = f"""
 import sys
 sys.path.insert(0, {str(ROOT / "tests")!r})
-import jax, runpy, numpy as np
+import jax, pytest, runpy, numpy as np
+from psgn_jax import tasks
+from psgn_jax.config.experiment import ConfigError
+from psgn_jax.training.loop import train
 jax.config.update("jax_num_cpu_devices", 8)
 here = runpy.run_path({str(ROOT / "tests/training/test_step.py")!r})
 kind = {{"model__widths": (4, 6, 8), "optim__eps": 1e-3}} | {kind!r}
@@ -245,6 +249,11 @@ for a, b in zip(one_history, all_history):
 jax.tree.map(
     lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-6), one.params, all_.params
 )
+here["standin"].install(pytest.MonkeyPatch())
+few = here["standin"].config(**kind, train__batch_size=3, eval__batch_size=3)
+assert len(tasks.create(few).evaluate(all_.params).names) == 11
+with pytest.raises(ConfigError, match="train.batch_size=3: accepted: a multiple of the 8 devices"):
+    train(few, {str(tmp_path / "refused")!r})
 """
     environment = {"JAX_PLATFORMS": "cpu", "PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin"}
     environment["XLA_FLAGS"] = "--xla_backend_optimization_level=0"
@@ -252,3 +261,4 @@ jax.tree.map(
         [sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd=ROOT
     )
     assert result.returncode == 0, result.stderr[-3000:]
+    assert not (tmp_path / "refused").exists()
