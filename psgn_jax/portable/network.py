@@ -12,6 +12,7 @@ The normalisation of colours is part of the function.
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -21,6 +22,7 @@ from jax import export as jax_export
 from psgn_jax.config.experiment import Config, ConfigError, require_points_task
 from psgn_jax.models import networks
 from psgn_jax.models.cpu_convolution import plain_convolutions
+from psgn_jax.system.errors import UserError
 from psgn_jax.weights.run_folder import Trained
 
 PLATFORMS = ("cpu", "cuda", "rocm", "tpu")
@@ -33,6 +35,20 @@ class Input(NamedTuple):
     name: str
     dtype: str
     shape: tuple[int | str, ...]
+
+
+class ExportError(UserError):
+    """A network cannot be exported, or an exported file gives wrong results."""
+
+
+def symbolic(inputs: Sequence[Input]) -> list[jax.ShapeDtypeStruct]:
+    """Arguments to trace a function for any number of images and draws."""
+    batch, draws = jax_export.symbolic_shape("batch, draws")
+    sizes: dict[int | str, object] = {"batch": batch, "draws": draws}
+    return [
+        jax.ShapeDtypeStruct([sizes.get(s, s) for s in item.shape], np.dtype(item.dtype))
+        for item in inputs
+    ]
 
 
 class PortableNetwork:
@@ -79,10 +95,5 @@ class PortableNetwork:
 
     def stablehlo(self) -> bytes:
         """The program with its weights, for `jax.export.deserialize`."""
-        batch, draws = jax_export.symbolic_shape("batch, draws")
-        sizes: dict[int | str, object] = {"batch": batch, "draws": draws}
-        arguments = [
-            jax.ShapeDtypeStruct([sizes.get(s, s) for s in item.shape], np.dtype(item.dtype))
-            for item in self.inputs
-        ]
-        return bytes(jax_export.export(self.compiled, platforms=PLATFORMS)(*arguments).serialize())
+        exported = jax_export.export(self.compiled, platforms=PLATFORMS)
+        return bytes(exported(*symbolic(self.inputs)).serialize())

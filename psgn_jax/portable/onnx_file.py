@@ -1,69 +1,92 @@
-"""Writes a PointOutNet as an ONNX file, from its parameters. Only this file imports onnx.
+"""Writes a JAX function as an ONNX file: a walk over the primitives of its trace.
 
-The graph repeats the network of `models.point_out_net` operator by operator. Feature maps are
-stored as [b, c, h, w], the layout of ONNX's convolutions.
+Only this file imports onnx.
+
+Convolutions read [b, h, w, c] in JAX and [b, c, h, w] in ONNX, so a tensor knows the order in which
+its axes are stored. Elementwise operations keep the order. A chain of convolutions is therefore
+transposed at its two ends only.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 import onnx
+from jax.extend.core import Literal
 from onnx import TensorProto, helper, numpy_helper
 
-from psgn_jax.config.experiment import Config, has_deconv_branch
-from psgn_jax.models import efficientnet, layers, mask_net, networks
-from psgn_jax.models.inputs import BACKGROUND
-from psgn_jax.portable.network import PortableNetwork
+from psgn_jax.models.cpu_convolution import plain_convolutions
+from psgn_jax.portable.network import ExportError, Input, symbolic
 
 OPSET, IR_VERSION = 17, 8
 """Versions that onnxruntime has supported since 1.12 (2022), in browsers too."""
 
-_TYPES = {"uint8": TensorProto.UINT8, "bool": TensorProto.BOOL, "float32": TensorProto.FLOAT}
+_CALLS = ("jit", "custom_jvp_call", "custom_vjp_call")
+_ELEMENTWISE = {
+    "abs": "Abs", "add": "Add", "and": "And", "convert_element_type": "Cast", "div": "Div",
+    "eq": "Equal", "erf": "Erf", "exp": "Exp", "ge": "GreaterOrEqual", "gt": "Greater",
+    "le": "LessOrEqual", "log": "Log", "logistic": "Sigmoid", "lt": "Less", "max": "Max",
+    "min": "Min", "mul": "Mul", "neg": "Neg", "not": "Not", "or": "Or", "pow": "Pow",
+    "select_n": "Where", "sqrt": "Sqrt", "stop_gradient": "Identity", "sub": "Sub", "tanh": "Tanh",
+}  # fmt: skip
 
 
-def to_onnx(network: PortableNetwork, stored: str, texts: Mapping[str, str]) -> bytes:
-    """The content of an ONNX file; its inputs and output are described in `portable.network`.
+class _Tensor(NamedTuple):
+    """A tensor of the graph. Arrays of NumPy are the known values of the traced function.
+
+    `shape` has JAX's order of axes. Where JAX repeats an axis, it has size 1 here, because ONNX's
+    operators repeat it. Stored axis i is JAX's axis `order[i]`.
+    """
+
+    name: str
+    shape: tuple[Any, ...]
+    order: tuple[int, ...]
+
+
+_Value = _Tensor | np.ndarray
+
+
+def to_onnx(
+    function: Callable[..., Any],
+    inputs: Sequence[Input],
+    output: str,
+    stored: str,
+    texts: Mapping[str, str],
+) -> bytes:
+    """The content of an ONNX file that computes `function`.
 
     Args:
+      function: maps arrays to one array, whose sizes may depend on symbolic sizes of the inputs.
+      inputs: the names, types and shapes of the arrays.
+      output: the name of the result.
       stored: the type in which kernels are stored; arithmetic is float32 in every case. "float16"
         halves the size of the file. "int8" reduces it to a quarter: integers with one scale for
         each output channel. Runtimes convert both to float32 once, at loading.
+      texts: metadata.
+
+    Raises:
+      ExportError: the function contains a primitive that is not converted here.
     """
-    graph = _Graph(network.params, stored, network.config)
-    points = graph.points()
-    sizes = ["batch", "draws"] if network.config.model.random_size else ["batch"]
-    inputs = [
-        helper.make_tensor_value_info(item.name, _TYPES[item.dtype], item.shape)
-        for item in network.inputs
+    with plain_convolutions():
+        traced = jax.make_jaxpr(lambda *arrays: function(*arrays))(*symbolic(inputs))
+    graph, (out,) = _Graph(inputs, stored), traced.out_avals
+    tensors = [
+        _Tensor(item.name, aval.shape, _plain(aval.shape))
+        for item, aval in zip(inputs, traced.in_avals, strict=True)
     ]
-    return _file(graph, inputs, points, "points", [*sizes, network.num_points, 3], texts)
-
-
-def mask_network_to_onnx(params: Mapping[str, Any], side: int) -> bytes:
-    """The ONNX file of a `models.mask_net.MaskNet`, its kernels stored as float16.
-
-    It maps `image`, uint8 [1, side, side, 3], to `probabilities`, float32 [1, side / 2, side / 2].
-    """
-    graph = _Graph(params, "float16")
-    inputs = [helper.make_tensor_value_info("image", TensorProto.UINT8, [1, side, side, 3])]
-    half = [1, side // 2, side // 2]
-    return _file(graph, inputs, graph.mask(side), "probabilities", half, {})
-
-
-def _file(
-    graph: "_Graph",
-    inputs: Sequence[onnx.ValueInfoProto],
-    result: str,
-    name: str,
-    shape: Sequence[int | str],
-    texts: Mapping[str, str],
-) -> bytes:
-    """The content of a file with one output, the tensor `result` of the graph."""
-    graph.nodes.append(helper.make_node("Identity", [result], [name]))
-    output = helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)
+    (value,) = graph.run(traced.jaxpr, [*map(np.asarray, traced.consts), *tensors])
+    result = graph.name(graph.whole(value, out.shape))
+    graph.nodes.append(helper.make_node("Identity", [result], [output]))
+    sizes = [size if isinstance(size, int) else str(size) for size in out.shape]
+    infos = [
+        helper.make_tensor_value_info(name, _number(dtype), shape)
+        for name, dtype, shape in [*inputs, (output, out.dtype, sizes)]
+    ]
     model = helper.make_model(
-        helper.make_graph(graph.nodes, "network", inputs, [output], graph.constants),
+        helper.make_graph(graph.nodes, "network", infos[:-1], infos[-1:], graph.constants),
         opset_imports=[helper.make_opsetid("", OPSET)],
         producer_name="psgn_jax",
     )
@@ -74,41 +97,30 @@ def _file(
 
 
 class _Graph:
-    """The nodes and constants of the graph. A tensor is represented by its name.
+    """The nodes and constants of the graph."""
 
-    With a random input, a tensor has either one row for each image or one row for each image and
-    draw. `_drawn` has the names of the latter.
-    """
-
-    def __init__(self, params: Mapping[str, Any], stored: str, config: Config | None = None):
-        self.params, self.stored = params, stored
-        if config is not None:
-            self.config = config
+    def __init__(self, inputs: Sequence[Input], stored: str):
+        self.stored = stored
         self.nodes: list[onnx.NodeProto] = []
         self.constants: list[onnx.TensorProto] = []
-        self._drawn: set[str] = set()
+        self._axes = {
+            size: (item.name, axis) for item in inputs for axis, size in enumerate(item.shape)
+        }
 
-    def node(self, operator: str, *inputs: str, **attributes: Any) -> str:
-        """Appends a node; its output has one row per draw if one of its inputs does."""
-        name = f"{operator.lower()}_{len(self.nodes)}"
-        self.nodes.append(helper.make_node(operator, inputs, [name], name, **attributes))
-        if self._drawn.intersection(inputs):
-            self._drawn.add(name)
+    def node(self, kind: str, *inputs: str, **attributes: Any) -> str:
+        name = f"{kind.lower()}_{len(self.nodes)}"
+        self.nodes.append(helper.make_node(kind, inputs, [name], name, **attributes))
         return name
 
-    def constant(self, array: Any, dtype: Any = np.float32) -> str:
+    def constant(self, array: Any, dtype: Any = None) -> str:
         name = f"constant_{len(self.constants)}"
-        self.constants.append(numpy_helper.from_array(np.asarray(array, dtype), name))
+        self.constants.append(numpy_helper.from_array(np.array(array, dtype, order="C"), name))
         return name
-
-    def integers(self, *values: int) -> str:
-        return self.constant(values, np.int64)
 
     def kernel(self, array: np.ndarray, channel: int) -> str:
         """A kernel, whose axis `channel` is that of the output channels, in the stored type."""
         if self.stored == "float16":
-            half = self.constant(array, np.float16)
-            return self.node("Cast", half, to=TensorProto.FLOAT)
+            return self.node("Cast", self.constant(array, np.float16), to=TensorProto.FLOAT)
         if self.stored == "int8":
             others = tuple(axis for axis in range(array.ndim) if axis != channel)
             scale = np.abs(array).max(axis=others, keepdims=True) / np.float32(127)
@@ -118,207 +130,223 @@ class _Graph:
             return self.node("Mul", level, self.constant(scale))
         return self.constant(array)
 
-    # --- layers -------------------------------------------------------------------------------
+    def sizes(self, shape: Sequence[Any], *, infer: bool) -> str:
+        """A shape as a tensor; `infer`: its last symbolic size is -1, which Reshape computes."""
+        sizes = list(shape)
+        unknown = [i for i, size in enumerate(sizes) if not isinstance(size, int)]
+        if infer and unknown:
+            sizes[unknown.pop()] = -1
+        if not unknown:
+            return self.constant(sizes, np.int64)
+        return self.node("Concat", *map(self._size, sizes), axis=0)
 
-    def conv(self, x: str, layer: Mapping[str, Any], stride: int = 1, groups: int = 1) -> str:
-        kernel = self.kernel(np.transpose(layer["kernel"], (3, 2, 0, 1)), 0)
-        bias, strides = self.constant(layer["bias"]), [stride, stride]
-        options = {"strides": strides, "group": groups, "auto_pad": "SAME_UPPER"}
-        return self.node("Conv", x, kernel, bias, **options)
+    def _size(self, size: Any) -> str:
+        if isinstance(size, int):
+            return self.constant([size], np.int64)
+        if str(size) not in self._axes:
+            raise ExportError(f"ONNX: an axis of {size} numbers cannot be converted")
+        name, axis = self._axes[str(size)]
+        return self.node("Shape", name, start=axis, end=axis + 1)
 
-    def up(self, x: str, layer: Mapping[str, Any]) -> str:
-        """`models.layers.ConvTranspose` with stride 2.
+    # --- values -------------------------------------------------------------------------------
 
-        JAX pads the input, with a zero after each pixel, by `k - 1 - pads`, and correlates it with
-        the kernel. ONNX convolves, and crops `pads` from the full result.
-        """
-        flipped = np.asarray(layer["kernel"])[::-1, ::-1]
-        size = len(flipped)
-        before = size - 1 - (size + 1) // 2
-        pads = [before, before, size - 2 - before, size - 2 - before]
-        kernel = self.kernel(np.transpose(flipped, (2, 3, 0, 1)), 1)
-        bias = self.constant(layer["bias"])
-        return self.node("ConvTranspose", x, kernel, bias, strides=[2, 2], pads=pads)
+    def name(self, value: _Value, order: Sequence[int] | None = None) -> str:
+        """The name of a tensor with its axes in this order, by default JAX's."""
+        order = _plain(value.shape) if order is None else tuple(order)
+        if isinstance(value, np.ndarray):
+            return self.constant(value.transpose(order))
+        if order == value.order:
+            return value.name
+        return self.node("Transpose", value.name, perm=[value.order.index(a) for a in order])
 
-    def dense(self, x: str, layer: Mapping[str, Any]) -> str:
-        y = self.node("MatMul", x, self.kernel(np.asarray(layer["kernel"]), 1))
-        return self.node("Add", y, self.constant(layer["bias"])) if "bias" in layer else y
+    def whole(self, value: _Value, shape: Sequence[Any]) -> _Value:
+        """The value with its repeated axes at full size."""
+        if tuple(value.shape) == tuple(shape):
+            return value
+        order = _common_order([value])
+        sizes = [1 if value.shape[axis] == shape[axis] else shape[axis] for axis in order]
+        target = self.sizes(sizes, infer=False)
+        return _Tensor(self.node("Expand", self.name(value, order), target), tuple(shape), order)
 
-    def relu(self, x: str) -> str:
-        return self.node("Relu", x)
+    def elementwise(self, kind: str, *operands: _Value, **options: Any) -> _Tensor:
+        """A node whose operands are numbers, or have one order of axes."""
+        rank = max(len(x.shape) for x in operands)
+        full = [x for x in operands if len(x.shape) == rank]
+        order = _common_order(full)
+        names = [self.name(x, order if len(x.shape) == rank else ()) for x in operands]
+        sizes = zip(*(x.shape for x in full), strict=True)
+        shape = tuple(next((size for size in each if size != 1), 1) for each in sizes)
+        return _Tensor(self.node(kind, *names, **options), shape, order)
 
-    def relu6(self, x: str) -> str:
-        return self.node("Clip", x, self.constant(0), self.constant(6))
+    def reshape(self, value: _Value, shape: Sequence[Any]) -> _Value:
+        """A reshape; one of the leading axes alone keeps the stored order of the others."""
+        if isinstance(value, np.ndarray):
+            return value.reshape(shape)
+        pairs = zip(reversed(value.shape), reversed(shape), strict=False)
+        same = len(list(itertools.takewhile(lambda pair: pair[0] == pair[1], pairs)))
+        first, new_first = len(value.shape) - same, len(shape) - same
+        if value.order[:first] != tuple(range(first)):
+            value = _Tensor(self.name(value), value.shape, _plain(value.shape))
+        order = (*range(new_first), *(axis + new_first - first for axis in value.order[first:]))
+        target = self.sizes([shape[axis] for axis in order], infer=True)
+        return _Tensor(self.node("Reshape", value.name, target), tuple(shape), order)
 
-    def per_draw(self, x: str) -> str:
-        """Repeats the rows of feature maps for each draw."""
-        if x in self._drawn:
+    def slice(self, x: _Tensor, starts: Any, stops: Any, steps: Any, shape: Any) -> _Tensor:
+        bounds = [
+            (start, stop, x.order.index(axis), step)
+            for axis, (start, stop, step) in enumerate(zip(starts, stops, steps, strict=True))
+            if (start, stop, step) != (0, x.shape[axis], 1)
+        ]
+        if not bounds:
             return x
-        ones = self.integers(1, 1, 1)
-        draws = self.node("Shape", "r", start=1, end=2)
-        sizes = self.node("Concat", self.integers(1), draws, ones, axis=0)
-        x = self.node("Expand", self.node("Unsqueeze", x, self.integers(1)), sizes)
-        x = self.rows(x)
-        self._drawn.add(x)
-        return x
+        indices = [self.constant(each, np.int64) for each in zip(*bounds, strict=True)]
+        return _Tensor(self.node("Slice", x.name, *indices), tuple(shape), x.order)
 
-    def rows(self, x: str) -> str:
-        """Merges the axes of images and draws."""
-        shape = self.node("Shape", x, start=2)
-        return self.node("Reshape", x, self.node("Concat", self.integers(-1), shape, axis=0))
+    def convolution(self, x: _Tensor, kernel: np.ndarray, params: Any, out: Any) -> _Tensor:
+        numbers, pads = params["dimension_numbers"], np.transpose(params["padding"])
+        kind, channel, strides = "Conv", 0, params["window_strides"]
+        kernel = kernel.transpose(numbers.rhs_spec)
+        if set(params["lhs_dilation"]) != {1}:
+            # JAX pads the dilated image. ONNX cuts `pads` off the result of the largest padding.
+            kind, channel, strides = "ConvTranspose", 1, params["lhs_dilation"]
+            kernel = np.flip(kernel, range(2, kernel.ndim)).swapaxes(0, 1)
+            pads = np.array(kernel.shape[2:]) - 1 - pads
+        name = self.node(
+            kind,
+            self.name(x, numbers.lhs_spec),
+            self.kernel(kernel, channel),
+            strides=strides,
+            dilations=params["rhs_dilation"],
+            pads=pads.ravel().tolist(),
+            group=params["feature_group_count"],
+        )
+        return _Tensor(name, out.shape, tuple(numbers.out_spec))
 
-    def add(self, x: str, y: str) -> str:
-        if self._drawn.intersection((x, y)):
-            x, y = self.per_draw(x), self.per_draw(y)
-        return self.node("Add", x, y)
+    def sum_of_windows(self, x: _Tensor, params: Any, out: Any) -> _Tensor:
+        """Of images: averages times the size of a window."""
+        window = params["window_dimensions"]
+        order = sorted(range(len(window)), key=lambda axis: window[axis] > 1)
+        name = self.node(
+            "AveragePool",
+            self.name(x, order),
+            kernel_shape=[window[axis] for axis in order[2:]],
+            strides=[params["window_strides"][axis] for axis in order[2:]],
+            pads=[params["padding"][axis][side] for side in (0, 1) for axis in order[2:]],
+            count_include_pad=1,
+        )
+        average = _Tensor(name, out.shape, tuple(order))
+        return self.elementwise("Mul", average, np.array(math.prod(window), np.float32))
 
-    # --- parts of the network -----------------------------------------------------------------
+    # --- a traced function --------------------------------------------------------------------
 
-    def bottleneck(self, x: str, params: Mapping[str, Any]) -> str:
-        x = self.conv(x, params["down"], stride=2)
-        if "random" in params:
-            model = self.config.model
-            sides = networks.build(model).padded_size
-            height, width = (side >> (len(model.widths) - 1) for side in sides)
-            shape = self.integers(-1, height, width, params["down"]["bias"].size)
-            r = self.node("Reshape", self.dense(self.rows("r"), params["random"]), shape)
-            r = self.node("Transpose", r, perm=[0, 3, 1, 2])
-            self._drawn.add(r)
-            x = self.add(x, r)
-        return self.relu(x)
+    def run(self, jaxpr: Any, arguments: Sequence[_Value]) -> list[_Value]:
+        """Adds the operations of a traced function; returns its results."""
+        values = dict(zip((*jaxpr.constvars, *jaxpr.invars), arguments, strict=True))
 
-    def encoder(self, x: str, params: Mapping[str, Any]) -> tuple[list[str], str]:
-        features = []
-        for level in range(len(self.config.model.widths) - 1):
-            if level:
-                x = self.relu(self.conv(x, params[f"level{level}_down"], stride=2))
-            i = 0
-            while f"level{level}_conv{i}" in params:
-                x = self.relu(self.conv(x, params[f"level{level}_conv{i}"]))
-                i += 1
-            features.append(x)
-        return features, self.bottleneck(x, params["bottleneck"])
+        def read(atom: Any) -> _Value:
+            return np.asarray(atom.val) if isinstance(atom, Literal) else values[atom]
 
-    def lite0(self, image: str, params: Mapping[str, Any]) -> list[str]:
-        """The maps of `EfficientNetLite0`, of strides 2 to 32."""
-        image = self.node("Mul", image, self.constant(255 / 128))
-        image = self.node("Sub", image, self.constant(127 / 128))
-        x = self.relu6(self.conv(image, params["stem"], 2))
-        maps = {}
-        for number, shape in enumerate(efficientnet.BLOCKS):
-            layer, y = params[f"block{number}"], x
-            if shape.expansion > 1:
-                y = self.relu6(self.conv(y, layer["expand"]))
-            groups = layer["depthwise"]["bias"].size
-            y = self.relu6(self.conv(y, layer["depthwise"], shape.stride, groups))
-            y = self.conv(y, layer["project"])
-            x = maps[shape.map_stride] = self.node("Add", x, y) if shape.residual else y
-        scales = efficientnet.SCALES
-        return [self.node("Mul", y, self.constant(scales[stride])) for stride, y in maps.items()]
+        for equation in _needed(jaxpr):
+            primitive, params, out = equation.primitive, equation.params, equation.outvars[0].aval
+            atoms = [atom for atom in equation.invars if 0 not in atom.aval.shape]
+            operands = [read(atom) for atom in atoms]
+            if primitive.name in _CALLS:
+                inner = params.get("jaxpr") or params["call_jaxpr"]
+                results = self.run(inner.jaxpr, [*map(np.asarray, inner.consts), *operands])
+            elif _is_known(out.shape, operands):
+                results = primitive.bind(*operands, **params)
+                results = map(np.asarray, results if primitive.multiple_results else [results])
+            else:
+                if primitive.name not in (*_ELEMENTWISE, "broadcast_in_dim"):
+                    pairs = zip(operands, atoms, strict=True)
+                    operands = [self.whole(x, atom.aval.shape) for x, atom in pairs]
+                results = [self.result(primitive.name, params, out, operands)]
+            values.update(zip(equation.outvars, results, strict=True))
+        return [read(atom) for atom in jaxpr.outvars]
 
-    def photo_encoder(self, x: str, params: Mapping[str, Any]) -> tuple[list[str], str]:
-        """`PhotoEncoder`: the image and the maps of EfficientNet-Lite0, and the bottleneck."""
-        features = [x]
-        image = self.node("Slice", x, self.integers(0), self.integers(3), self.integers(1))
-        others = self.node("Slice", x, self.integers(3), self.integers(99), self.integers(1))
-        for y in self.lite0(image, params[efficientnet.NAME]):
-            others = self.node("AveragePool", others, kernel_shape=[2, 2], strides=[2, 2])
-            features.append(self.node("Concat", y, others, axis=1))
-        return features, self.bottleneck(features[-1], params["bottleneck"])
+    def result(self, kind: str, params: Any, out: Any, operands: Any) -> _Value:
+        """The result of one primitive."""
+        numbers = params.get("dimension_numbers")
+        if kind in ("max", "min") and isinstance(operands[0], np.ndarray):
+            operands = operands[::-1]
+        match kind, operands:
+            # Runtimes compute a convolution together with a Relu or Clip.
+            case "max", [x, np.ndarray(ndim=0) as limit] if limit == np.float32(0):
+                return self.elementwise("Relu", x)
+            case "min", [x, np.ndarray(ndim=0) as limit]:
+                return x._replace(name=self.node("Clip", x.name, "", self.constant(limit)))
+            case "convert_element_type", [x]:
+                return self.elementwise("Cast", x, to=_number(out.dtype))
+            case "select_n", [which, no, yes]:
+                return self.elementwise("Where", which, yes, no)
+            case _, _ if kind in _ELEMENTWISE:
+                return self.elementwise(_ELEMENTWISE[kind], *operands)
+            case "broadcast_in_dim", [x]:
+                sizes: list[Any] = [1] * len(out.shape)
+                for axis, size in zip(params["broadcast_dimensions"], x.shape, strict=True):
+                    sizes[axis] = size
+                return x if len(sizes) == len(x.shape) else self.reshape(x, sizes)
+            case "reshape" | "squeeze" | "expand_dims", [x]:
+                return self.reshape(x, out.shape)
+            case "transpose", [x]:
+                axes = params["permutation"]
+                return _Tensor(x.name, out.shape, tuple(axes.index(axis) for axis in x.order))
+            case "concatenate", _:
+                order = _common_order(operands)
+                names = [self.name(x, order) for x in operands]
+                name = self.node("Concat", *names, axis=order.index(params["dimension"]))
+                return _Tensor(name, out.shape, order)
+            case "slice", [x]:
+                steps = params["strides"] or [1] * len(x.shape)
+                bounds = params["start_indices"], params["limit_indices"], steps
+                return self.slice(x, *bounds, out.shape)
+            case "gather", [x, np.ndarray() as first] if len(numbers.offset_dims) == len(out.shape):
+                # x[..., 3:], where a size of x is a symbol.
+                starts, shape = [0] * len(x.shape), params["slice_sizes"]
+                for axis, start in zip(numbers.start_index_map, first.tolist(), strict=True):
+                    starts[axis] = start
+                stops = [start + size for start, size in zip(starts, shape, strict=True)]
+                return self.slice(x, starts, stops, [1] * len(starts), shape)
+            case "dot_general", [x, np.ndarray(ndim=2) as kernel] if numbers == (
+                ((len(x.shape) - 1,), (0,)),
+                ((), ()),
+            ):
+                name = self.node("MatMul", self.name(x), self.kernel(kernel, 1))
+                return _Tensor(name, out.shape, _plain(out.shape))
+            case "conv_general_dilated", [x, np.ndarray() as kernel]:
+                return self.convolution(x, kernel, params, out)
+            case "reduce_window_sum", [x]:
+                return self.sum_of_windows(x, params, out)
+        raise ExportError(f"ONNX: the operation {kind!r} of the network cannot be converted")
 
-    def merge(self, x: str, skip: str, params: Mapping[str, Any]) -> str:
-        moved = self.up(x, params["up"]) if "up" in params else self.conv(x, params["down"], 2)
-        x = self.relu(self.add(moved, self.conv(skip, params["skip"])))
-        return self.relu(self.conv(x, params["conv"]))
 
-    def decoder(
-        self, x: str, features: Sequence[str], params: Mapping[str, Any], levels: Sequence[int]
-    ) -> list[str]:
-        """`Decoder` or `Reencoder`: replaces the features of these levels, one after the other."""
-        features = list(features)
-        for level in levels:
-            x = features[level] = self.merge(x, features[level], params[f"level{level}"])
-        return features
+def _number(dtype: Any) -> int:
+    return helper.np_dtype_to_tensor_dtype(np.dtype(dtype))
 
-    def fully_connected(self, bottlenecks: Sequence[str], params: Mapping[str, Any]) -> str:
-        *first, last = [self.flat(x) for x in bottlenecks]
-        x = self.dense(last, params["hidden0"])
-        for flat in first:
-            y = self.relu(self.dense(flat, params["first_pass"]))
-            x = self.node("Add", x, self.dense(y, params["carry"]))
-        x = self.relu(x)
-        for i in range(1, len(self.config.model.fc_widths)):
-            x = self.relu(self.dense(x, params[f"hidden{i}"]))
-        return self.node("Reshape", self.dense(x, params["points"]), self.integers(0, -1, 3))
 
-    def flat(self, x: str) -> str:
-        return self.node("Flatten", self.node("Transpose", x, perm=[0, 2, 3, 1]), axis=1)
+def _plain(shape: Sequence[Any]) -> tuple[int, ...]:
+    return tuple(range(len(shape)))
 
-    def image(self) -> str:
-        """The input channels [b, c, h, w] (`models.inputs.stack_channels`), padded."""
-        colour = self.node("Cast", "image", to=TensorProto.FLOAT)
-        colour = self.node("Div", colour, self.constant(255))
-        mask = self.node("Unsqueeze", "mask", self.integers(3))
-        planes = {
-            "rgb": self.node("Where", mask, colour, self.constant(BACKGROUND)),
-            "mask": self.node("Cast", self.node("Not", mask), to=TensorProto.FLOAT),
-        }
-        x = self.node("Concat", *[planes[name] for name in self.config.data.inputs], axis=3)
-        model = self.config.model
-        target = networks.build(model).padded_size
-        extra = [new - old for new, old in zip(target, model.image_size, strict=True)]
-        if any(extra):
-            low, high = [e // 2 for e in extra], [e - e // 2 for e in extra]
-            x = self.node("Pad", x, self.integers(0, *low, 0, 0, *high, 0), mode="edge")
-        return self.node("Transpose", x, perm=[0, 3, 1, 2])
 
-    def mask(self, side: int) -> str:
-        """`models.mask_net.MaskNet` of the input `image`."""
-        image = self.node("Cast", "image", to=TensorProto.FLOAT)
-        image = self.node("Div", image, self.constant(255))
-        image = self.node("Transpose", image, perm=[0, 3, 1, 2])
-        *finer, coarse = self.lite0(image, self.params[efficientnet.NAME])
-        params = self.params["decoder"]
-        where = np.transpose(mask_net.positions(side // 32, side // 32), (0, 3, 1, 2))
-        x = self.node("Concat", coarse, self.constant(where), axis=1)
-        for stride in mask_net.WIDTHS:
-            x = self.conv(x, params[f"project{stride}"])
-            if stride < 32:
-                factors = self.constant([1, 1, 2, 2])
-                options = {"mode": "nearest", "coordinate_transformation_mode": "asymmetric"}
-                x = self.node("Resize", x, "", factors, **options, nearest_mode="floor")
-                x = self.node("Add", x, self.conv(finer.pop(), params[f"skip{stride}"]))
-            x = self.relu(x)
-            for i in range(mask_net.CONVOLUTIONS[stride]):
-                x = self.relu(self.conv(x, params[f"conv{stride}_{i}"]))
-        logits = self.conv(x, params["logits"])
-        return self.node("Squeeze", self.node("Sigmoid", logits), self.integers(1))
+def _common_order(values: Sequence[_Value]) -> tuple[int, ...]:
+    """The order in which operands of the same rank are read."""
+    plain = _plain(values[0].shape)
+    orders = (x.order for x in values if isinstance(x, _Tensor))
+    return next((order for order in orders if order != plain), plain)
 
-    def points(self) -> str:
-        model, params = self.config.model, self.params
-        encoder = self.photo_encoder if model.name == "lite0" else self.encoder
-        features, x = encoder(self.image(), params["encoder"])
-        bottlenecks, last = [x], len(features)
-        if model.name == "hourglass":
-            top = min(1, model.deconv_level)
-            up, down = range(last - 1, top - 1, -1), range(top + 1, last)
-            features = self.decoder(x, features, params["first_decoder"], up)
-            features = self.decoder(features[top], features, params["reencoder"], down)
-            x = self.bottleneck(features[-1], params["reencoder"]["bottleneck"])
-            bottlenecks.append(x)
-        clouds = []
-        if model.fc_points:
-            clouds.append(self.fully_connected(bottlenecks, params["fc"]))
-        if has_deconv_branch(model.name):
-            levels = range(last - 1, model.deconv_level - 1, -1)
-            x = self.decoder(x, features, params["decoder"], levels)[model.deconv_level]
-            x = self.conv(self.relu(self.conv(x, params["deconv_conv"])), params["deconv_points"])
-            x = self.node("Transpose", x, perm=[0, 2, 3, 1])
-            offset = layers.grid_offset(*networks.build(model).grid)
-            x = self.node("Add", x, self.constant(offset))
-            clouds.append(self.node("Reshape", x, self.integers(0, -1, 3)))
-        cloud = self.node("Concat", *clouds, axis=1)
-        if not self._drawn:
-            return cloud
-        shape = self.node("Concat", self.node("Shape", "r", end=2), self.integers(-1, 3), axis=0)
-        return self.node("Reshape", cloud, shape)
+
+def _is_known(shape: Sequence[Any], operands: Sequence[_Value]) -> bool:
+    """Whether JAX can compute a result of this shape now."""
+    return all(isinstance(size, int) for size in shape) and all(
+        isinstance(x, np.ndarray) for x in operands
+    )
+
+
+def _needed(jaxpr: Any) -> list[Any]:
+    """The equations that the results depend on, in order, without empty arrays."""
+    needed, equations = set(map(id, jaxpr.outvars)), []
+    for equation in reversed(jaxpr.eqns):
+        if needed.intersection(map(id, equation.outvars)):
+            equations.append(equation)
+            needed.update(id(atom) for atom in equation.invars if 0 not in atom.aval.shape)
+    return equations[::-1]
