@@ -18,9 +18,8 @@ from psgn_jax.data import camera, framing, resize, schema
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.models import networks
-from psgn_jax.portable.network import PortableNetwork
+from psgn_jax.portable.network import ExportError, PortableNetwork
 from psgn_jax.prediction import sampling
-from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import write_atomic
 from psgn_jax.weights.run_folder import Trained
 
@@ -56,10 +55,6 @@ RULE = {name.lower(): getattr(framing, name) for name in _NAMES}
 Arrays = Mapping[str, np.ndarray]
 
 
-class ExportError(UserError):
-    """A network cannot be exported, or an exported file gives wrong results."""
-
-
 def require_packages() -> None:
     """Raises `ConfigError` if packages of the extra `export` are missing."""
     names = ("onnx", "onnxruntime", "flatbuffers")  # jax.export needs flatbuffers
@@ -92,7 +87,8 @@ def write_network(
 
     Raises:
       ConfigError: packages are missing, or an argument is wrong.
-      ExportError: a parameter is not finite, or a file's clouds differ too much from JAX's.
+      ExportError: a parameter is not finite, an operation has no form in ONNX, or a file's clouds
+        differ too much from JAX's.
     """
     require_packages()
     _check_arguments(weights, data)
@@ -119,7 +115,7 @@ def write_network(
 
     for stored in weights:
         texts = {"name": run.source, "format": FORMAT}
-        content = onnx_file.to_onnx(network, stored, texts)
+        content = onnx_file.to_onnx(network, network.inputs, "points", stored, texts)
         write(ONNX_NAMES[stored], stored, content, session(content)(inputs))
     if stablehlo:
         content = network.stablehlo()

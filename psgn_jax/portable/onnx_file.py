@@ -209,17 +209,12 @@ class _Graph:
         if set(params["lhs_dilation"]) != {1}:
             # JAX pads the dilated image. ONNX cuts `pads` off the result of the largest padding.
             kind, channel, strides = "ConvTranspose", 1, params["lhs_dilation"]
-            kernel = np.flip(kernel, range(2, kernel.ndim)).swapaxes(0, 1)
+            kernel = np.flip(kernel, tuple(range(2, kernel.ndim))).swapaxes(0, 1)
             pads = np.array(kernel.shape[2:]) - 1 - pads
-        name = self.node(
-            kind,
-            self.name(x, numbers.lhs_spec),
-            self.kernel(kernel, channel),
-            strides=strides,
-            dilations=params["rhs_dilation"],
-            pads=pads.ravel().tolist(),
-            group=params["feature_group_count"],
-        )
+        options = {"strides": strides, "pads": pads.ravel().tolist()}
+        options |= {"dilations": params["rhs_dilation"], "group": params["feature_group_count"]}
+        image, weight = self.name(x, numbers.lhs_spec), self.kernel(kernel, channel)
+        name = self.node(kind, image, weight, **options)
         return _Tensor(name, out.shape, tuple(numbers.out_spec))
 
     def sum_of_windows(self, x: _Tensor, params: Any, out: Any) -> _Tensor:
@@ -246,6 +241,9 @@ class _Graph:
         def read(atom: Any) -> _Value:
             return np.asarray(atom.val) if isinstance(atom, Literal) else values[atom]
 
+        def is_known(values: Any, kind: type) -> bool:
+            return all(isinstance(value, kind) for value in values)
+
         for equation in _needed(jaxpr):
             primitive, params, out = equation.primitive, equation.params, equation.outvars[0].aval
             atoms = [atom for atom in equation.invars if 0 not in atom.aval.shape]
@@ -253,9 +251,9 @@ class _Graph:
             if primitive.name in _CALLS:
                 inner = params.get("jaxpr") or params["call_jaxpr"]
                 results = self.run(inner.jaxpr, [*map(np.asarray, inner.consts), *operands])
-            elif _is_known(out.shape, operands):
-                results = primitive.bind(*operands, **params)
-                results = map(np.asarray, results if primitive.multiple_results else [results])
+            elif is_known(out.shape, int) and is_known(operands, np.ndarray):  # computed by JAX
+                result = primitive.bind(*operands, **params)
+                results = [*map(np.asarray, result if primitive.multiple_results else [result])]
             else:
                 if primitive.name not in (*_ELEMENTWISE, "broadcast_in_dim"):
                     pairs = zip(operands, atoms, strict=True)
@@ -333,13 +331,6 @@ def _common_order(values: Sequence[_Value]) -> tuple[int, ...]:
     plain = _plain(values[0].shape)
     orders = (x.order for x in values if isinstance(x, _Tensor))
     return next((order for order in orders if order != plain), plain)
-
-
-def _is_known(shape: Sequence[Any], operands: Sequence[_Value]) -> bool:
-    """Whether JAX can compute a result of this shape now."""
-    return all(isinstance(size, int) for size in shape) and all(
-        isinstance(x, np.ndarray) for x in operands
-    )
 
 
 def _needed(jaxpr: Any) -> list[Any]:

@@ -4,9 +4,12 @@ import json
 import os
 import pathlib
 
+import numpy as np
 from absl import logging
 
+from psgn_jax.models.mask_net import MaskNet
 from psgn_jax.portable.folder import write_network
+from psgn_jax.portable.network import Input
 from psgn_jax.prediction import masks
 from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing.page import CLOUD_SCRIPT
@@ -42,11 +45,17 @@ def build_page(
         if path.is_file():
             files[path.relative_to(STATIC).as_posix()] = path.read_bytes()
     files[CLOUD_SCRIPT.name] = CLOUD_SCRIPT.read_bytes()
-    from psgn_jax.portable.onnx_file import mask_network_to_onnx  # imports onnx
+    from psgn_jax.portable.onnx_file import to_onnx  # imports onnx
 
     network = write_network(run, out, weights=(weights,), stablehlo=False, data=data, split=split)
     params, texts = read_mask_network()
-    files[MASK_NETWORK] = mask_network_to_onnx(params, masks.SIDE)
+    files[MASK_NETWORK] = to_onnx(
+        lambda image: MaskNet().apply({"params": params}, image / np.float32(255)),
+        [Input("image", "uint8", (1, masks.SIDE, masks.SIDE, 3))],
+        "probabilities",
+        "float16",
+        {},
+    )
     network["mask_network"] = {
         "file": MASK_NETWORK, "side": masks.SIDE, "least_certainty": masks.LEAST_CERTAINTY
     }  # fmt: skip
