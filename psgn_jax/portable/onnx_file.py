@@ -236,7 +236,8 @@ class _Graph:
 
     def run(self, jaxpr: Any, arguments: Sequence[_Value]) -> list[_Value]:
         """Adds the operations of a traced function; returns its results."""
-        values = dict(zip((*jaxpr.constvars, *jaxpr.invars), arguments, strict=True))
+        variables = [*jaxpr.constvars, *(v for v in jaxpr.invars if 0 not in v.aval.shape)]
+        values = dict(zip(variables, arguments, strict=True))
 
         def read(atom: Any) -> _Value:
             return np.asarray(atom.val) if isinstance(atom, Literal) else values[atom]
@@ -271,7 +272,7 @@ class _Graph:
             # Runtimes compute a convolution together with a Relu or Clip.
             case "max", [x, np.ndarray(ndim=0) as limit] if limit == np.float32(0):
                 return self.elementwise("Relu", x)
-            case "min", [x, np.ndarray(ndim=0) as limit]:
+            case "min", [_Tensor() as x, np.ndarray(ndim=0) as limit]:
                 return x._replace(name=self.node("Clip", x.name, "", self.constant(limit)))
             case "convert_element_type", [x]:
                 return self.elementwise("Cast", x, to=_number(out.dtype))
