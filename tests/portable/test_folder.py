@@ -155,9 +155,10 @@ def without_this_package():
 def test_the_python_example_predicts_as_this_package(random_size, tmp_path):
     run = make_run(model__random_size=random_size, model__fc_points=30)
     last = run.params["fc"]["points"]
-    last["kernel"] *= np.float32(0.1)
-    last["bias"][:] = np.tile([0, 0, 0.32], 30)
-    last["bias"][[1, 4]] = 0.8  # two points beside the mask
+    last["kernel"] *= np.float32(0.002)
+    points = np.random.default_rng(1).uniform((-0.3, -0.2, 0), (0.3, 0.2, 0.15), (30, 3))
+    points[:2, 1] = 0.8  # beside the mask
+    last["bias"][:] = points.ravel()
     folder.write_folder(run, tmp_path, weights=("float32",), stablehlo=False)
     rgba = np.random.default_rng(0).integers(0, 256, (90, 140, 4), dtype=np.uint8)
     rgba[..., 3] = 0
