@@ -44,11 +44,10 @@ def voxel_task(
     random_columns: Callable[..., dict[str, Any]] = no_columns,
     keep_sources: Callable[[], None] = lambda: None,
 ) -> Task:
-    """A task on solid volumes.
+    """A task on solid volumes; arguments that are not listed are those of `Task`.
 
     Args:
       config: configuration of the run.
-      objective, init_params, random_columns, keep_sources: as in `Task`.
       measure: (params, batch) -> predictions and metrics [B] or, if a threshold is to be chosen,
         [B, thresholds].
       best: name of the IoU that decides which checkpoint is the best; "" = none.
