@@ -111,6 +111,15 @@ def shrink(radiance: np.ndarray, size: tuple[int, int] = MAP_SIZE) -> Float[np.n
     return full
 
 
+def draw_map(
+    rng: np.random.Generator, maps: Float[np.ndarray, "m h w 3"] | None
+) -> Float[np.ndarray, "h w 3"]:
+    """One of the maps, or a procedural sky if `maps` is None, rotated by a random angle."""
+    radiance = procedural_sky(rng) if maps is None else maps[int(rng.integers(len(maps)))]
+    radiance = np.asarray(radiance, np.float64)
+    return np.roll(radiance, round(float(rng.random()) * radiance.shape[1]), axis=1)
+
+
 def procedural_sky(rng: np.random.Generator) -> Float[np.ndarray, "h w 3"]:
     """A random map: a sky that is brighter near the horizon, ground, sun and windows."""
     toward = directions_of(MAP_SIZE)
@@ -210,3 +219,13 @@ def reduce(
         specular=settings.specular,
         darkest=settings.darkest,
     )
+
+
+def draw(
+    rng: np.random.Generator, settings: LightSettings, radiance: Float[np.ndarray, "h w 3"]
+) -> Lights:
+    """Draws the ambient fraction and the exposure, and reduces a map to lights."""
+    ambient = float(rng.uniform(*settings.ambient))
+    exposure = float(rng.uniform(*settings.exposure))
+    small = radiance if radiance.shape[:2] == MAP_SIZE else shrink(radiance)
+    return reduce(small, settings, ambient=ambient, exposure=exposure)

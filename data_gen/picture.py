@@ -1,11 +1,10 @@
-"""Images of scenes: intersection of rays with the mesh, local shading, path tracing.
+"""Images of scenes: intersection of rays with the mesh, and local shading.
 
 Mitsuba intersects the rays with one merged mesh; models differ only in their data, so nothing is
 recompiled. `shading` computes the colours, with the same arithmetic for both variants of Mitsuba.
 """
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
@@ -123,15 +122,8 @@ class _Samples(NamedTuple):
     z: Float[np.ndarray, " n"]
 
 
-Shade = Callable[..., tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]]
-"""Computes colours of hits in place of local shading; see `photo.photograph`."""
-
-
-def follow_rays(mesh: Mesh, scene: Scene, rays: np.ndarray, shade: Shade | None = None) -> _Samples:
-    """Follows rays from the camera through holes and glass.
-
-    The colours are computed by local shading, or by `shade` if it is given.
-    """
+def _follow_rays(mesh: Mesh, scene: Scene, rays: np.ndarray) -> _Samples:
+    """Follows rays from the camera through holes and glass."""
     surfaces, camera = scene.surfaces, scene.camera
     count = len(rays)
     colour, normals = np.zeros((2, count, 3), np.float32)
@@ -155,17 +147,10 @@ def follow_rays(mesh: Mesh, scene: Scene, rays: np.ndarray, shade: Shade | None 
         )
         view = -ray[exists] / np.linalg.norm(ray[exists], axis=1, keepdims=True)
         fresh = ~hit[at]
-        if shade is None:
-            lit = shading.blinn_phong(
-                surfaces, scene.lights, surfaces.material[one], diffuse[exists], normal, view
-            )
-            colour[at] += (through[at] * opacity[exists])[:, None] * lit
-        else:
-            place = camera.position.astype(np.float32) + t[exists, None] * ray[exists]
-            lit, mirrored = shade(
-                at, fresh, place, normal, view, surfaces.material[one], diffuse[exists]
-            )
-            colour[at] += through[at, None] * (opacity[exists, None] * lit + mirrored)
+        lit = shading.blinn_phong(
+            surfaces, scene.lights, surfaces.material[one], diffuse[exists], normal, view
+        )
+        colour[at] += (through[at] * opacity[exists])[:, None] * lit
         hit[at[fresh]] = True
         owner[at[fresh]] = surfaces.material[one[fresh]]
         normals[at[fresh]] = normal[fresh]
@@ -221,7 +206,7 @@ def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False)
     """
     camera = scene.camera
     window = window_of(scene.surfaces, camera)
-    centre = follow_rays(mesh, scene, sample_rays(camera, window, 1))
+    centre = _follow_rays(mesh, scene, sample_rays(camera, window, 1))
     # Premultiplied colour, and opacity.
     total = np.concatenate([centre.colour, 1 - centre.through[:, None]], axis=1)
     if side > 0 and (soft_edges or scene.surfaces.texture_start.any()):
@@ -229,7 +214,7 @@ def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False)
         # an untextured surface has one colour.
         textured = scene.surfaces.texture_start[centre.owner] > 0
         chosen = np.flatnonzero(soft_edges | (centre.hit & textured))
-        seen = follow_rays(mesh, scene, sample_rays(camera, window, side, chosen))
+        seen = _follow_rays(mesh, scene, sample_rays(camera, window, side, chosen))
         colour = np.concatenate([seen.colour, 1 - seen.through[:, None]], axis=1)
         colour = colour.reshape(-1, side * side, 4)
         if soft_edges:
@@ -256,87 +241,3 @@ def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False)
         normals=whole(centre.normal),
         opacity=premultiplied[..., 3],
     )
-
-
-def path_trace(
-    scene: Scene, radiance: Float[np.ndarray, "h w 3"], *, samples: int, seed: int
-) -> Float[np.ndarray, "h w 4"]:
-    """Premultiplied colours with shadows and interreflection, and opacity, by Mitsuba.
-
-    Each material becomes a material of Mitsuba. Mitsuba therefore compiles every scene, which takes
-    some seconds per model. The light is the environment map `radiance`, in the view-aligned frame,
-    instead of the scene's directional lights.
-    """
-    mi, surfaces, camera = engine.mi, scene.surfaces, scene.camera
-    parts: dict[str, Any] = {
-        "type": "scene",
-        "integrator": {"type": "path", "max_depth": 6, "hide_emitters": True},
-    }
-    turn = camera.rotation.T.astype(np.float32)
-    for number in np.unique(surfaces.material):
-        own = np.flatnonzero(surfaces.material == number)
-        height, width = (int(s) for s in surfaces.texture_size[number])
-        begin = int(surfaces.texture_start[number])
-        texels = surfaces.texels[begin : begin + height * width].view(np.uint8)
-        texture = texels.reshape(height, width, 4).astype(np.float32) / 255
-
-        def bitmap(values: np.ndarray) -> dict[str, Any]:
-            return {
-                "type": "bitmap",
-                "bitmap": mi.Bitmap(np.ascontiguousarray(values, np.float32)),
-                "raw": True,
-                "filter_type": "nearest" if values.size < 16 else "bilinear",
-            }
-
-        strength = float(np.clip(surfaces.specular[number].mean() * scene.lights.specular, 0, 1))
-        bsdf = {
-            "type": "principled",
-            # Mitsuba computes with linear RGB.
-            "base_color": bitmap((texture[..., :3] * surfaces.diffuse[number]) ** 2.2),
-            "roughness": float(np.clip((2 / (surfaces.shininess[number] + 2)) ** 0.25, 0.1, 1)),
-            "specular": strength,
-        }
-        properties = mi.Properties()
-        properties["mesh_bsdf"] = mi.load_dict({
-            "type": "mask", "opacity": bitmap(texture[..., 3:] * surfaces.opacity[number]),
-            "bsdf": {"type": "twosided", "bsdf": bsdf},
-        })  # fmt: skip
-        mesh = mi.Mesh(f"part{number}", 3 * len(own), len(own), has_vertex_normals=True,
-                       has_vertex_texcoords=True, props=properties)  # fmt: skip
-        values = mi.traverse(mesh)
-        values["vertex_positions"] = (surfaces.corners[own] @ turn).ravel()
-        values["vertex_normals"] = (surfaces.normals[own] @ turn).ravel()
-        # In Mitsuba, v increases downward from the first row of an image, here upward.
-        uv = surfaces.uv[own] * np.array([1, -1], np.float32) + np.array([0, 1], np.float32)
-        values["vertex_texcoords"] = uv.ravel()
-        values["faces"] = np.arange(3 * len(own), dtype=np.uint32)
-        values.update()
-        parts[f"part{number}"] = mesh
-    # In Mitsuba's maps +y is up, and column u shows the direction with atan2(x, -z) = 2 pi u. Our
-    # map is passed with its columns reversed. Our direction (x, y, z) is then Mitsuba's direction
-    # (-y, z, -x), and this rotation maps it back.
-    to_map, to_world = np.eye(4), np.eye(4)
-    to_map[:3, :3] = [[0, 0, -1], [-1, 0, 0], [0, 1, 0]]
-    to_world[:3, :3] = camera.extrinsics[:, :3].T @ np.diag([-1, -1, 1])
-    to_world[:3, 3] = camera.position
-    parts["light"] = {
-        "type": "envmap",
-        "bitmap": mi.Bitmap(np.ascontiguousarray(radiance[:, ::-1], np.float32)),
-        "to_world": mi.ScalarTransform4f(to_map),
-    }
-    height, width = camera.image_size
-    film = {"type": "hdrfilm", "width": width, "height": height, "pixel_format": "rgba",
-            "rfilter": {"type": "box"}}  # fmt: skip
-    sensor = mi.load_dict({
-        "type": "perspective",
-        "fov": float(2 * np.rad2deg(np.arctan(width / 2 / camera.intrinsics[0, 0]))),
-        "fov_axis": "x",
-        "to_world": mi.ScalarTransform4f(to_world),
-        "film": film,
-        "sampler": {"type": "independent", "sample_count": samples},
-    })  # fmt: skip
-    image = mi.render(mi.load_dict(parts), sensor=sensor, spp=samples, seed=seed)
-    values = np.nan_to_num(np.array(image, np.float32))
-    opacity = np.clip(values[..., 3:], 0, 1)
-    linear = values[..., :3] / np.maximum(opacity, 1e-3)
-    return np.concatenate([np.clip(linear, 0, 1) ** (1 / 2.2) * opacity, opacity], axis=-1)

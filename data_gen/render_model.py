@@ -15,13 +15,13 @@ import scipy.ndimage
 import scipy.spatial
 from jaxtyping import Float
 
-from data_gen import cameras, grounds, lights, scene, surroundings
+from data_gen import cameras, lights, scene, surroundings
 from data_gen.catalogues.entry import Entry
 from data_gen.engine import Variant
 from data_gen.frame import outline, recentre
 from data_gen.mesh import Model, UnusableModelError, face_areas, face_normals
 from data_gen.photo import photograph
-from data_gen.picture import Mesh, Picture, compose, path_trace, render
+from data_gen.picture import Mesh, Picture, render
 from data_gen.settings import Settings
 from data_gen.solid import solid_occupancy
 from data_gen.surface import sample_surface
@@ -106,10 +106,11 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
         for view in range(settings.views):
             rng = np.random.default_rng([seed, view])
             camera = cameras.draw(rng, settings.camera, extremes)
-            light, around = surroundings.draw(rng, settings.light, context.maps)
+            around = surroundings.draw(rng, settings.light, context.maps, camera)
+            light = lights.draw(rng, settings.light, around.radiance)
             shown = scene.Scene(surfaces, camera, light)
             lap("light")
-            picture = _picture_of(mesh, shown, around, settings, rng, seed + view)
+            picture = _picture_of(mesh, shown, around, settings, rng)
             lap("render")
             points = (surface.points @ camera.rotation.T).astype(np.float32)
             checks = check_view(picture, camera, points, tree)
@@ -164,41 +165,18 @@ def _picture_of(
     around: surroundings.Surroundings,
     settings: Settings,
     rng: np.random.Generator,
-    seed: int,
 ) -> Picture:
     """The picture of a view, with the shading of the settings."""
     image = settings.image
-    side = 0 if image.shading == "photo" else image.samples
-    picture = render(mesh, shown, side=side, soft_edges=image.soft_edges)
-    if image.shading == "path":
-        # Scaled so that a white surface in full light is as bright as with local shading.
-        strength = shown.lights.colours.sum() + 3 * shown.lights.sky.mean()
-        radiance = lights.shrink(around.radiance)
-        flux = (radiance * lights.solid_angles(lights.MAP_SIZE)[..., None]).sum()
-        radiance *= strength * np.pi / max(flux, 1e-9)
-        colours = path_trace(shown, radiance, samples=image.path_samples, seed=seed % 2**31)
-        if not image.soft_edges:
-            # Hard edges: a pixel whose centre shows the object has only the object's colour.
-            opacity = np.where(picture.mask, picture.opacity, 0)[..., None]
-            colours = np.concatenate(
-                [colours[..., :3] / np.maximum(colours[..., 3:], 1e-3) * opacity, opacity], axis=-1
-            )
-        return picture._replace(image=compose(colours))
-    if image.shading == "photo":
-        # There is no ground if the camera is below it.
-        above = image.ground != "none" and shown.camera.position[2] >= 0.03
-        taken = photograph(
-            mesh,
-            shown,
-            picture,
-            around,
-            grounds.draw(rng, image.ground, around) if above else None,
-            film=settings.film,
-            image=image,
-            rng=rng,
-        )
-        return picture._replace(image=taken)
-    return picture
+    if image.shading == "local":
+        return render(mesh, shown, side=image.samples, soft_edges=image.soft_edges)
+    picture = render(mesh, shown, side=0)
+    ground = None
+    # There is no ground if the camera is below it.
+    if image.ground != "none" and shown.camera.position[2] >= 0.03:
+        ground = surroundings.draw_ground(rng, image.ground, around)
+    taken = photograph(shown, picture, around, ground, film=settings.film, image=image, rng=rng)
+    return picture._replace(image=taken)
 
 
 def without_faces(model: Model, settings: Settings, seed: int) -> tuple[Model, Settings]:

@@ -4,9 +4,9 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
-from data_gen import grounds
 from data_gen.cameras import CameraSettings, Range
 from data_gen.lights import LightSettings
+from data_gen.surroundings import GROUNDS
 from psgn_jax.config import structured
 from psgn_jax.config.structured import Bounds, Fraction, Size, Within
 
@@ -16,29 +16,27 @@ class ImageSettings:
     """How images are rendered.
 
     Attributes:
-      shading: "local" as in the paper; "path" with shadows and interreflection, by Mitsuba;
-        "photo" with soft shadows, light from other surfaces, reflections and ground, at a tenth of
-        the cost of "path" (described in `data_gen.photo`).
+      shading: "local" as in the paper, or "photo": Mitsuba traces paths, with shadows, light from
+        other surfaces, reflections and ground, and a film develops the image.
       samples: samples along the edge of a pixel, 0 = only its centre.
-      soft_edges: whether edges are antialiased. The authors' images have hard edges.
-      path_samples: samples per pixel of a path-traced image.
+      soft_edges: whether edges are antialiased. The authors' images have hard edges. Edges of
+        "photo" shading are always antialiased.
       background: "grey" as in the authors' images; "surroundings", the environment map (for "photo"
         shading).
-      ground: the ground under the object, for "photo" shading: "none", one of `grounds.KINDS`, or
-        "random" = one that fits the surroundings. It appears only in the image, not in mask and
-        depth. It is left out if the camera is below it.
-      rays: rays per pixel that sample the light, for "photo" shading.
+      ground: the ground under the object, for "photo" shading: "none", one of
+        `surroundings.GROUNDS`, or "random" = one that fits the surroundings. It appears only in the
+        image, not in mask and depth. It is left out if the camera is below it.
+      rays: paths per pixel, for "photo" shading.
       missing: fraction of the models that are rendered without some of their faces, see
         `data_gen.render_model.without_faces`.
     """
 
-    shading: Literal["local", "path", "photo"] = "local"
+    shading: Literal["local", "photo"] = "local"
     samples: Annotated[int, Bounds(0, 16)] = 3
     soft_edges: bool = False
-    path_samples: Annotated[int, Bounds(1, 65536)] = 64
     background: Literal["grey", "surroundings"] = "grey"
-    ground: Literal[("none", "random", *grounds.KINDS)] = "none"  # type: ignore[valid-type]
-    rays: Annotated[int, Bounds(4, 1024)] = 16
+    ground: Literal[("none", "random", *GROUNDS)] = "none"  # type: ignore[valid-type]
+    rays: Annotated[int, Bounds(1, 65536)] = 16
     missing: Fraction = 0.0
 
 
@@ -162,13 +160,12 @@ _FILM = [f"film.{field.name}" for field in dataclasses.fields(FilmSettings)]
 EFFECTS: tuple[tuple[Sequence[str], Callable[[Settings], bool], str], ...] = (
     (["image.rays", "image.ground", *_FILM], lambda s: s.image.shading == "photo",
      "image.shading=photo"),
-    (["image.path_samples"], lambda s: s.image.shading == "path", "image.shading=path"),
-    (["light.count", "light.ambient", "light.exposure"], lambda s: s.image.shading != "photo",
-     "image.shading=local or path"),
-    (["light.saturation", "light.darkest"], lambda s: s.image.shading == "local",
+    (["image.samples", "image.soft_edges", "light.count", "light.ambient", "light.exposure",
+      "light.saturation", "light.darkest"], lambda s: s.image.shading == "local",
      "image.shading=local"),
-    (["image.soft_edges"], lambda s: s.image.samples > 0 or s.image.shading != "local",
-     "image.samples"),
+    (["image.soft_edges"], lambda s: s.image.samples > 0, "image.samples"),
+    (["image.ground"], lambda s: s.image.background == "surroundings",
+     "image.background=surroundings"),
     (["light.folder"], lambda s: s.light.source in ("folder", "mixed"),
      "light.source=folder or mixed"),
     (["camera.keep_size"], lambda s: s.camera.focal != (400.0, 400.0),
@@ -204,7 +201,6 @@ PRESETS: dict[str, Mapping[str, Mapping[str, Any]]] = {
         "light": {"source": "mixed"},
         "image": {
             "shading": "photo",
-            "soft_edges": True,
             "background": "surroundings",
             "ground": "random",
         },

@@ -8,16 +8,15 @@ import pytest
 import scipy.spatial
 from helpers.solid_models import model_of
 
-from data_gen import config, engine, grounds, lights, scene, settings, surroundings
+from data_gen import cameras, config, engine, lights, scene, settings, surroundings
 from data_gen.catalogues import solids
 from data_gen.catalogues.entry import Entry
 from data_gen.engine import Variant, has_mitsuba
 from data_gen.environment_maps import NUM_SUNSKY
 from data_gen.mesh import Material
-from data_gen.photo import Light, develop
-from data_gen.picture import Mesh
+from data_gen.photo import develop, trace
+from data_gen.picture import Mesh, render
 from data_gen.render_model import Context, render_model
-from data_gen.scene import RayHits
 from data_gen.settings import FilmSettings
 from data_gen.surroundings import Surroundings
 from psgn_jax.config import structured
@@ -37,103 +36,63 @@ def photo_settings(**changes):
     return settings.parse(values)
 
 
-@pytest.mark.parametrize("kind", grounds.KINDS)
-def test_grounds_are_reflectances_and_smooth_out(kind):
-    ground = grounds.draw(np.random.default_rng(3), kind, Surroundings(np.ones((8, 16, 3))))
-    again = grounds.draw(np.random.default_rng(3), kind, Surroundings(np.ones((8, 16, 3))))
-    np.testing.assert_array_equal(ground.levels[0], again.levels[0])
-    places = np.random.default_rng(0).uniform(-20, 20, (400, 2)).astype(np.float32)
-    fine = ground.colour(places, np.full(400, 1e-3, np.float32))
-    assert (fine >= 0).all()
-    assert (fine <= 1).all()
-    coarse = ground.colour(places, np.full(400, 1e3, np.float32))
-    np.testing.assert_allclose(coarse, np.broadcast_to(ground.mean, coarse.shape), rtol=1e-4)
-    assert coarse.std(axis=0).max() <= fine.std(axis=0).max()
-
-
-@pytest.mark.parametrize("make", [surroundings.room, surroundings.studio, surroundings.outdoors])
-def test_surroundings_are_light_of_which_one_lamp_gives_a_large_share(make):
-    toward = lights.directions_of((64, 128)).reshape(-1, 3)
-    weight = lights.solid_angles((64, 128)).ravel() * np.maximum(toward[:, 2], 0)
-    for seed in range(3):
-        found = make(np.random.default_rng(seed))
-        assert found.radiance.shape == (*lights.DETAIL, 3)
-        assert np.isfinite(found.radiance).all()
-        assert found.radiance.min() >= 0
-        assert found.radiance.max() > 0.1
-        if make is not surroundings.outdoors:  # without a lamp, objects have hardly any shadow
-            light = lights.shrink(found.radiance, (64, 128)).mean(axis=-1).ravel() * weight
-            near = toward @ toward[light.argsort()[-20:]].T > np.cos(np.deg2rad(15))
-            assert (light @ near).max() > 0.35 * light.sum()
-    np.testing.assert_array_equal(found.radiance, make(np.random.default_rng(2)).radiance)
+@pytest.mark.parametrize("kind", surroundings.GROUNDS)
+def test_grounds_are_reflectances(kind):
+    one, two = (surroundings.texture_of(kind, np.random.default_rng(3)) for _ in range(2))
+    np.testing.assert_array_equal(one, two)
+    assert one.shape == (surroundings.TEXELS, surroundings.TEXELS, 3)
+    assert one.min() > 0
+    assert one.max() < 1
+    assert one.std() > 1e-4
 
 
 def test_mixed_light_takes_from_all_sources():
     maps = np.ones((NUM_SUNSKY + 1, *lights.DETAIL, 3), np.float32)
     chosen = lights.LightSettings(source="mixed", folder="given")
+    camera = cameras.draw(np.random.default_rng(0), cameras.CameraSettings(), np.eye(3))
+    toward = lights.directions_of((64, 128)).reshape(-1, 3)
+    weight = lights.solid_angles((64, 128)).ravel() * np.maximum(toward[:, 2], 0)
 
-    def kinds(maps):
-        seeds = map(np.random.default_rng, (0, 2, 4, 5))
-        return {surroundings.draw(rng, chosen, maps)[1].kind for rng in seeds}
+    def drawn(seed, maps):
+        return surroundings.draw(np.random.default_rng(seed), chosen, maps, camera)
 
-    assert kinds(maps) == {"room", "studio", "outdoors", "map"}
-    assert "map" not in kinds(maps[:-1])
-
-
-def box(half=0.4, height=0.8, colour=(0, 0, 0)):
-    solid = solids.box(2 * half, 2 * half, height).at(z=height / 2)
-    return scene.flatten(model_of(solid, materials=[Material(diffuse=colour)]))
-
-
-def nowhere(origins, directions):
-    count = len(origins)
-    return RayHits(
-        np.full(count, -1), np.zeros((count, 3), np.float32), np.full(count, np.inf, np.float32)
-    )
-
-
-def light_of(around, ground=None, cast=nowhere, rays=16):
-    return Light(around, ground, box(), np.eye(3), cast, rays=rays, rng=np.random.default_rng(0))
-
-
-def plain_ground(colour=0.5):
-    level = np.full((1, 1, 3), colour, np.float32)
-    return grounds.Ground((level,), 1.0, 0.0, (float("inf"),) * 2, 0.0)
-
-
-def test_a_lamp_lights_by_the_cosine():
-    toward = lights.directions_of((64, 128))
-    lamp = np.array([0.6, 0, 0.8])
-    radiance = 50.0 * (toward @ lamp > 0.99)[..., None].repeat(3, -1)
-    light = light_of(Surroundings(radiance))
-    normals = np.repeat(np.array([[0.6, 0, 0.8], [0, 0, 1], [-0.6, 0, -0.8]], np.float32), 64, 0)
-    got = light.gather(np.zeros((192, 3), np.float32) + 5, normals, np.arange(192) % 16)
-    means = got.reshape(3, 64, 3).mean(axis=(1, 2))
-    assert means[0] == pytest.approx(50 * 2 * np.pi * 0.01 / np.pi, rel=0.1)
-    assert means[1] / means[0] == pytest.approx(0.8, abs=0.04)
-    assert means[2] == 0
+    kinds = set()
+    for seed in range(14):
+        around = drawn(seed, maps)
+        kinds.add(around.kind)
+        assert around.radiance.min() >= 0
+        np.testing.assert_array_equal(around.radiance, drawn(seed, maps).radiance)
+        if around.kind in ("room", "studio"):  # without a lamp, objects have hardly any shadow
+            light = lights.shrink(around.radiance, (64, 128)).mean(axis=-1).ravel() * weight
+            near = toward @ toward[light.argsort()[-20:]].T > np.cos(np.deg2rad(15))
+            assert (light @ near).max() > 0.35 * light.sum()
+    assert kinds == {"room", "studio", "outdoors", "map"}
+    assert "map" not in {drawn(seed, maps[:-1]).kind for seed in range(4)}
 
 
 @needs_mitsuba
 def test_contact_shadow_of_a_black_box():
     engine.start("scalar_rgb")
-    surfaces = box()
-    light = Light(
-        Surroundings(np.ones((64, 128, 3))), plain_ground(), surfaces, np.eye(3),
-        Mesh(surfaces.corners).cast, rays=16, rng=np.random.default_rng(0),
-    )  # fmt: skip
-    places = np.array([[0.405, 0, 0], [0.8, 0, 0], [3.5, 0, 0]], np.float32).repeat(64, 0)
-    up = np.tile(np.array([0, 0, 1], np.float32), (192, 1))
-    lit = (
-        light.gather(places, up, np.arange(192) % 16, far=True).reshape(3, 64, 3).mean(axis=(1, 2))
+    solid = solids.box(0.8, 0.8, 0.8).at(z=0.4)
+    surfaces = scene.flatten(model_of(solid, materials=[Material(diffuse=(0, 0, 0))]))
+    camera = cameras.make(
+        image_size=(48, 64), azimuth=0, elevation=40, distance=6, focal=400, roll=0, aim=0.2
     )
-    # At the foot of a wall, about half of the sky is hidden; the wall is finite.
-    assert 0.48 < lit[0] < 0.65
-    assert lit[0] < lit[1] < lit[2]
-    assert lit[2] == pytest.approx(1, abs=0.04)
-    # A surface that faces down gets the light of the ground.
-    down = light.in_the_open(np.array([[0, 0, -1.0]], np.float32))
-    assert down.mean() == pytest.approx(0.5 * 0.8, abs=0.05)
+    around = Surroundings(np.ones((64, 128, 3)))
+    light = lights.draw(np.random.default_rng(0), lights.LightSettings(), around.radiance)
+    shown = scene.Scene(surfaces, camera, light)
+    picture = render(Mesh(surfaces.corners), shown)
+    texture = np.full((4, 4, 3), 0.5, np.float32)
+    ground = surroundings.Ground(texture, 1.0, 0.0, np.array([[-90.0, 0], [90, 0]]), 90.0, 30.0)
+    radiance, opacity = trace(shown, picture, around, ground, rays=64, seed=0)
+    assert (opacity > 0.99).all()
+    places = np.array([[0.5, 0, 0], [0.8, 0, 0], [0, 1.5, 0]])
+    (columns, rows), _ = cameras.project(places, camera)[0].T.astype(int), None
+    foot, near, far = radiance[rows, columns].mean(axis=-1) / 0.5
+    # Near the foot of a wall, up to half of the sky is hidden; the wall is finite.
+    assert 0.5 < foot < 0.8
+    assert foot < near < far
+    assert far == pytest.approx(1, abs=0.12)
 
 
 def test_film_is_repeatable_and_follows_its_settings():
@@ -179,7 +138,7 @@ def test_ground_and_surroundings_are_in_the_image_alone(elevation):
     assert elevation or samples_of(photo_settings(camera=height)) == data
     without = photo_settings(
         camera=height,
-        image={"shading": "local", "background": "grey", "ground": "none", "soft_edges": False},
+        image={"shading": "local", "background": "grey", "ground": "none"},
     )
     for one, two in zip(data, samples_of(without), strict=True):
         sample, other = decode(one), decode(two)

@@ -19,7 +19,9 @@ from data_gen.catalogues.entry import Catalogue, Entry
 from data_gen.engine import Variant, choose_variant, has_mitsuba
 from data_gen.environment_maps import load_maps
 from data_gen.mesh import Material, build_model
-from data_gen.picture import Mesh, path_trace, render
+from data_gen.photo import trace
+from data_gen.picture import Mesh, render
+from data_gen.surroundings import Surroundings
 from psgn_jax.data import camera as project_camera
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.manifest import MANIFEST, load_manifest
@@ -165,7 +167,7 @@ def test_soft_edges_blend_with_the_background(started):
 
 
 @pytest.mark.parametrize("toward", [(0.9, 0.3), (0.0, 0.9), (0.0, -0.9)])
-def test_path_tracing_has_the_light_where_local_shading_has_it(started, toward):
+def test_photos_have_the_light_where_local_shading_has_it(started, toward):
     import trimesh
 
     ball = trimesh.creation.icosphere(2, radius=0.4)
@@ -177,13 +179,13 @@ def test_path_tracing_has_the_light_where_local_shading_has_it(started, toward):
     found = lights.reduce(radiance, lights.LightSettings(count=1), ambient=0.1, exposure=1.0)
     shown = scene.Scene(surfaces, view(azimuth=40.0), found)
     local = render(Mesh(surfaces.corners), shown)
-    traced = path_trace(shown, radiance, samples=4, seed=0)
-    both = np.stack([local.image[local.mask].mean(axis=1), traced[local.mask][:, :3].mean(axis=1)])
+    traced, _ = trace(shown, local, Surroundings(radiance), None, rays=4, seed=0)
+    both = np.stack([local.image[local.mask].mean(axis=1), traced[local.mask].mean(axis=1)])
     assert np.corrcoef(both)[0, 1] > 0.8
 
 
 @pytest.mark.parametrize("what", ["colour", "hole"])
-def test_path_traced_textures_are_upright(started, what):
+def test_textures_of_photos_are_upright(started, what):
     texture = np.full((16, 16, 4), 255, np.uint8)
     texture[..., :3] = (0, 0, 255)
     texture[:8, :, :3] = (255, 0, 0)  # red on top
@@ -192,16 +194,16 @@ def test_path_traced_textures_are_upright(started, what):
     material = Material(diffuse=(1, 1, 1), texture=texture)
     surfaces = scene.flatten(build(square(0, 0.5, material)))
     shown = scene.Scene(surfaces, view(elevation=0.0), flat_light())
-    radiance = np.ones((*lights.MAP_SIZE, 3))
-    traced = path_trace(shown, radiance, samples=4, seed=0)
     local = render(Mesh(surfaces.corners), shown)
+    around = Surroundings(np.ones((*lights.MAP_SIZE, 3)))
+    traced, opacity = trace(shown, local, around, None, rays=4, seed=0)
     rows = np.flatnonzero(local.mask[:, 32])[1:-1]
     upper, lower = rows[: len(rows) // 2 - 1], rows[len(rows) // 2 + 1 :]
     if what == "colour":
         assert (traced[upper, 32, 0] > 2 * traced[upper, 32, 2]).all()
         assert (traced[lower, 32, 2] > 2 * traced[lower, 32, 0]).all()
     # Opacity is the same as with local shading, including edges as narrow as a texel.
-    agree = np.abs(traced[..., 3] - local.opacity) < 0.5
+    agree = np.abs(opacity[..., 0] - local.opacity) < 0.5
     assert agree.mean() > 0.97
     if what == "hole":
         assert local.mask[:, 32].sum() > 10

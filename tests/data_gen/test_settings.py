@@ -33,9 +33,8 @@ def test_wrong_values_name_the_field(values, message):
 @pytest.mark.parametrize(
     ("values", "name"),
     [({"image": {"rays": 9}}, "image.rays"), ({"film": {"grain": (0.0, 0.1)}}, "film.grain"),
-     ({"image": {"path_samples": 9}}, "image.path_samples"),
      ({"image": {"shading": "photo"}, "light": {"count": 3}}, "light.count"),
-     ({"image": {"shading": "path"}, "light": {"darkest": 0.5}}, "light.darkest"),
+     ({"image": {"shading": "photo", "ground": "wood"}}, "image.ground"),
      ({"image": {"samples": 0, "soft_edges": True}}, "image.soft_edges"),
      ({"light": {"source": "sunsky", "folder": "maps"}}, "light.folder"),
      ({"camera": {"keep_size": True}}, "camera.keep_size")],
