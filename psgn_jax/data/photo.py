@@ -9,6 +9,7 @@ import math
 import os
 import warnings
 from collections.abc import Iterator
+from typing import IO, Any
 
 import numpy as np
 from PIL import Image, ImageOps, UnidentifiedImageError
@@ -32,8 +33,9 @@ SUFFIXES = frozenset(
      ".jp2", ".avif")
 )  # fmt: skip
 """Suffixes of the files that are read from a folder."""
-_ORIENTATION = 0x0112  # of EXIF
+_ORIENTATION, _EXIF, _FOCAL_35MM = 0x0112, 0x8769, 0xA405  # tags of EXIF
 _LEAST_TRANSPARENT = 0.005
+_MOST_BETWEEN = 0.08  # of a mask; see `read_mask`
 
 
 class PhotoError(UserError):
@@ -49,62 +51,82 @@ class Photo:
       alpha: uint8 [h, w], or None if there is none or it is no mask, see `useful_alpha`.
       size: (H, W) in the file, upright; `image` may be smaller.
       orientation: EXIF's number, 1 = as stored.
+      focal: focal length in pixels of the file, from EXIF's length for 35 mm film; None without.
     """
 
     image: np.ndarray
     alpha: np.ndarray | None
     size: tuple[int, int]
-    orientation: int
+    orientation: int = 1
+    focal: float | None = None
 
 
-def read_photo(path: str | os.PathLike[str]) -> Photo:
-    """Reads an image file of any common format: the first frame, upright, as 8-bit RGB.
+Source = str | os.PathLike[str] | IO[bytes] | Image.Image | np.ndarray
+"""A path, an open file, a PIL image, or an array."""
+
+
+def read_photo(image: Source | Photo) -> Photo:
+    """Reads an image of any common format: the first frame, upright, as 8-bit RGB.
 
     EXIF's orientation is honoured; CMYK, palettes, grey and 16 bits are converted.
+
+    Args:
+      image: a path, a binary file such as `io.BytesIO`, a PIL image, or an array uint8 [h, w],
+        [h, w, 3] or [h, w, 4]. A `Photo` is returned as it is.
 
     Raises:
       PhotoError: the path is not a file or not an image, or the image is damaged, larger than 150
         million pixels or smaller than 16x16.
+      ValueError: a list, or an array of another shape or dtype.
     """
-    stored = _decode(path)
-    return _turned(stored, stored.orientation)
+    if isinstance(image, Photo):
+        return image
+    stored = _stored(image)
+    return _upright(stored, stored.orientation)
 
 
-def read_mask(path: str | os.PathLike[str], photo: Photo) -> np.ndarray:
+def read_mask(mask: Source, photo: Photo) -> np.ndarray:
     """Reads the mask of a photo: bool [h, w] of `photo.image`'s shape, True on the object.
 
     Pixels brighter than half of the largest value belong to the object, so masks with 0/1 and with
-    0/255 both work. In a file with transparency, alpha is used instead of brightness. The mask may
-    have another size in the same proportions. If EXIF rotates the photo, and the mask has the
-    proportions of the unrotated photo, the mask is rotated too.
+    0/255 both work, and arrays of any dtype. In a file with transparency, alpha is used instead of
+    brightness. The mask may have another size in the same proportions. If EXIF rotates the photo,
+    and the mask has the proportions of the unrotated photo, the mask is rotated too.
 
     Raises:
-      PhotoError: as `read_photo`; or the mask has other proportions than the photo, or is empty.
+      PhotoError: as `read_photo`; or the mask has other proportions than the photo, is empty or
+        full, or is itself a photograph.
     """
-    stored = _decode(path)
-    turn, as_stored = stored.orientation, _upright_size(photo.size, photo.orientation)
-    if turn == 1 and photo.size != as_stored and same_proportions(stored.size, as_stored):
-        turn = photo.orientation
-    upright = _turned(stored, turn)
-    if not same_proportions(upright.size, photo.size):
+    name = f"mask {one_line(mask)}" if isinstance(mask, str | os.PathLike) else "the mask"
+    if isinstance(mask, np.ndarray):
+        levels, size = mask.astype(np.float32), mask.shape
+    else:
+        stored = _stored(mask)
+        turn, as_stored = stored.orientation, _upright_size(photo.size, photo.orientation)
+        if turn == 1 and photo.size != as_stored and same_proportions(stored.size, as_stored):
+            turn = photo.orientation
+        upright = _upright(stored, turn)
+        levels, size = upright.alpha, upright.size
+        if levels is None:
+            levels = np.asarray(Image.fromarray(upright.image).convert("L"))
+    if len(size) != 2 or not same_proportions(size, photo.size):
         raise PhotoError(
-            f"mask {path} is {upright.size[1]}x{upright.size[0]}: accepted: the image's "
+            f"{name} is {'x'.join(map(str, size[::-1]))}: accepted: the image's "
             f"{photo.size[1]}x{photo.size[0]} or the same proportions"
         )
-    levels = upright.alpha
-    if levels is None:
-        levels = np.asarray(Image.fromarray(upright.image).convert("L"))
-    return resize.smooth_mask(_bright(levels, f"mask {path}"), photo.image.shape[:2])
-
-
-def _bright(levels: np.ndarray, name: str) -> np.ndarray:
-    """The pixels above half of the largest value; `PhotoError` if they are none or all."""
-    if not levels.max() > 0:
+    top = levels.max()
+    if not top > 0:
         raise PhotoError(f"{name} is empty: no pixel shows the object")
-    mask = levels > levels.max() / 2
-    if mask.all():
+    between = ((levels > 0.1 * top) & (levels < 0.9 * top)).mean()
+    if between > _MOST_BETWEEN:
+        raise PhotoError(
+            f"{name} looks like a photograph: {between:.0%} of it is neither dark nor bright; "
+            "accepted: white on the object, black elsewhere"
+        )
+    inside = levels > top / 2
+    if inside.all():
         raise PhotoError(f"{name} covers the whole image: expected a background without it")
-    return mask
+    return resize.smooth_mask(inside, photo.image.shape[:2])
 
 
 def useful_alpha(alpha: np.ndarray | None) -> np.ndarray | None:
@@ -122,52 +144,85 @@ def same_proportions(size: tuple[int, ...], other: tuple[int, ...]) -> bool:
     return abs(height - size[0]) <= max(1.0, 0.01 * size[0])
 
 
-def decoded_pixels(path: str | os.PathLike[str]) -> int:
-    """The number of pixels that `read_photo` decodes, from the header of the file.
-
-    For a large JPEG it is smaller than the number of pixels in the file.
-
-    Raises:
-      PhotoError: as `read_photo`.
-    """
-    with _opened(path) as (file, _):
-        return math.prod(file.size)
-
-
-def _decode(path: str | os.PathLike[str]) -> Photo:
-    """The first frame as stored, with EXIF's orientation."""
-    with _opened(path) as (file, size):
-        orientation = int(file.getexif().get(_ORIENTATION, 1) or 1)
+def _stored(image: Source) -> Photo:
+    """The first frame as stored."""
+    if isinstance(image, list | tuple):
+        raise ValueError("the image is a list: accepted: one image; use a loop for several")
+    if isinstance(image, np.ndarray):
+        if image.dtype != np.uint8 or image.ndim < 2 or image.shape[2:] not in ((), (3,), (4,)):
+            raise ValueError(
+                f"image is {image.dtype} {list(image.shape)}: accepted: uint8 [h, w], [h, w, 3] "
+                "(RGB) or [h, w, 4] (RGBA)"
+            )
+        size = image.shape[0], image.shape[1]
+        _check_size("the image", size)
+        colours = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
+        alpha = colours[..., 3] if colours.shape[2] == 4 else None
+        return Photo(colours[..., :3], useful_alpha(alpha), size)
+    if isinstance(image, Image.Image):
+        _check_size("the image", (image.height, image.width))
+        return _from_picture(image, (image.height, image.width))
+    with _opened(image) as (file, size):
         file.load()
-        picture, alpha = _to_rgb(file.copy())
-    return Photo(np.asarray(picture), useful_alpha(alpha), size, orientation)
+        return _from_picture(file, size)
 
 
-def _turned(stored: Photo, orientation: int) -> Photo:
+def _check_size(shown: str, size: tuple[int, int]) -> None:
+    if min(size) < MIN_SIDE or math.prod(size) > MAX_PIXELS:
+        raise PhotoError(
+            f"{shown} is {size[1]}x{size[0]}: accepted: at least {MIN_SIDE} pixels a side and up to "
+            f"{MAX_PIXELS:,} in all"
+        )
+
+
+def _from_picture(picture: Image.Image, size: tuple[int, int]) -> Photo:
+    exif = picture.getexif()
+    orientation = int(exif.get(_ORIENTATION, 1) or 1)
+    # EXIF states the focal length of a camera with the same diagonal field of view and film of
+    # 36 x 24 mm.
+    focal = None
+    with contextlib.suppress(Exception):  # of damaged metadata
+        film = float(exif.get_ifd(_EXIF).get(_FOCAL_35MM, 0))
+        focal = film * math.hypot(*size) / math.hypot(36, 24) if 0 < film < 1e4 else None
+    colours, alpha = _to_rgb(picture.copy())
+    return Photo(np.asarray(colours), useful_alpha(alpha), size, orientation, focal)
+
+
+def _upright(stored: Photo, orientation: int) -> Photo:
     """A photo upright, if it is stored with this orientation of EXIF."""
     if not 1 < orientation <= 8:
         return stored
-
-    def turned(plane: np.ndarray) -> np.ndarray:
-        picture = Image.fromarray(plane)
-        picture.getexif()[_ORIENTATION] = orientation
-        return np.asarray(ImageOps.exif_transpose(picture))
-
-    alpha = None if stored.alpha is None else turned(stored.alpha)
+    alpha = None if stored.alpha is None else turned(stored.alpha, orientation)
     size = _upright_size(stored.size, orientation)
-    return Photo(turned(stored.image), alpha, size, orientation)
+    return Photo(turned(stored.image, orientation), alpha, size, orientation, stored.focal)
+
+
+def turned(plane: np.ndarray, orientation: int) -> np.ndarray:
+    """An image or mask, stored with this orientation of EXIF, upright."""
+    picture = Image.fromarray(plane)
+    picture.getexif()[_ORIENTATION] = orientation
+    return np.asarray(ImageOps.exif_transpose(picture))
 
 
 @contextlib.contextmanager
-def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Image.Image, tuple[int, int]]]:
+def _opened(path: Any) -> Iterator[tuple[Image.Image, tuple[int, int]]]:
     """Context with an opened file and its (H, W); errors in the block become `PhotoError`."""
-    shown = one_line(path)
-    try:
-        kind = kind_of(path)
-    except (OSError, ValueError):
-        raise PhotoError(f"{shown}: no such file") from None
-    if kind is not None:
-        raise PhotoError(f"{shown} is {kind}, expected a file")
+    if isinstance(path, str | os.PathLike):
+        shown = one_line(path)
+        try:
+            kind = kind_of(path)
+        except (OSError, ValueError):
+            raise PhotoError(f"{shown}: no such file") from None
+        if kind is not None:
+            raise PhotoError(f"{shown} is {kind}, expected a file")
+    elif hasattr(path, "seek"):
+        shown = one_line(getattr(path, "name", "the image"))
+        path.seek(0)
+    else:
+        raise ValueError(
+            f"the image is {type(path).__name__}: accepted: a path, an open file, a PIL image or an "
+            "array"
+        )
     Image.init()
     formats = [name for name in _FORMATS if name in Image.OPEN]
     try:
@@ -176,14 +231,7 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[Image.Image, tuple[i
             warnings.simplefilter("ignore")
             with Image.open(path, formats=formats) as file:
                 width, height = file.size
-                if width * height > MAX_PIXELS:
-                    raise PhotoError(
-                        f"{shown} is {width}x{height}: accepted: up to {MAX_PIXELS:,} pixels"
-                    )
-                if min(width, height) < MIN_SIDE:
-                    raise PhotoError(
-                        f"{shown} is {width}x{height}: accepted: at least {MIN_SIDE} pixels a side"
-                    )
+                _check_size(shown, (height, width))
                 file.draft(file.mode, (MAX_SIDE, MAX_SIDE))  # a JPEG can be decoded smaller
                 yield file, (height, width)
     except PhotoError:
@@ -229,61 +277,3 @@ def _to_bytes(values: np.ndarray) -> np.ndarray:
 
 def _upright_size(size: tuple[int, int], orientation: int) -> tuple[int, int]:
     return size[::-1] if 5 <= orientation <= 8 else size
-
-
-def as_photo(image: str | os.PathLike[str] | Image.Image | np.ndarray | Photo) -> Photo:
-    """A photo from a file, a PIL image, or an array uint8 [h, w], [h, w, 3] or [h, w, 4].
-
-    EXIF's orientation of a PIL image is honoured. A `Photo` is returned as it is.
-
-    Raises:
-      PhotoError: the image is too small or too large, or see `read_photo`.
-      ValueError: an array of another shape or dtype.
-    """
-    if isinstance(image, str | os.PathLike):
-        return read_photo(image)
-    if isinstance(image, Photo):
-        return image
-    if isinstance(image, Image.Image):
-        upright = ImageOps.exif_transpose(image)
-        size = upright.height, upright.width
-        picture, alpha = _to_rgb(upright)
-        array = np.asarray(picture)
-    else:
-        array, alpha = np.asarray(image), None
-        if array.dtype != np.uint8 or array.ndim < 2 or array.shape[2:] not in ((), (3,), (4,)):
-            raise ValueError(
-                f"image is {array.dtype} {list(array.shape)}: accepted: uint8 [h, w], [h, w, 3] "
-                "(RGB) or [h, w, 4] (RGBA)"
-            )
-        if array.ndim == 2:
-            array = np.repeat(array[..., None], 3, axis=2)
-        array, alpha = array[..., :3], array[..., 3] if array.shape[2] == 4 else None
-        size = array.shape[0], array.shape[1]
-    if min(size) < MIN_SIDE or math.prod(size) > MAX_PIXELS:
-        raise PhotoError(
-            f"the image is {size[1]}x{size[0]}: accepted: at least {MIN_SIDE} pixels a side and up "
-            f"to {MAX_PIXELS:,} in all"
-        )
-    return Photo(array, useful_alpha(alpha), size, 1)
-
-
-def as_mask(mask: str | os.PathLike[str] | Image.Image | np.ndarray, photo: Photo) -> np.ndarray:
-    """The mask of a photo, bool [h, w] as `photo.image`, from a file, a PIL image or an array.
-
-    A PIL image or an array has the size of `photo.size` or of `photo.image`. Pixels above half of
-    the largest value belong to the object, whatever the dtype.
-
-    Raises:
-      PhotoError: see `read_mask`.
-    """
-    if isinstance(mask, str | os.PathLike):
-        return read_mask(mask, photo)
-    if isinstance(mask, Image.Image):
-        mask = ImageOps.exif_transpose(mask).convert("L")
-    levels, size = np.asarray(mask), photo.image.shape[:2]
-    if levels.shape not in (size, photo.size):
-        raise PhotoError(
-            f"the mask is {list(levels.shape)}: accepted: {list(photo.size)}, as the image"
-        )
-    return resize.smooth_mask(_bright(levels.astype(np.float32), "the mask"), size)

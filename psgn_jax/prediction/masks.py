@@ -17,6 +17,7 @@ import numpy as np
 from PIL import Image, ImageFilter
 from scipy import ndimage
 
+from psgn_jax.data import photo
 from psgn_jax.data.photo import PhotoError
 from psgn_jax.data.resize import smooth_mask
 from psgn_jax.models import networks  # noqa: F401  sets the convolutions of a CPU
@@ -40,17 +41,31 @@ _BORDER_SHARE, _EXACT = 0.97, 1
 # lossless renderings and above .98 on 30 JPEGs (quality 70 to 95).
 _JPEG_DEVIATION, _JPEG_SHARE = 12, 0.6
 _SMALLEST, _LARGEST = 0.0005, 0.97  # fraction of the image that an object may cover
+_CLEARLY_BETTER = 0.2  # of an intersection over union
 
 
 class FoundMask(NamedTuple):
-    """The mask of an object, bool [h, w], and the method, one of `METHODS`."""
+    """The mask of an object, bool [h, w], the method, and the network's `certainty` (else 1)."""
 
     mask: np.ndarray
     method: str
+    certainty: float = 1.0
+
+
+class UncertainMask(PhotoError):
+    """The network is not certain; `mask`, bool [h, w], is its proposal."""
+
+    def __init__(self, message: str, mask: np.ndarray):
+        super().__init__(message)
+        self.mask = mask
 
 
 def find_mask(
-    image: np.ndarray, alpha: np.ndarray | None = None, method: str = "auto"
+    image: np.ndarray,
+    alpha: np.ndarray | None = None,
+    method: str = "auto",
+    *,
+    accept: bool = False,
 ) -> FoundMask:
     """Finds the object.
 
@@ -58,10 +73,11 @@ def find_mask(
       image: uint8 [h, w, 3] RGB.
       alpha: uint8 [h, w] or None, see `photo.useful_alpha`.
       method: one of `METHODS`.
+      accept: whether the network's mask is returned even if it is not certain.
 
     Raises:
-      PhotoError: no object was found, or the network is not certain; the message says what the user
-        can do.
+      UncertainMask: the network is not certain.
+      PhotoError: no object was found.
       ValueError: an unknown method.
       WeightsError: the network's parameters cannot be read.
     """
@@ -78,21 +94,35 @@ def find_mask(
     if method in ("auto", "network"):
         p = probabilities(image)
         mask, certain = enlarged(p, image.shape[:2]), certainty(p)
-        if certain >= LEAST_CERTAINTY and _SMALLEST <= mask.mean() <= _LARGEST:
-            return FoundMask(mask, "network")
-        # Rounded down, so that a certainty that is refused never reads like one that is accepted.
-        reason = (
-            f"it is not certain which part is the object ({int(100 * certain)}%, expected at least "
-            f"{LEAST_CERTAINTY:.0%})"
-            if certain < LEAST_CERTAINTY
-            else f"the mask that was found covers {mask.mean():.3%} of the image (expected "
-            f"{_SMALLEST:.2%} to {_LARGEST:.0%})"
-        )
-        raise PhotoError(
-            f"{reason}; give the mask of the object, white on it, with --mask=FILE, or paint it in "
-            "the page of `psgn page --serve`"
-        )
-    raise PhotoError(f"no object found ({method}); give its mask with --mask=FILE")
+        if _SMALLEST <= mask.mean() <= _LARGEST:
+            if accept or certain >= LEAST_CERTAINTY:
+                return FoundMask(mask, "network", certain)
+            # Rounded down, so that a certainty that is refused never reads like an accepted one.
+            raise UncertainMask(
+                f"it is not certain which part is the object ({int(100 * certain)}%, expected at "
+                f"least {LEAST_CERTAINTY:.0%})",
+                mask,
+            )
+    raise PhotoError(f"no object found ({method}); expected its mask, white on the object")
+
+
+def with_mask(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """The image, grey and blue outside the mask."""
+    grey = image.mean(axis=2, keepdims=True)
+    return np.where(mask[..., None], image, 0.25 * grey + [60, 90, 160]).astype(np.uint8)
+
+
+def turned_as(image: np.ndarray, mask: np.ndarray, orientation: int) -> np.ndarray | None:
+    """The mask turned as EXIF turns the photo, if it fits the image better so, else None.
+
+    Programs that ignore EXIF make masks of the photo as it is stored. With the same proportions,
+    only what the mask network sees tells them from masks of the upright photo.
+    """
+    other = photo.turned(mask, orientation)
+    if other.shape != mask.shape or (other == mask).all():
+        return None
+    p = enlarged(probabilities(image), mask.shape)
+    return other if mask_iou(other, p) > mask_iou(mask, p) + _CLEARLY_BETTER else None
 
 
 def probabilities(image: np.ndarray) -> np.ndarray:

@@ -1,16 +1,19 @@
 """Every photo gives a valid input of a network, or an error of one line."""
 
+import io
 import os
+import pathlib
 import struct
 import zlib
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageFilter
 
 from psgn_jax.data import camera, framing, photo, resample, resize
 
 GREY = 191
+PHOTOS = pathlib.Path(__file__).resolve().parents[2] / "docs" / "photos"
 
 
 def scene(height=120, width=160, box=(30, 90, 50, 130), colour=(200, 60, 20), back=(GREY,) * 3):
@@ -43,13 +46,13 @@ def test_floats_may_exceed_the_full_scale_a_little(tmp_path):
 def test_a_large_image_accepts_masks_of_its_own_and_of_the_reduced_size():
     mask = np.zeros((4100, 40), bool)
     mask[500:900, 10:30] = True
-    read = photo.as_photo(Image.fromarray(np.repeat(mask[..., None] * np.uint8(200), 3, axis=2)))
+    read = photo.read_photo(Image.fromarray(np.repeat(mask[..., None] * np.uint8(200), 3, axis=2)))
     assert read.size == (4100, 40)
     assert read.image.shape == (2050, 20, 3)
     for given in (mask, mask[::2, ::2], Image.fromarray(mask)):
-        np.testing.assert_array_equal(photo.as_mask(given, read), mask[::2, ::2])
-    with pytest.raises(photo.PhotoError, match=r"\[10, 40\]: accepted: \[4100, 40\]"):
-        photo.as_mask(mask[:10], read)
+        np.testing.assert_array_equal(photo.read_mask(given, read), mask[::2, ::2])
+    with pytest.raises(photo.PhotoError, match="is 40x10: accepted: the image's 40x4100"):
+        photo.read_mask(mask[:10], read)
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
@@ -70,10 +73,10 @@ def test_exif_orientation_is_honoured_for_image_and_mask(tmp_path, orientation):
     np.testing.assert_array_equal(read.image, image)
     assert read.size == (120, 160)
     opened = Image.open(path)
-    np.testing.assert_array_equal(photo.as_photo(opened).image, image)
+    np.testing.assert_array_equal(photo.read_photo(opened).image, image)
     turned = as_stored(mask)
     turned.getexif()[0x0112] = orientation
-    np.testing.assert_array_equal(photo.as_mask(turned, read), mask)
+    np.testing.assert_array_equal(photo.read_mask(turned, read), mask)
     upright = saved(tmp_path, mask, "upright.png")
     np.testing.assert_array_equal(photo.read_mask(upright, read), mask)
     if orientation > 4:  # a mask drawn over the pixels as stored
@@ -170,6 +173,9 @@ def test_masks_of_other_sizes(tmp_path):
         photo.read_mask(saved(tmp_path, np.zeros((120, 160), np.uint8), "none.png"), read)
     with pytest.raises(photo.PhotoError, match=r"white\.png covers the whole image"):
         photo.read_mask(saved(tmp_path, np.full((120, 160), 255, np.uint8), "white.png"), read)
+    for other in image, mask[..., None]:
+        with pytest.raises(photo.PhotoError, match="the mask is 3x160x120|the mask is 1x160x120"):
+            photo.read_mask(other, read)
 
 
 def test_a_few_pixels_that_are_not_opaque_are_no_mask(tmp_path):
@@ -179,9 +185,49 @@ def test_a_few_pixels_that_are_not_opaque_are_no_mask(tmp_path):
     rgba = np.dstack([image, alpha])
     read = photo.read_photo(saved(tmp_path, rgba))
     assert read.alpha is None
-    assert photo.as_photo(rgba).alpha is None
+    assert photo.read_photo(rgba).alpha is None
     levels = np.dstack([np.repeat(mask[..., None] * np.uint8(255), 3, axis=2), alpha])
     np.testing.assert_array_equal(photo.read_mask(saved(tmp_path, levels, "m.png"), read), mask)
+
+
+@pytest.mark.parametrize("path", sorted(PHOTOS.glob("*.jpg")), ids=lambda path: path.stem)
+def test_a_photograph_is_no_mask(path):
+    read = photo.read_photo(path)
+    with pytest.raises(photo.PhotoError, match=f"{path.stem}.jpg looks like a photograph: "):
+        photo.read_mask(path, read)
+    # A mask with soft edges is one.
+    mask = Image.open(path.with_name(f"{path.stem}_mask.png")).convert("L")
+    soft = mask.filter(ImageFilter.GaussianBlur(1))
+    agree = photo.read_mask(soft, read) == photo.read_mask(mask, read)
+    assert agree.mean() > 0.98
+
+
+def test_open_files_are_read_and_a_list_is_refused(tmp_path):
+    image, mask = scene()
+    stream = io.BytesIO(saved(tmp_path, image).read_bytes())
+    stream.read()  # somebody has looked at it
+    read = photo.read_photo(stream)
+    np.testing.assert_array_equal(read.image, image)
+    with saved(tmp_path, mask, "mask.png").open("rb") as file:
+        np.testing.assert_array_equal(photo.read_mask(file, read), mask)
+    with pytest.raises(photo.PhotoError, match="the image is not an image of a known format"):
+        photo.read_photo(io.BytesIO(b"text"))
+    for several in ([image], (stream,)):
+        with pytest.raises(ValueError, match="is a list: accepted: one image; use a loop"):
+            photo.read_photo(several)
+    with pytest.raises(ValueError, match="the image is int: accepted: a path"):
+        photo.read_photo(3)
+
+
+def test_the_focal_length_comes_from_exif(tmp_path):
+    image, _ = scene(240, 360)
+    assert photo.read_photo(image).focal is None
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0xA405] = 28
+    for orientation in 1, 6:
+        exif[0x0112] = orientation
+        path = saved(tmp_path, image, "a.jpg", exif=exif)
+        assert photo.read_photo(path).focal == pytest.approx(280)
 
 
 def mode_1(mask):
@@ -267,7 +313,7 @@ def test_placing_refuses():
     with pytest.raises(photo.PhotoError, match="1x1 pixels: accepted: a longer side of 8 or more"):
         framing.place(image, dot)
     with pytest.raises(ValueError, match=r"image is float64"):
-        photo.as_photo(np.zeros((50, 50)))
+        photo.read_photo(np.zeros((50, 50)))
 
 
 def test_the_rule_fits_the_authors_images(authors_batches):
