@@ -14,7 +14,7 @@ LAYERS = [
 ]  # fmt: skip
 # What only one module may import.
 DOORS = {
-    "array_record", "av", "dask", "distributed", "drjit", "grain", "matplotlib",
+    "array_record", "dask", "distributed", "drjit", "grain", "matplotlib",
     "mitsuba", "onnx", "onnxruntime", "orbax", "safetensors", "tensorboardX",
 }  # fmt: skip
 FOR_DATA_GEN = ("array_types", "config.command_line", "config.structured", "data", "system")

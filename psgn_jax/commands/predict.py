@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from psgn_jax.commands.common import define_network_flags, keep_compiled
 from psgn_jax.config.command_line import Flags
 from psgn_jax.config.experiment import ConfigError
-from psgn_jax.prediction import export, masks
+from psgn_jax.prediction import formats, masks
 from psgn_jax.prediction.files import predict_files
 from psgn_jax.prediction.predictor import NORMAL_FORMS, Predictor
 from psgn_jax.system.files import check_folder
@@ -23,7 +23,8 @@ from psgn_jax.system.untrusted import message_line, one_line
 from psgn_jax.weights.opening import open_network
 
 _OPTIONS = [
-    "mask", "samples", "seed", "frame", "mask_from", "invert_mask", "normal_form", "refine",
+    "mask", "samples", "seed", "frame", "mask_from", "invert_mask", "accept_mask", "normal_form",
+    "refine",
 ]  # fmt: skip
 
 
@@ -34,7 +35,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags.string("out", "out", "Folder for the results.")
     flags.string("mask", None, "File of the mask, or folder with one for each image.")
     flags.enum("mask_from", "auto", list(masks.METHODS), "How to find a mask.")
-    flags.bool("invert_mask", False, "Whether the given masks are white outside the object.")
+    flags.bool(
+        "invert_mask",
+        None,
+        "Whether the given masks are white outside the object; without it, those are that cover "
+        "the border and not the middle.",
+    )
+    flags.bool("accept_mask", False, "Whether to use masks of which the network is not certain.")
     flags.enum(
         "normal_form",
         "auto",
@@ -56,20 +63,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags.integer("samples", 1, "Number of clouds per image.")
     flags.integer("seed", 0, "Seed of the random input.")
     flags.list(
-        "formats", list(export.DEFAULT_FORMATS), "Formats of the clouds: ply, xyz, obj, npz, glb."
+        "formats", list(formats.DEFAULT_FORMATS), "Formats of the clouds: ply, xyz, obj, npz, glb."
     )
     return flags.run(_main, argv)
 
 
 def _main(flags: Flags) -> int:
     values = flags.values
-    formats = tuple(values.formats)
-    if not formats or not set(formats) <= set(export.FORMATS):
+    if not values.formats or not set(values.formats) <= set(formats.FORMATS):
         raise ConfigError(
-            f"--formats={','.join(formats)}: accepted: any of {', '.join(export.FORMATS)}"
+            f"--formats={','.join(values.formats)}: accepted: any of {', '.join(formats.FORMATS)}"
         )
-    if values.invert_mask and not values.mask:
-        raise ConfigError("--invert_mask: accepted only with --mask=FILE|FOLDER")
     check_folder(values.out, "--out")
 
     def opened() -> Predictor:
@@ -78,13 +82,14 @@ def _main(flags: Flags) -> int:
         predictor.warm_up(values.samples, refine=values.refine)
         return predictor
 
-    done, failed = 0, 0
+    done, failed, uncertain = 0, 0, 0
     options = {name: values[name].value for name in _OPTIONS}
     for path, result in predict_files(
-        opened, flags.arguments, values.out, formats=formats, **options
+        opened, flags.arguments, values.out, formats=values.formats, **options
     ):
         if isinstance(result, Exception):
             failed += 1
+            uncertain += isinstance(result, masks.UncertainMaskError)
             sys.stderr.write(f"failed: {one_line(path)}: {message_line(result)}\n")
             continue
         done += 1
@@ -97,6 +102,13 @@ def _main(flags: Flags) -> int:
         )
         sys.stdout.flush()
     sys.stdout.write(f"results: {one_line(values.out)}\n" if done else "")
+    if uncertain:
+        sys.stderr.write(
+            f"masks of which the network is not certain: {uncertain}. Look at "
+            f"{one_line(values.out)}/*_overlay.png. To use all as they are: --accept_mask. To use "
+            "one that you mended (white on the object) in any image editor, or in the page of "
+            "`psgn page --serve`: put NAME_mask.png beside the photo\n"
+        )
     if failed:
         sys.stderr.write(f"{done} of {done + failed} images were processed, see {values.out}\n")
     return 0 if not failed else 1 if done else 2

@@ -1,7 +1,7 @@
 """Draws predictions as pictures or turntable films: `psgn spheres OUT/*.npz --out=sheet.png`.
 
-The sheet shows the image and the first two clouds of each file, coloured by height. A single cloud
-is shown twice, coloured by height and by branch.
+The sheet shows the image and the first two clouds of each file from two sides. Points have the
+colours of the photo, or of their height if none is visible in it.
 """
 
 import pathlib
@@ -13,35 +13,38 @@ from psgn_jax.system.untrusted import one_line
 from psgn_jax.viewing import spheres
 from psgn_jax.viewing.predictions import read_prediction
 
+_FIELDS = ("points", "colours", "seen", "branch", "image", "intrinsics", "extrinsics")
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command; returns its exit code."""
     flags = Flags("psgn spheres NPZ... --out=FILE", __doc__)
     flags.string("out", None, "PNG file to write.")
     flags.integer("columns", 1, "Columns of the sheet.", lower_bound=1)
-    flags.string("turntable", None, "GIF or MP4 of the first prediction, rotating.")
+    flags.string("turntable", None, "GIF of the first prediction, rotating.")
+    flags.bool("branch", False, "Whether the first cloud is also shown with colours by branch.")
     return flags.run(_main, argv, wrong_input=(ValueError,))
 
 
 def _main(flags: Flags) -> None:
     values = flags.values
-    fields = ("points", "branch", "image", "intrinsics", "extrinsics")
     rows, first = [], None
     spheres.check_picture(values.out, "--out")
     if values.turntable:
         spheres.check_turntable(values.turntable)
     for path in flags.arguments:
-        arrays = read_prediction(path, fields)
-        several = len(arrays["points"]) > 1
-        titles = [f"sample {k}" for k in range(2)] if several else ["prediction"]
-        clouds = spheres.by_height(dict(zip(titles, arrays["points"], strict=False)))
+        arrays = read_prediction(path, _FIELDS)
+        points, by_photo = arrays["points"], arrays["seen"].any()
+        paint = arrays["colours"] if by_photo else map(spheres.colours_by_height, points)
+        titles = ["prediction"] if len(points) == 1 else ["sample 0", "sample 1"]
+        clouds = dict(zip(titles, zip(points, paint, strict=True), strict=False))
         first = first or clouds[titles[0]]
-        if not several:
-            colours = spheres.colours_by_branch(arrays["branch"])
-            clouds["by branch"] = arrays["points"][0], colours
+        if values.branch:
+            clouds["by branch"] = points[0], spheres.colours_by_branch(arrays["branch"])
         rows.append((pathlib.Path(path).stem, spheres.panels(arrays, clouds, height=144)))
     sheet = spheres.sheet(rows, columns=values.columns)
     spheres.write_picture(sheet, values.out)
     if values.turntable and first:
         spheres.turntable(*first, values.turntable)
-    sys.stdout.write(f"{len(rows)} cases: {one_line(values.out)}\n")
+    count = f"{len(rows)} case{'s' * (len(rows) > 1)}"
+    sys.stdout.write(f"{count}: {one_line(values.out)}\n")

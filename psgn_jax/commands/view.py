@@ -20,17 +20,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _main(flags: Flags) -> None:
     names = [pathlib.Path(path).stem for path in flags.arguments]
-    cases = []
-    for path, name in zip(flags.arguments, names, strict=True):
-        arrays = read_prediction(path, ("points", "colours", "branch", "image"))
-        # Files in different folders may have the same name, as predictions of one photo.
-        title = name if names.count(name) == 1 else path
-        num_fc = int((arrays["branch"] == 0).sum())
-        cases.append(
-            page.Case(
-                title, arrays["image"], arrays["points"], num_fc=num_fc, colours=arrays["colours"]
-            )
-        )
+    # Files in different folders may have the same name, as predictions of one photo.
+    titles = [n if names.count(n) == 1 else p for p, n in zip(flags.arguments, names, strict=True)]
+    cases = (
+        page.case_of(title, read_prediction(path, page.FIELDS))
+        for path, title in zip(flags.arguments, titles, strict=True)
+    )
     pages = page.write_pages(flags.values.out, cases, title=flags.values.title)
     for written in sorted(set(pages.values())):
         sys.stdout.write(f"{one_line(written)}\n")

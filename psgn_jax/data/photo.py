@@ -7,6 +7,7 @@ import contextlib
 import dataclasses
 import math
 import os
+import pathlib
 import warnings
 from collections.abc import Iterator
 from typing import IO, Any
@@ -52,6 +53,7 @@ class Photo:
       size: (H, W) in the file, upright; `image` may be smaller.
       orientation: EXIF's number, 1 = as stored.
       focal: focal length in pixels of the file, from EXIF's length for 35 mm film; None without.
+      path: the file; None for a photo from elsewhere.
     """
 
     image: np.ndarray
@@ -59,6 +61,7 @@ class Photo:
     size: tuple[int, int]
     orientation: int = 1
     focal: float | None = None
+    path: pathlib.Path | None = None
 
 
 Source = str | os.PathLike[str] | IO[bytes] | Image.Image | np.ndarray
@@ -82,7 +85,9 @@ def read_photo(image: Source | Photo) -> Photo:
     if isinstance(image, Photo):
         return image
     stored = _stored(image)
-    return _upright(stored, stored.orientation)
+    read = _upright(stored, stored.orientation)
+    path = pathlib.Path(image) if isinstance(image, str | os.PathLike) else None
+    return dataclasses.replace(read, path=path)
 
 
 def read_mask(mask: Source, photo: Photo) -> np.ndarray:
@@ -98,17 +103,18 @@ def read_mask(mask: Source, photo: Photo) -> np.ndarray:
         full, or is itself a photograph.
     """
     name = f"mask {one_line(mask)}" if isinstance(mask, str | os.PathLike) else "the mask"
+    levels: np.ndarray
     if isinstance(mask, np.ndarray):
-        levels, size = mask.astype(np.float32), mask.shape
+        size, levels = mask.shape, mask.astype(np.float32)
     else:
         stored = _stored(mask)
         turn, as_stored = stored.orientation, _upright_size(photo.size, photo.orientation)
         if turn == 1 and photo.size != as_stored and same_proportions(stored.size, as_stored):
             turn = photo.orientation
         upright = _upright(stored, turn)
-        levels, size = upright.alpha, upright.size
-        if levels is None:
-            levels = np.asarray(Image.fromarray(upright.image).convert("L"))
+        size, levels = upright.size, np.asarray(Image.fromarray(upright.image).convert("L"))
+        if upright.alpha is not None:
+            levels = upright.alpha
     if len(size) != 2 or not same_proportions(size, photo.size):
         raise PhotoError(
             f"{name} is {'x'.join(map(str, size[::-1]))}: accepted: the image's "
@@ -170,8 +176,8 @@ def _stored(image: Source) -> Photo:
 def _check_size(shown: str, size: tuple[int, int]) -> None:
     if min(size) < MIN_SIDE or math.prod(size) > MAX_PIXELS:
         raise PhotoError(
-            f"{shown} is {size[1]}x{size[0]}: accepted: at least {MIN_SIDE} pixels a side and up to "
-            f"{MAX_PIXELS:,} in all"
+            f"{shown} is {size[1]}x{size[0]}: accepted: at least {MIN_SIDE} pixels a side and up "
+            f"to {MAX_PIXELS:,} in all"
         )
 
 
@@ -220,8 +226,8 @@ def _opened(path: Any) -> Iterator[tuple[Image.Image, tuple[int, int]]]:
         path.seek(0)
     else:
         raise ValueError(
-            f"the image is {type(path).__name__}: accepted: a path, an open file, a PIL image or an "
-            "array"
+            f"the image is {type(path).__name__}: accepted: a path, an open file, a PIL image or "
+            "an array"
         )
     Image.init()
     formats = [name for name in _FORMATS if name in Image.OPEN]

@@ -11,7 +11,7 @@ import numpy as np
 
 from psgn_jax.evaluation.aligned import ITERATIONS, LARGEST_SCALE, LEAST_SCALE
 from psgn_jax.evaluation.results import OVER_CATEGORIES, OVER_SAMPLES, Evaluation, SampleName
-from psgn_jax.prediction.silhouette import largest_share
+from psgn_jax.prediction.refine import largest_share
 from psgn_jax.system.files import finite_or_none
 from psgn_jax.system.untrusted import one_line
 

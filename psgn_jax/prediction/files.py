@@ -1,18 +1,16 @@
 """Predicts clouds for image files and writes the results as files.
 
-For each image, the files are: the cloud as PLY, XYZ, OBJ and NPZ (`prediction.export` describes
-frame and colours); the framed view of the object as `NAME_view.png`; and `NAME.json` with camera,
-configuration, checkpoint and times. The NPZ file also contains the spread of each point over the
-samples and the mutual distances of the clouds.
+For each image NAME.*, the files are: the cloud as PLY, XYZ, OBJ and NPZ (`prediction.formats`); the
+framed view of the object as `NAME_view.png`; and `NAME.json` with camera, configuration, checkpoint
+and times. Of a photo whose mask is not certain, they are the proposed mask, `NAME_mask.png`, and
+the photo in blue outside it, `NAME_overlay.png`.
 """
 
 import dataclasses
-import io
 import json
 import os
 import pathlib
-import types
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,13 +19,16 @@ from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError, to_dict
 from psgn_jax.data import photo
-from psgn_jax.prediction import export
-from psgn_jax.prediction.predictor import FC, Clock, Prediction, Predictor
+from psgn_jax.prediction import formats as formats_lib
+from psgn_jax.prediction import masks
+from psgn_jax.prediction.cloud import FC, Prediction
+from psgn_jax.prediction.predictor import Clock, Predictor
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import is_disk_full, write_atomic
 
 _LONGEST_NAME = 220
 """File names have up to 255 bytes; results add a suffix, temporary files the process as well."""
+_OVERLAY_SIDE = 1024
 
 
 def predict_files(
@@ -36,27 +37,35 @@ def predict_files(
     out: str | os.PathLike[str],
     *,
     mask: str | None = None,
+    mask_from: str = "auto",
+    invert_mask: bool | None = None,
+    accept_mask: bool = False,
+    formats: Sequence[str] = formats_lib.DEFAULT_FORMATS,
     **options: Any,
 ) -> Iterator[tuple[pathlib.Path, Prediction | Exception]]:
     """Predicts clouds for files and folders of images, one by one, and writes them to `out`.
+
+    In a folder, results of earlier runs are left out. No file that is not such a result is replaced
+    by a picture.
 
     Args:
       open_predictor: returns the network. It is called once, when the first image and its mask
         have been read, so that wrong files are reported before a network is compiled.
       mask: file of the mask (for one image), or folder of masks. There the mask of `NAME.jpg` is
-        `NAME_mask.*`, or another file `NAME.*`.
-      **options: arguments of `predict_photo`.
+        `NAME_mask.*`, or another file `NAME.*`. None = automatic (`masks.mask_of`).
+      mask_from, invert_mask, accept_mask, **options: arguments of `Predictor.__call__`.
+      formats: of the clouds, some of `formats.FORMATS`.
 
     Yields:
       The path of each image, with its prediction or the error.
     """
-    paths = _expand(images)
+    paths, out = _expand(images), pathlib.Path(out)
     if not paths:
         raise ConfigError(f"no image in {', '.join(map(str, images)) or 'the arguments'}")
     if mask is not None and not os.path.isdir(mask) and len(paths) > 1:
-        raise ConfigError(f"--mask={mask}: accepted for {len(paths)} images: a folder of masks")
+        raise ConfigError(f"mask={mask}: accepted for {len(paths)} images: a folder of masks")
     predictor: Predictor | None = None
-    for path, name in zip(paths, _names(paths), strict=True):
+    for path, name in zip(paths, _names(paths, out), strict=True):
         try:
             if len(os.fsencode(name)) > _LONGEST_NAME:
                 raise ConfigError(
@@ -65,95 +74,85 @@ def predict_files(
                 )
             clock = Clock()
             read = photo.read_photo(path)
-            given = None
-            if mask is not None:
-                mask_path = _mask_of(path, mask)
-                given = photo.read_mask(mask_path, read)
-                logging.info("%s: mask %s", path, mask_path)
             clock.lap("read")
-            options["seconds"] = clock.laps
+            given = None if mask is None else _mask_of(path, mask)
+            try:
+                found = masks.mask_of(
+                    read, given, mask_from, invert=invert_mask, accept=accept_mask
+                )
+            except masks.UncertainMaskError as error:
+                raise _proposed(error, read, out, name) from None
+            clock.lap("mask")
+            predictor = predictor or open_predictor()
+            result = predictor(read, found, **options)
+            seconds = clock.laps | result.seconds
+            result = dataclasses.replace(result, seconds=seconds)
+            _write(predictor, result, path, name, out, formats, options.get("seed", 0))
         except Exception as error:
-            yield path, _continued(path, error)
-            continue
-        predictor = predictor or open_predictor()
-        try:
-            result = predict_photo(predictor, read, given, path, name, pathlib.Path(out), **options)
-        except Exception as error:
-            yield path, _continued(path, error)
+            if is_disk_full(error):
+                raise
+            if not isinstance(error, UserError | ValueError | OSError):
+                logging.error("%s", path, exc_info=error)
+            yield path, error
         else:
             yield path, result
 
 
-def _continued(path: pathlib.Path, error: Exception) -> Exception:
-    """The error of one image, after which the others are processed; a full disk is raised."""
-    if is_disk_full(error):
-        raise error
-    if not isinstance(error, UserError | ValueError | OSError):
-        logging.error("%s", path, exc_info=error)
-    return error
+def _proposed(
+    error: masks.UncertainMaskError, read: photo.Photo, out: pathlib.Path, name: str
+) -> masks.UncertainMaskError:
+    """Writes the proposed mask, and the photo with it; returns an error that names the mask."""
+    overlay = Image.fromarray(masks.with_mask(read.image, error.mask))
+    overlay.thumbnail((_OVERLAY_SIDE, _OVERLAY_SIDE))
+    pictures = {"mask": error.mask * np.uint8(255), "overlay": np.asarray(overlay)}
+    files = {kind: out / f"{name}_{kind}.png" for kind in pictures}
+    for kind, file in files.items():
+        if not file.exists() or masks.is_result(file):  # a mask that was mended stays
+            write_atomic(file, masks.result_png(pictures[kind]), sync=False)
+    return masks.UncertainMaskError(f"{error}; its proposal is {files['mask']}", error.mask)
 
 
-def predict_photo(
+def _write(
     predictor: Predictor,
-    read: photo.Photo,
-    mask: np.ndarray | None,
+    result: Prediction,
     path: pathlib.Path,
     name: str,
     out: pathlib.Path,
-    formats: tuple[str, ...] = export.DEFAULT_FORMATS,
-    *,
-    seconds: Mapping[str, float] = types.MappingProxyType({}),
-    **options: Any,
-) -> Prediction:
-    """Predicts clouds for a photo and writes the results to `out`.
-
-    Args:
-      mask: bool [h, w] of the size of `read.image`, True on the object; None = automatic.
-      name: NAME of the results.
-      seconds: times of earlier steps, for `NAME.json`.
-    """
-    result = predictor(read, mask, **options)
-    clock = Clock()
-    view = result.view
-    arrays = {n: getattr(result, n) for n in ("stray", "seen", "branch", "spread", "mutual")}
-    arrays |= {n: getattr(view, n) for n in ("image", "mask", "intrinsics", "extrinsics")}
-    files = export.write_clouds(
-        out, name, result.points, result.colours, formats, drawn=~result.stray, **arrays
-    )
-    picture = io.BytesIO()
-    Image.fromarray(view.image).save(picture, "png", compress_level=1)
-    files.append(out / f"{name}_view.png")
-    write_atomic(files[-1], picture.getvalue(), sync=False)
+    formats: Sequence[str],
+    seed: int,
+) -> None:
+    """Writes the results for an image, and their duration into `result.seconds`."""
+    clock, files = Clock(), {}
+    for suffix in formats:
+        several = len(result.points) > 1 and suffix != "npz"
+        for k in range(len(result.points) if several else 1):
+            files[f"{name}_{k}.{suffix}" if several else f"{name}.{suffix}"] = k
+    for file, k in files.items():
+        result.save(out / file, k)
+    view = f"{name}_view.png"
+    write_atomic(out / view, masks.result_png(result.view.image), sync=False)
     clock.lap("write")
-    seconds = {**seconds, **result.seconds, "write": clock.laps["write"]}
-    document = _record(predictor, read, result, path, files, seconds, options.get("seed", 0))
+    result.seconds.update(clock.laps)
+    document = _record(predictor, result, path, [*files, view], seed)
     text = json.dumps(document, indent=2, allow_nan=False) + "\n"
     write_atomic(out / f"{name}.json", text, sync=False)
-    return dataclasses.replace(result, seconds=seconds)
 
 
 def _record(
-    predictor: Predictor,
-    read: photo.Photo,
-    result: Prediction,
-    path: pathlib.Path,
-    files: Sequence[pathlib.Path],
-    seconds: Mapping[str, float],
-    seed: int,
+    predictor: Predictor, result: Prediction, path: pathlib.Path, files: list[str], seed: int
 ) -> dict[str, Any]:
     """The contents of `NAME.json`."""
-    view = result.view
+    view, camera = result.view, result.camera()
     return {
         "image": str(path),
-        "image_size": list(read.size),
-        "files": [file.name for file in files],
+        "image_size": list(result.photo.size),
+        "files": files,
         "frame": "right-handed, +z up, +y image right, +x toward the camera, origin on the ground",
         "unit": "radius of the object's bounding hemisphere",
         "mask_from": result.mask_from,
         "placed": view.placed,
         "warnings": list(result.warnings),
         "normal_form": {
-            "applied": result.normalised,
             "meaning": "lowest point at z = 0, farthest at distance 1 from the origin; the "
             "network's points are scale * points + shift",
             "scale": result.scale,
@@ -165,48 +164,68 @@ def _record(
         "num_fc_points": int((result.branch == FC).sum()),
         "seed": seed,
         "seen_fraction": round(float(result.seen.mean()), 4),
-        "camera": {
+        "cameras": {
             "conventions": "x right, y down, z forward; (0, 0) is the outer corner of a pixel",
-            "extrinsics": view.extrinsics.tolist(),
-            "view_size": list(view.mask.shape),
-            "intrinsics": view.intrinsics.tolist(),
-            "image_intrinsics": result.photo_intrinsics.tolist(),
+            "view": {
+                "size": list(view.mask.shape),
+                "intrinsics": view.intrinsics.tolist(),
+                "extrinsics": view.extrinsics.tolist(),
+            },
+            "image": {
+                "intrinsics": camera.intrinsics.tolist(),
+                "extrinsics": camera.extrinsics.tolist(),
+            },
         },
         "checkpoint": {
             predictor.source_kind: predictor.source,
             "step": predictor.step,
             "sha256": predictor.checksum,
         },
-        "seconds": {part: round(value, 4) for part, value in seconds.items()},
+        "seconds": {part: round(value, 4) for part, value in result.seconds.items()},
         "config": to_dict(predictor.config),
     }
 
 
 def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
-    """The files, and the images in the folders, without repetition and without their masks."""
+    """The files, and the images in the folders, without repetition, masks and earlier results."""
     paths: list[pathlib.Path] = []
     for image in map(pathlib.Path, images):
         if not image.is_dir():
             paths.append(image)
             continue
         inside = sorted(p for p in image.iterdir() if p.suffix.lower() in photo.SUFFIXES)
-        masks = {f"{p.stem}_mask" for p in inside}
-        paths += [p for p in inside if p.is_file() and p.name[0] != "." and p.stem not in masks]
+        left_out = {f"{p.stem}_mask" for p in inside}
+        paths += [
+            p
+            for p in inside
+            if p.is_file()
+            and p.name[0] != "."
+            and p.stem not in left_out
+            and not (p.suffix == ".png" and masks.is_result(p))
+        ]
     return list(dict.fromkeys(paths))
 
 
-def _names(paths: Sequence[pathlib.Path]) -> list[str]:
-    """A name for the results of each image; unique even if case is ignored."""
+def _names(paths: Sequence[pathlib.Path], out: pathlib.Path) -> list[str]:
+    """A name for the results of each image; unique even if case is ignored.
+
+    A name is not used if its picture would replace a file that is no result, such as a photo
+    `chair_view.png` beside `chair.jpg`.
+    """
     taken: set[str] = set()
     names = []
     for path in paths:
         name, number = path.stem or "image", 1
-        while name.lower() in taken:
+        while name.lower() in taken or _exists(out / f"{name}_view.png"):
             number += 1
             name = f"{path.stem}-{number}"
         taken.add(name.lower())
         names.append(name)
     return names
+
+
+def _exists(picture: pathlib.Path) -> bool:
+    return picture.exists() and not masks.is_result(picture)
 
 
 def _mask_of(path: pathlib.Path, mask: str) -> pathlib.Path:
@@ -219,6 +238,6 @@ def _mask_of(path: pathlib.Path, mask: str) -> pathlib.Path:
         if found := [p for p in inside if p.stem == stem]:
             return found[0]
     raise photo.PhotoError(
-        f"--mask={mask}: expected a file named {path.stem}_mask.* or {path.stem}.* there, besides "
+        f"mask={mask}: expected a file named {path.stem}_mask.* or {path.stem}.* there, besides "
         "the image itself"
     )

@@ -1,6 +1,7 @@
 """Finds the mask of the object in a photo.
 
-There are three methods; "auto" tries them in this order:
+A mask `NAME_mask.*` beside `NAME.jpg` is used. Otherwise, there are three methods; "auto" tries
+them in this order:
 
 - `alpha`: the alpha channel of the file.
 - `plain`: a background of exactly one colour, as in renderings and product photos.
@@ -9,12 +10,15 @@ There are three methods; "auto" tries them in this order:
 """
 
 import functools
+import io
+import pathlib
+import zlib
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from PIL import Image, ImageFilter
+from PIL import Image, ImageFilter, PngImagePlugin
 from scipy import ndimage
 
 from psgn_jax.data import photo
@@ -22,6 +26,7 @@ from psgn_jax.data.photo import PhotoError
 from psgn_jax.data.resize import smooth_mask
 from psgn_jax.models import networks  # noqa: F401  sets the convolutions of a CPU
 from psgn_jax.models.mask_net import MaskNet
+from psgn_jax.system.untrusted import kind_of
 from psgn_jax.weights.mask import read_mask_network
 
 METHODS = ("auto", "alpha", "plain", "network")
@@ -41,23 +46,91 @@ _BORDER_SHARE, _EXACT = 0.97, 1
 # lossless renderings and above .98 on 30 JPEGs (quality 70 to 95).
 _JPEG_DEVIATION, _JPEG_SHARE = 12, 0.6
 _SMALLEST, _LARGEST = 0.0005, 0.97  # fraction of the image that an object may cover
+_NOTE = "psgn_jax result"  # key of a text in PNG files
 _CLEARLY_BETTER = 0.2  # of an intersection over union
 
 
 class FoundMask(NamedTuple):
-    """The mask of an object, bool [h, w], the method, and the network's `certainty` (else 1)."""
+    """The mask of an object, bool [h, w], where it is from, and warnings, a line each."""
 
     mask: np.ndarray
     method: str
-    certainty: float = 1.0
+    warnings: tuple[str, ...] = ()
 
 
-class UncertainMask(PhotoError):
+class UncertainMaskError(PhotoError):
     """The network is not certain; `mask`, bool [h, w], is its proposal."""
 
     def __init__(self, message: str, mask: np.ndarray):
         super().__init__(message)
         self.mask = mask
+
+
+def mask_of(
+    read: photo.Photo,
+    mask: photo.Source | None = None,
+    method: str = "auto",
+    *,
+    invert: bool | None = None,
+    accept: bool = False,
+) -> FoundMask:
+    """The mask of a photo: the given one; else with "auto" `NAME_mask.*` beside it; else found.
+
+    Args:
+      mask: see `photo.read_mask`; None = automatic.
+      method, accept: see `find_mask`.
+      invert: whether a given mask is white outside the object; None = if it looks so.
+
+    Raises:
+      PhotoError: the mask cannot be used, or the errors of `find_mask`.
+      ValueError: an unknown method, or `invert` without a mask.
+    """
+    name = "given"
+    if mask is None and method == "auto" and read.path is not None:
+        mask = _beside(read.path)
+        name = mask.name if mask else name
+    if mask is None:
+        if invert is not None:
+            raise ValueError("invert_mask: accepted only with a given mask")
+        return find_mask(read.image, read.alpha, method, accept=accept)
+    pixels, warnings = photo.read_mask(mask, read), []
+    if invert is None and looks_inverted(pixels):
+        warnings.append("the mask covers the border but not the middle: it was inverted")
+    if invert or warnings:
+        pixels = ~pixels
+    turned = turned_as(read.image, pixels, read.orientation) if read.orientation > 1 else None
+    if turned is not None:
+        warnings.append("the mask was turned as EXIF turns the photo, because it fits better so")
+    return FoundMask(pixels if turned is None else turned, name, tuple(warnings))
+
+
+def _beside(path: pathlib.Path) -> pathlib.Path | None:
+    """`NAME_mask.*` beside a photo, unless it is a result that nobody has changed."""
+    for suffix in sorted(photo.SUFFIXES):
+        mask = path.with_name(f"{path.stem}_mask{suffix}")
+        if mask.is_file() and not is_result(mask):
+            return mask
+    return None
+
+
+def result_png(picture: np.ndarray) -> bytes:
+    """A PNG file that `is_result` recognises."""
+    stream, note = io.BytesIO(), PngImagePlugin.PngInfo()
+    note.add_text(_NOTE, str(zlib.crc32(picture.tobytes())))
+    Image.fromarray(picture).save(stream, "png", pnginfo=note, compress_level=1)
+    return stream.getvalue()
+
+
+def is_result(path: pathlib.Path) -> bool:
+    """Whether a file was written as a result, and its pixels were not changed since."""
+    try:
+        if kind_of(path) is not None:
+            return False
+        with Image.open(path, formats=["PNG"]) as file:
+            note = file.info.get(_NOTE)
+            return note is not None and note == str(zlib.crc32(file.tobytes()))
+    except Exception:  # whatever it is, it is no result
+        return False
 
 
 def find_mask(
@@ -76,7 +149,7 @@ def find_mask(
       accept: whether the network's mask is returned even if it is not certain.
 
     Raises:
-      UncertainMask: the network is not certain.
+      UncertainMaskError: the network is not certain.
       PhotoError: no object was found.
       ValueError: an unknown method.
       WeightsError: the network's parameters cannot be read.
@@ -96,13 +169,15 @@ def find_mask(
         mask, certain = enlarged(p, image.shape[:2]), certainty(p)
         if _SMALLEST <= mask.mean() <= _LARGEST:
             if accept or certain >= LEAST_CERTAINTY:
-                return FoundMask(mask, "network", certain)
+                return FoundMask(mask, f"network, {int(100 * certain)}% certain")
             # Rounded down, so that a certainty that is refused never reads like an accepted one.
-            raise UncertainMask(
+            raise UncertainMaskError(
                 f"it is not certain which part is the object ({int(100 * certain)}%, expected at "
                 f"least {LEAST_CERTAINTY:.0%})",
                 mask,
             )
+        why = f"the network's mask covers {mask.mean():.3%} of the image"
+        raise PhotoError(f"no object found: {why} (expected {_SMALLEST:.2%} to {_LARGEST:.0%})")
     raise PhotoError(f"no object found ({method}); expected its mask, white on the object")
 
 

@@ -115,9 +115,10 @@ def read_npz(path: str | os.PathLike[str], limits: Mapping[str, int]) -> dict[st
                     )
                 data.seek(0)
                 arrays[key] = np.lib.format.read_array(data, allow_pickle=False)
-    except (EOFError, zipfile.BadZipFile, zlib.error, RuntimeError, KeyError) as error:
-        # RuntimeError includes the NotImplementedError of an unknown compression.
-        raise ValueError(str(error)) from None
+    except OSError:
+        raise
+    except Exception as error:  # the readers of both formats raise any type for damaged files
+        raise ValueError(brief(error) or type(error).__name__) from None
     return arrays
 
 

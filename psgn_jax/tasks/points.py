@@ -24,8 +24,7 @@ from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n
 from psgn_jax.models import networks, posterior
 from psgn_jax.prediction import sampling
-from psgn_jax.prediction.refine import refined
-from psgn_jax.prediction.silhouette import largest_share
+from psgn_jax.prediction.refine import largest_share, refined
 from psgn_jax.tasks.task import Batch, Task
 from psgn_jax.viewing import spheres
 

@@ -137,9 +137,13 @@ export class CloudView extends TurnedView {
     this.redraw();
   }
 
+  /** What is behind the cloud of a canvas; subclasses draw it. */
+  backdrop() {}
+
   draw(canvas, index) {
     const context = this.cleared(canvas), cloud = this.clouds?.[index], camera = this.camera(canvas);
     if (!cloud) return;
+    this.backdrop(context, canvas, index);
     const { points, colours } = cloud, count = points.length / 3, size = RADIUS * Math.sqrt(1024 / Math.max(count, 256)) * camera.k[0];
     const balls = Array.from({ length: count }, (_, i) => [i, ...project(camera, points.subarray(3 * i, 3 * i + 3))])
       .filter(ball => ball[3] > 0.3).sort((a, b) => b[3] - a[3]);

@@ -12,7 +12,7 @@ import dataclasses
 import io
 import json
 import pathlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -44,6 +44,9 @@ class Case:
       colours: uint8 [k, n, 3], colours from the image, or None.
       about: a short text, such as the category.
       metrics: a short text for each sample.
+      camera: `intrinsics` and `extrinsics` of the image, or None.
+      photo: the whole photo, uint8 [h, w, 3], and the map [3, 3] from its (column, row) to pixels
+        of `image`; None, or with `camera`. The page shows it behind the cloud.
     """
 
     name: str
@@ -54,6 +57,44 @@ class Case:
     colours: np.ndarray | None = None
     about: str = ""
     metrics: tuple[str, ...] = ()
+    camera: tuple[np.ndarray, np.ndarray] | None = None
+    photo: tuple[np.ndarray, np.ndarray] | None = None
+
+
+FIELDS = (
+    "points", "colours", "seen", "branch", "image", "intrinsics", "extrinsics", "photo", "to_view"
+)  # fmt: skip
+"""The arrays of a prediction that `case_of` needs."""
+
+
+def case_of(name: str, arrays: Mapping[str, np.ndarray]) -> Case:
+    """The case of a prediction, from the arrays of its NPZ file."""
+    return Case(
+        name,
+        arrays["image"],
+        arrays["points"],
+        num_fc=int((arrays["branch"] == 0).sum()),
+        colours=arrays["colours"] if arrays["seen"].any() else None,
+        camera=(arrays["intrinsics"], arrays["extrinsics"]),
+        photo=(arrays["photo"], arrays["to_view"]),
+    )
+
+
+def document_of(cases: Sequence[Case], title: str = "psgn_jax") -> str:
+    """One page, as a text of HTML."""
+    return _page(title, [to_json(_encode(case)) for case in cases], [])
+
+
+def _page(title: str, cases: Sequence[str], pages: Sequence[Mapping[str, str]]) -> str:
+    head = {
+        "title": title,
+        "extent": _EXTENT,
+        "height_colours": spheres.HEIGHT_COLOURS.tolist(),
+        "value_colours": spheres.VALUE_COLOURS.tolist(),
+        "branch_colours": spheres.BRANCH_COLOURS,
+        "pages": pages,
+    }
+    return document(_TEMPLATE, f'{to_json(head)[:-1]},"cases":[{",".join(cases)}]}}')
 
 
 def write_pages(
@@ -85,16 +126,8 @@ def write_pages(
     def write(*, last: bool) -> None:
         links = {number - 1: "previous page"} if number > 1 else {}
         links |= {} if last else {number + 1: "next page"}
-        head = {
-            "title": title,
-            "extent": _EXTENT,
-            "height_colours": spheres.HEIGHT_COLOURS.tolist(),
-            "value_colours": spheres.VALUE_COLOURS.tolist(),
-            "branch_colours": spheres.BRANCH_COLOURS,
-            "pages": [{"file": _numbered(path, n).name, "label": t} for n, t in links.items()],
-        }
-        data = f'{to_json(head)[:-1]},"cases":[{",".join(texts)}]}}'
-        write_atomic(_numbered(path, number), document(_TEMPLATE, data))
+        near = [{"file": _numbered(path, n).name, "label": t} for n, t in links.items()]
+        write_atomic(_numbered(path, number), _page(title, texts, near))
 
     for case in cases:
         if case.name in pages:
@@ -158,6 +191,17 @@ def _encode(case: Case) -> dict[str, Any]:
         item["spread"], item["spread_top"] = _levels(spread, top), top
     if case.colours is not None:
         item["colours"] = [_base64(colours.astype(np.uint8)) for colours in case.colours]
+    if case.camera is not None:
+        (fx, skew, cx), (_, fy, cy) = case.camera[0][:2].tolist()
+        height, width = case.image.shape[:2]
+        item["camera"] = {"k": [fx, skew, cx, fy, cy], "rows": case.camera[1].tolist()}
+        item["camera"]["size"] = [width, height]
+    if case.photo is not None:
+        photo, to_view = case.photo[0], case.photo[1].astype(float)
+        item["photo"] = picture_uri(photo)
+        # Left, top, width and height of the photo in pixels of the image.
+        item["box"] = [*to_view[:2, 2].tolist(), float(to_view[0, 0]) * photo.shape[1]]
+        item["box"].append(float(to_view[1, 1]) * photo.shape[0])
     return item
 
 

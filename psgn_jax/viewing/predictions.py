@@ -1,5 +1,6 @@
-"""Reads the NPZ files that `psgn_jax.commands.predict` writes."""
+"""Reads the NPZ files of `psgn predict` and `Prediction.save`."""
 
+import math
 import os
 import zipfile
 from collections.abc import Sequence
@@ -10,17 +11,19 @@ from psgn_jax.data import schema
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.untrusted import kind_of, one_line, read_npz
 
-_MOST = 1 << 25  # numbers of an array
-
-# Kinds of dtypes and shape of each field; a letter stands for any size, the same in all fields.
+# Types and shape of each field; a letter stands for any size, the same in all fields.
 _FIELDS = {
     "points": ("f", "kn3"),
-    "colours": ("u", "kn3"),
-    "branch": ("ub", "n"),
-    "image": ("u", "hw3"),
+    "colours": ("uint8", "kn3"),
+    "seen": ("bool", "kn"),
+    "branch": ("uint8", "n"),
+    "image": ("uint8", "hw3"),
+    "photo": ("uint8", "ab3"),
     "intrinsics": ("f", "33"),
     "extrinsics": ("f", "34"),
+    "to_view": ("f", "33"),
 }
+_LARGEST = {"k": 64, "n": 1 << 14, "h": 2048, "w": 2048, "a": 2048, "b": 2048}
 
 
 class PredictionFileError(UserError):
@@ -39,12 +42,17 @@ def read_prediction(path: str | os.PathLike[str], fields: Sequence[str]) -> dict
             raise PredictionFileError(
                 f"{shown} is not a prediction: expected a file NAME.npz of `psgn predict`"
             )
-        arrays = read_npz(path, dict.fromkeys(fields, _MOST))
+        limits = {
+            name: math.prod(_LARGEST.get(c) or int(c) for c in _FIELDS[name][1]) for name in fields
+        }
+        arrays = read_npz(path, limits)
         for name in fields:
             if name not in arrays:
                 raise ValueError(f"it has no array {name!r}")
-            if arrays[name].dtype.kind == "f" and not np.isfinite(arrays[name]).all():
-                raise ValueError(f"{name} is not finite")
+            if arrays[name].dtype.kind == "f":
+                arrays[name] = arrays[name].astype(np.float32)
+                if not np.isfinite(arrays[name]).all():
+                    raise ValueError(f"{name} is not finite")
     except PredictionFileError:
         raise
     except FileNotFoundError:
@@ -56,17 +64,24 @@ def read_prediction(path: str | os.PathLike[str], fields: Sequence[str]) -> dict
         raise PredictionFileError(f"{shown} is damaged, or not a prediction: {why}") from None
     sizes: dict[str, int] = {str(digit): digit for digit in range(10)}
     for name, array in arrays.items():
-        dtype, letters = _FIELDS[name]
-        if (
-            array.dtype.kind not in dtype
-            or array.ndim != len(letters)
-            or 0 in array.shape
-            or any(sizes.setdefault(a, n) != n for a, n in zip(letters, array.shape, strict=True))
-        ):
+        kind, letters = _FIELDS[name]
+        fits = array.ndim == len(letters) and all(
+            0 < n <= _LARGEST.get(a, n) and sizes.setdefault(a, n) == n
+            for a, n in zip(letters, array.shape, strict=True)
+        )
+        if not fits or kind not in (array.dtype.kind, array.dtype.name):
+            most = ", ".join(f"{a} up to {_LARGEST[a]}" for a in letters if a in _LARGEST)
             raise PredictionFileError(
                 f"{shown}: {name} is {array.dtype} {list(array.shape)}, expected "
-                f"{'float' if dtype == 'f' else 'uint8'} [{', '.join(letters)}]"
+                f"{'float' if kind == 'f' else kind} [{', '.join(letters)}]"
+                + (f" with {most}" if most else "")
             )
+    if "branch" in arrays and arrays["branch"].max() > 1:
+        raise PredictionFileError(f"{shown}: branch is {arrays['branch'].max()}, expected 0 or 1")
+    if "to_view" in arrays:
+        (across, *rest), (skew, down, _), last = arrays["to_view"].tolist()
+        if not (across > 0 and down > 0 and [rest[0], skew, *last] == [0, 0, 0, 0, 1]):
+            raise PredictionFileError(f"{shown}: to_view is no scale and shift")
     if {"intrinsics", "extrinsics"} <= arrays.keys():
         try:
             schema.check_camera(arrays["intrinsics"], arrays["extrinsics"])

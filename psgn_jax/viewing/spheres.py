@@ -3,16 +3,11 @@
 It only needs NumPy and Pillow, and no GPU. Spheres are drawn with their normals into a depth
 buffer, lit softly and darkened in the gaps between them. Pictures are computed at twice their size,
 for antialiasing.
-
-Only this file imports PyAV (`av`, extra `video`). Videos are H.264, because all browsers play it.
-OpenCV's wheels could not be used instead: they have no H.264 encoder.
 """
 
-import importlib.util
 import io
 import pathlib
 from collections.abc import Mapping, Sequence
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -49,7 +44,6 @@ _SHADOW_CELLS, _SHADOW_HALF = 192, 1.6  # shadow map on the ground: cells per si
 _SHADOW_SLANT = (-0.25, 0.3)  # offset of the shadow per unit of height: toward the camera, right
 _SHADOW_DARKNESS = 0.42
 _WHITE = 255.0
-_MP4_TURNS = 4
 _FRAME = 80  # duration of a frame of a turntable, milliseconds
 
 
@@ -199,11 +193,11 @@ def turntable(
     """Writes an animation of a cloud that rotates about the vertical axis, 12.5 frames a second.
 
     Args:
-      path: file to write, ending in `.gif` or `.mp4` (H.264, needs the extra `video`).
-      size: (height, width); must be even for an MP4, which stores colours at half the resolution.
+      path: file to write, ending in `.gif`.
+      size: (height, width).
 
     Raises:
-      ValueError: another suffix, or the extra is missing.
+      ValueError: another suffix.
     """
     check_turntable(path)
     intrinsics, extrinsics = camera.default_camera(size)
@@ -211,8 +205,10 @@ def turntable(
         render(points, colours, intrinsics, turned(extrinsics, 360 * i / frames), size)
         for i in range(frames)
     ]
-    make = _mp4 if pathlib.Path(path).suffix.lower() == ".mp4" else _gif
-    write_atomic(path, make(pictures), sync=False)
+    first, *others = [Image.fromarray(picture).quantize(128) for picture in pictures]
+    buffer = io.BytesIO()
+    first.save(buffer, "gif", save_all=True, append_images=others, duration=_FRAME, loop=0)
+    write_atomic(path, buffer.getvalue(), sync=False)
 
 
 def check_picture(path: str | pathlib.Path, flag: str) -> None:
@@ -230,39 +226,8 @@ def write_picture(picture: Image.Image, path: str | pathlib.Path) -> None:
 
 def check_turntable(path: str | pathlib.Path) -> None:
     """Raises the errors of `turntable` for this path, before anything is drawn."""
-    suffix = pathlib.Path(path).suffix.lower()
-    if suffix not in (".gif", ".mp4"):
-        raise ValueError(f"turntable {path}: accepted: a name that ends with .gif or .mp4")
-    if suffix == ".mp4" and importlib.util.find_spec("av") is None:
-        raise ValueError(
-            f"turntable {path}: needs the extra 'video': pip install 'psgn-jax[video]'; "
-            "a .gif needs none"
-        )
-
-
-def _gif(pictures: Sequence[np.ndarray]) -> bytes:
-    first, *others = [Image.fromarray(picture).quantize(128) for picture in pictures]
-    buffer = io.BytesIO()
-    first.save(buffer, "gif", save_all=True, append_images=others, duration=_FRAME, loop=0)
-    return buffer.getvalue()
-
-
-def _mp4(pictures: Sequence[np.ndarray]) -> bytes:
-    """H.264 in yuv420p, the pixel format that all browsers decode, with four turns.
-
-    One turn lasts only three seconds, and some players do not repeat a video.
-    """
-    import av
-
-    buffer = io.BytesIO()
-    with av.open(buffer, "w", format="mp4") as container:
-        stream = container.add_stream("libx264", rate=Fraction(1000, _FRAME))
-        stream.height, stream.width = pictures[0].shape[:2]
-        stream.pix_fmt, stream.options = "yuv420p", {"crf": "18"}
-        for picture in [*pictures] * _MP4_TURNS:
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
-        container.mux(stream.encode())
-    return buffer.getvalue()
+    if pathlib.Path(path).suffix.lower() != ".gif":
+        raise ValueError(f"turntable {path}: accepted: a name that ends with .gif")
 
 
 def _ramp(stops: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -174,7 +174,7 @@ def test_masks_of_other_sizes(tmp_path):
     with pytest.raises(photo.PhotoError, match=r"white\.png covers the whole image"):
         photo.read_mask(saved(tmp_path, np.full((120, 160), 255, np.uint8), "white.png"), read)
     for other in image, mask[..., None]:
-        with pytest.raises(photo.PhotoError, match="the mask is 3x160x120|the mask is 1x160x120"):
+        with pytest.raises(photo.PhotoError, match=r"the mask is [13]x160x120"):
             photo.read_mask(other, read)
 
 

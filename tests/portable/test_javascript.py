@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from helpers import drawn_solids, javascript
+from psgn_jax.prediction.silhouette import into_silhouette
 
 from psgn_jax.data import camera, framing, resize
 from psgn_jax.losses.emd import emd_exact
 from psgn_jax.portable import folder
-from psgn_jax.prediction import export
+from psgn_jax.prediction.cloud import colours_from_view, stray_points
 from psgn_jax.prediction.refine import mean_of_matched
-from psgn_jax.prediction.silhouette import into_silhouette
 
 MODULES = {
     "framing": folder.TEMPLATES / "framing.js",
@@ -102,14 +102,14 @@ return [framing.normalForm(input.points, stray), stray, colours];
 """
     given = {"points": points, "image": view.image, "mask": view.mask, "about": about()}
     normal, stray, colours = run_node(body, **given)
-    np.testing.assert_array_equal(stray, export.stray_points(points))
+    np.testing.assert_array_equal(stray, stray_points(points))
     assert sum(stray) == 2
     scale, shift = framing.normal_form(points[~np.array(stray)])
     np.testing.assert_allclose(normal["scale"], scale, rtol=1e-7)
     np.testing.assert_allclose(normal["shift"], shift, atol=1e-7)
     normalised = ((points - shift) / scale).astype(np.float32)
     np.testing.assert_allclose(np.reshape(normal["points"], (-1, 3)), normalised, atol=1e-6)
-    expected, seen = export.colours_from_view(points, view)
+    expected, seen = colours_from_view(points, view)
     assert 0.2 < seen.mean() < 0.9
     own = np.reshape(colours, (-1, 3))
     assert (own != expected).any(axis=1).mean() < 0.02  # points on a pixel's border

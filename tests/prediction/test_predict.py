@@ -15,9 +15,10 @@ from PIL import Image
 from psgn_jax.config.experiment import ConfigError, to_dict, to_json
 from psgn_jax.data import camera
 from psgn_jax.data.dataset import write_dataset
-from psgn_jax.prediction import sampling
+from psgn_jax.prediction import masks
+from psgn_jax.prediction.cloud import DECONV, FC, Prediction
 from psgn_jax.prediction.files import predict_files
-from psgn_jax.prediction.predictor import DECONV, FC, Prediction, Predictor
+from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.training import loop
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.leaves import named_leaves
@@ -62,17 +63,11 @@ def test_arrays_in_arrays_out(predictor, config):
     assert result.colours.shape == (3, n, 3)
     assert result.branch.tolist() == [FC] * 5 + [DECONV] * (n - 5)
     assert result.mask_from == "plain"
-    np.testing.assert_allclose(result.spread, result.points.std(axis=0), atol=1e-6)
-    assert result.mutual.shape == (3, 3)
-    np.testing.assert_array_equal(result.mutual > 0, ~np.eye(3, dtype=bool))
-    np.testing.assert_array_equal(result.r, sampling.sample_latents(config, 0, 1, 3, 1)[0])
     other = predictor(photo_of_a_box(), samples=3, seed=2)
     assert np.abs(other.points - result.points).max() > 0
     assert np.abs(result.points[0] - result.points[1]).max() > 0
     grey = predictor(photo_of_a_box()[..., 0], seed=1)
     assert grey.points.shape == (1, n, 3)
-    np.testing.assert_array_equal(grey.r, result.r[:1])
-    assert grey.mutual.tolist() == [[0]]
     alpha = (photo_of_a_box()[..., :1] != 191) * np.uint8(255)
     rgba = predictor(np.concatenate([photo_of_a_box(), alpha], axis=2), samples=3, seed=1)
     assert rgba.mask_from == "alpha"
@@ -109,8 +104,7 @@ def test_what_was_placed_has_normal_form_and_projects_as_before(predictor):
     image = photo_of_a_box()
     raw = predictor(image, frame="place", samples=2, normal_form="no")
     result = predictor(image, frame="place", samples=2)
-    assert (raw.normalised, raw.scale, raw.shift.tolist()) == (False, 1.0, [0, 0, 0])
-    assert result.normalised
+    assert (raw.scale, raw.shift.tolist()) == (1.0, [0, 0, 0])
     flat = result.points.reshape(-1, 3)
     assert flat[:, 2].min() == pytest.approx(0, abs=1e-6)
     assert np.linalg.norm(flat, axis=1).max() == pytest.approx(1, abs=1e-5)
@@ -120,40 +114,26 @@ def test_what_was_placed_has_normal_form_and_projects_as_before(predictor):
         before, _ = camera.project(other, raw.view.intrinsics, raw.view.extrinsics)
         np.testing.assert_allclose(seen, before, atol=1e-2)
     np.testing.assert_array_equal(result.colours, raw.colours)
-    np.testing.assert_allclose(result.spread * result.scale, raw.spread, rtol=1e-3, atol=1e-6)
-    np.testing.assert_allclose(result.mutual * result.scale**2, raw.mutual, rtol=1e-4)
-    assert not predictor(image, frame="keep").normalised
-    assert predictor(image, frame="keep", normal_form="yes").normalised
+    assert predictor(image, frame="keep").scale == 1
+    assert predictor(image, frame="keep", normal_form="yes").scale != 1
     with pytest.raises(ConfigError, match="normal_form='x': accepted: auto, yes, no"):
         predictor(image, normal_form="x")
 
 
-def test_an_inverted_mask_is_noticed_and_turned(predictor, tmp_path):
+def test_an_inverted_mask_is_turned_and_that_is_said(predictor):
     image = photo_of_a_box()
     mask = (image != 191).any(axis=2)
-    assert predictor(image, mask).warnings == ()
-    Image.fromarray(image).save(tmp_path / "a.png")
-    Image.fromarray(~mask).save(tmp_path / "mask.png")
-    options = {"mask": str(tmp_path / "mask.png")}
-    ((_, wrong),) = predict_files(lambda: predictor, [tmp_path / "a.png"], tmp_path, **options)
-    assert "probably inverted" in wrong.warnings[0]
-    assert "--invert_mask" in wrong.warnings[0]
-    ((_, right),) = predict_files(
-        lambda: predictor,
-        [tmp_path / "a.png"],
-        tmp_path,
-        invert_mask=True,
-        frame="place",
-        **options,
-    )
+    right = predictor(image, mask)
     assert right.warnings == ()
-    np.testing.assert_array_equal(right.points, predictor(image, mask, frame="place").points)
-    document = json.loads((tmp_path / "a.json").read_text())
-    assert document["warnings"] == []
-    assert document["normal_form"]["applied"]
-    assert document["normal_form"]["scale"] == pytest.approx(right.scale)
-    np.testing.assert_allclose(document["normal_form"]["shift"], right.shift)
-    with pytest.raises(ConfigError, match="accepted only with a given mask"):
+    turned = predictor(image, ~mask)
+    assert turned.warnings == ("the mask covers the border but not the middle: it was inverted",)
+    given = predictor(image, ~mask, invert_mask=True)
+    assert given.warnings == ()
+    for cloud in turned, given:
+        np.testing.assert_array_equal(cloud.points, right.points)
+    kept = predictor(image, ~mask, invert_mask=False)
+    np.testing.assert_array_equal(kept.mask, ~mask)
+    with pytest.raises(ValueError, match="accepted only with a given mask"):
         predictor(image, invert_mask=True)
 
 
@@ -164,7 +144,7 @@ def test_wrong_arguments(predictor, config, params):
         predictor(photo_of_a_box(), seed=2**31)
     with pytest.raises(ConfigError, match="frame='x': accepted: auto, place, keep"):
         predictor(photo_of_a_box(), frame="x")
-    with pytest.raises(ValueError, match=r"the mask is \[5, 5\]"):
+    with pytest.raises(ValueError, match="the mask is 5x5"):
         predictor(photo_of_a_box(), np.ones((5, 5), bool))
     depth = standin.config(data__inputs=("rgb", "mask", "depth"))
     with pytest.raises(ConfigError, match="photos have no depth"):
@@ -202,9 +182,8 @@ def test_files_and_folders(predictor, tmp_path):
     assert set(document["seconds"]) == {"read", "mask", "place", "network", "colours", "write"}
     with np.load(out / "b.npz") as archive:
         np.testing.assert_array_equal(archive["points"], results[2][1].points)
-        assert archive["spread"].shape == archive["points"].shape[1:]
-        assert archive["mutual"].shape == (2, 2)
-        np.testing.assert_allclose(archive["intrinsics"], document["camera"]["intrinsics"])
+        view = document["cameras"]["view"]
+        np.testing.assert_allclose(archive["intrinsics"], view["intrinsics"])
         cloud = trimesh.load(out / "b_1.ply")
         np.testing.assert_array_equal(cloud.vertices, archive["points"][1])
 
@@ -239,6 +218,82 @@ def test_masks_by_name(predictor, tmp_path):
     assert [path.stem for path in results] == list("abcd")
     np.testing.assert_array_equal(results[images / "a.png"].mask, mask > 0)
     assert "besides the image itself" in str(results[images / "b.png"])
+    # Without an argument, it is used too.
+    results = dict(predict_files(lambda: predictor, [images], out))
+    assert results[images / "a.png"].mask_from == "a_mask.png"
+    np.testing.assert_array_equal(results[images / "a.png"].mask, mask > 0)
+    assert results[images / "b.png"].mask_from == "plain"
+    assert predictor(images / "a.png").mask_from == "a_mask.png"
+    assert predictor(images / "a.png", mask_from="plain").mask_from == "plain"
+
+
+def test_results_never_replace_photos_and_are_no_inputs(predictor, tmp_path):
+    names = ("chair.jpg", "chair_view.png", "lamp.jpg")
+    for name in names:
+        Image.fromarray(photo_of_a_box()).save(tmp_path / name)
+    before = {name: (tmp_path / name).read_bytes() for name in names}
+    for _ in range(2):
+        results = dict(predict_files(lambda: predictor, [tmp_path], tmp_path))
+        assert [path.name for path in results] == list(names)
+        assert all(isinstance(result, Prediction) for result in results.values())
+        assert {name: (tmp_path / name).read_bytes() for name in names} == before
+        written = {path.stem for path in tmp_path.glob("*.json")}
+        assert written == {"chair-2", "chair_view", "lamp"}
+
+
+def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch):
+    p = np.full((8, 8), 0.01, np.float32)
+    p[2:6, 3:6] = 0.7
+    monkeypatch.setattr(masks, "probabilities", lambda image: p)
+    noise = np.random.default_rng(0).integers(0, 255, (80, 80, 3), np.uint8)
+    image, out = tmp_path / "a.png", tmp_path / "out"
+    Image.fromarray(noise).save(image)
+
+    def predicted(folder=out, **options):
+        ((_, result),) = predict_files(lambda: predictor, [image], folder, **options)
+        return result
+
+    refused = predicted()
+    assert isinstance(refused, masks.UncertainMaskError)
+    assert f"(67%, expected at least 80%); its proposal is {out}/a_mask.png" in str(refused)
+    assert {path.name for path in out.iterdir()} == {"a_mask.png", "a_overlay.png"}
+    proposed = np.asarray(Image.open(out / "a_mask.png")) > 0
+    np.testing.assert_array_equal(proposed, refused.mask)
+    accepted = predicted(accept_mask=True)
+    assert accepted.mask_from == "network, 67% certain"
+    np.testing.assert_array_equal(accepted.mask, proposed)
+    np.testing.assert_array_equal(predicted(mask=str(out)).points, accepted.points)
+    # Beside the photo, a proposal is used only after it was mended, and then it is not replaced.
+    assert isinstance(predicted(tmp_path), masks.UncertainMaskError)
+    assert isinstance(predicted(tmp_path), masks.UncertainMaskError)
+    mended = proposed.copy()
+    mended[40:60, 10:20] = True
+    Image.fromarray(mended).save(tmp_path / "a_mask.png")
+    assert predicted(tmp_path).mask_from == "a_mask.png"
+    (tmp_path / "a_mask.png").replace(out / "a_mask.png")
+    assert isinstance(predicted(), masks.UncertainMaskError)
+    np.testing.assert_array_equal(np.asarray(Image.open(out / "a_mask.png")), mended)
+
+
+@pytest.mark.parametrize("orientation", [2, 3, 4, 6])
+def test_a_mask_in_stored_orientation_is_turned(predictor, tmp_path, monkeypatch, orientation):
+    """Of a square photo, or one turned by 180 degrees, the proportions do not tell."""
+    image = np.full((90, 90, 3), 191, np.uint8)
+    image[10:40, 50:80] = (200, 60, 20)
+    upright = (image != 191).any(axis=2)
+    monkeypatch.setattr(masks, "probabilities", lambda image: upright.astype(np.float32))
+    undo = {2: 0, 3: 3, 4: 1, 6: 2}[orientation]
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    Image.fromarray(image).transpose(undo).save(tmp_path / "a.png", exif=exif)
+    Image.fromarray(upright).transpose(undo).save(tmp_path / "stored.png")
+    stored = predictor(tmp_path / "a.png", tmp_path / "stored.png")
+    assert "the mask was turned as EXIF turns the photo" in stored.warnings[0]
+    Image.fromarray(upright).save(tmp_path / "upright.png")
+    right = predictor(tmp_path / "a.png", tmp_path / "upright.png")
+    assert right.warnings == ()
+    for cloud in stored, right:
+        np.testing.assert_array_equal(cloud.mask, upright)
 
 
 def hostile(folder):

@@ -66,7 +66,9 @@ def test_the_command(tmp_path, capsys):
     case = make_case()
     branch = (np.arange(300) >= 75).astype(np.uint8)
     arrays = {"points": case.samples, "colours": case.colours, "branch": branch}
-    np.savez(tmp_path / "a.npz", image=case.image, **arrays)
+    arrays |= {"image": case.image, "photo": case.image, "seen": np.ones((3, 300), bool)}
+    cameras = {"intrinsics": np.eye(3), "extrinsics": np.eye(3, 4), "to_view": np.eye(3)}
+    np.savez(tmp_path / "a.npz", **arrays, **cameras)
     out = tmp_path / "p.html"
     assert view.main([str(tmp_path / "a.npz"), f"--out={out}"]) == 0
     (item,) = data_of(out)["cases"]
@@ -169,7 +171,7 @@ def test_slider_colours_and_words(opened_cases):
     second = pixels(page)
     assert (np.abs(second - first).max(axis=2) > 30).mean() > 0.02
     shots = [second]
-    for colour in ("branch", "error", "spread", "image"):
+    for colour in ("branch", "error", "spread", "height"):
         page.select_option("#colour", colour)
         shots.append(pixels(page))
         assert all((np.abs(shots[-1] - s).max(axis=2) > 20).mean() > 0.01 for s in shots[:-1])

@@ -95,7 +95,7 @@ export function networkInputs(view, { view_size: [height, width], image_size: [o
 export const mostOutside = view => view.placed ? 0.1 : 0.5;
 
 /**
- * Points moved, at their depth, into the mask of the network's input, as by psgn_jax.losses.silhouette.
+ * Points moved, at their depth, into the mask of the network's input, as by psgn_jax.prediction.refine.
  * All points stay if a larger share than most is outside.
  */
 export function intoSilhouette(points, mask, most, { camera: { intrinsics, extrinsics: e }, view_size: [viewHeight, viewWidth], image_size: [height, width] }) {

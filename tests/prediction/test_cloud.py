@@ -1,0 +1,229 @@
+"""A prediction from Python: its files, which keep the frame, its colours, page and camera."""
+
+import io
+import pathlib
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+import psgn_jax
+from psgn_jax.data import camera, framing, photo
+from psgn_jax.prediction.cloud import Prediction, colours_from_view, stray_points
+from psgn_jax.viewing.page import FIELDS, case_of, document_of
+from psgn_jax.viewing.predictions import read_prediction
+
+PHOTOS = pathlib.Path(__file__).resolve().parents[2] / "docs" / "photos"
+
+# A cloud that shows any exchange or mirroring of axes: the origin, one unit along +x (to the
+# camera), two along +y (image right), three along +z (up).
+POINTS = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3], [-0.125, 0.25, -0.5]], np.float32)
+COLOURS = np.array([[0, 0, 0], [255, 0, 0], [0, 255, 0], [0, 0, 255], [10, 20, 30]], np.uint8)
+
+
+def prediction(points=POINTS[None], colours=COLOURS[None], **changes):
+    k, n, _ = points.shape
+    image, mask = np.full((192, 256, 3), 90, np.uint8), np.zeros((192, 256), bool)
+    mask[60:150, 80:200] = True
+    fields = {
+        "points": points, "colours": colours, "mask": mask, "warnings": (),
+        "stray": np.zeros((k, n), bool), "seen": np.ones((k, n), bool),
+        "branch": np.zeros(n, np.uint8), "mask_from": "given",
+        "photo": photo.Photo(image, None, (192, 256)), "view": framing.place(image, mask),
+        "scale": 1.0, "shift": np.zeros(3), "seconds": {},
+    }  # fmt: skip
+    return Prediction(**fields | changes)
+
+
+@pytest.mark.parametrize("suffix", ["ply", "xyz", "obj", "npz", "glb"])
+def test_axes_handedness_and_scale_come_back(tmp_path, suffix):
+    file = tmp_path / f"a.{suffix}"
+    prediction().save(file)
+    if suffix == "npz":
+        with np.load(file) as archive:
+            points, colours = archive["points"][0], archive["colours"][0]
+    elif suffix == "obj":
+        # trimesh drops vertices without faces. So the lines are read here, and trimesh reads a copy
+        # with faces.
+        rows = [line.split() for line in file.read_text().splitlines()]
+        vertices = np.array([row[1:] for row in rows if row[0] == "v"], float)
+        points, colours = vertices[:, :3], np.rint(vertices[:, 3:] * 255)
+        assert [row[1:] for row in rows if row[0] == "p"] == [list("12345")]
+        faces = file.read_text() + "f 1 2 3\nf 1 3 4\nf 1 4 5\n"
+        mesh = trimesh.load(io.StringIO(faces), file_type="obj", process=False)
+        np.testing.assert_allclose(mesh.vertices, POINTS, atol=1e-6)
+    else:
+        (cloud,) = trimesh.load(file, force="scene").geometry.values()
+        axes = [2, 0, 1] if suffix == "glb" else [0, 1, 2]  # glTF's y axis points up
+        points = np.asarray(cloud.vertices)[:, axes]
+        colours = np.asarray(cloud.colors)[..., :3]
+    np.testing.assert_allclose(points, POINTS, atol=1e-6)
+    # The determinant is positive: not mirrored.
+    assert np.linalg.det(points[1:4]) == pytest.approx(6)
+    if suffix != "xyz":
+        np.testing.assert_array_equal(colours, COLOURS)
+
+
+def test_samples_are_saved_by_number(tmp_path):
+    two = prediction(np.stack([POINTS, POINTS + 1]), np.stack([COLOURS, COLOURS]))
+    two.save(tmp_path / "b.ply", sample=1)
+    np.testing.assert_allclose(trimesh.load(tmp_path / "b.ply").vertices, POINTS + 1)
+    two.save(tmp_path / "b.npz")
+    with np.load(tmp_path / "b.npz") as archive:
+        assert archive["points"].shape == (2, 5, 3)
+    for wrong in 1, -1:
+        with pytest.raises(ValueError, match=f"sample={wrong}: accepted: 0 to 0"):
+            prediction().save(tmp_path / "a.ply", sample=wrong)
+    with pytest.raises(ValueError, match=r"accepted: a name that ends in \.ply"):
+        prediction().save(tmp_path / "car.stl")
+
+
+def test_a_notebook_shows_the_page(tmp_path):
+    two = prediction(np.stack([POINTS, POINTS + 1]), np.stack([COLOURS, COLOURS]))
+    assert repr(two) == "<2 clouds of 5 points, 100% visible in the image, mask: given>"
+    two.save(tmp_path / "b.html")
+    page = (tmp_path / "b.html").read_text()
+    assert page.startswith("<!DOCTYPE html>")
+    shown = two._repr_html_()
+    assert shown.startswith('<iframe srcdoc="&lt;!DOCTYPE html&gt;')
+    assert shown.count('"') == 4
+    two.save(tmp_path / "b.npz")
+    read = read_prediction(tmp_path / "b.npz", FIELDS)
+    np.testing.assert_array_equal(read["points"], two.points)
+    assert document_of([case_of("b", read)]) == page
+
+
+def projected(points, intrinsics, extrinsics):
+    return camera.project(points, intrinsics, extrinsics)[0]
+
+
+@pytest.mark.parametrize("middle", [(230, 330), (300, 400), (380, 90)])
+def test_the_photos_camera(rng, middle):
+    """The points project where the crop shows them, for any focal length; metres if asked."""
+    image, mask = np.full((480, 640, 3), 90, np.uint8), np.zeros((480, 640), bool)
+    mask[middle[0] - 60 : middle[0] + 60, middle[1] - 80 : middle[1] + 80] = True
+    points = rng.uniform((-0.4, -0.5, 0), (0.4, 0.5, 0.7), (1, 200, 3)).astype(np.float32)
+    cloud = prediction(
+        points, rng.integers(0, 255, points.shape, np.uint8), mask=mask,
+        photo=photo.Photo(image, None, (960, 1280)), view=framing.place(image, mask),
+    )  # fmt: skip
+    view = cloud.view
+    exact = projected(points[0], cloud.photo_intrinsics, view.extrinsics)
+    crop = projected(points[0], view.intrinsics, view.extrinsics)
+    mapped = np.column_stack([exact / 2, np.ones(200)]) @ view.to_view.T
+    np.testing.assert_allclose(mapped[:, :2], crop, atol=1e-3)
+    pixel = 2 / view.to_view[0, 0]  # of the view, in pixels of the photo
+    assumed = cloud.camera()
+    assert assumed.intrinsics[0, 0] == pytest.approx(400 * pixel)
+    for given in (assumed, cloud.camera(focal=300 * pixel), cloud.camera(focal=600 * pixel)):
+        np.testing.assert_allclose(given.intrinsics[:2, 2], [640, 480])
+        own = given.points @ given.intrinsics.T
+        np.testing.assert_allclose(own[:, :2] / own[:, 2:], exact, atol=1e-3 * pixel)
+        rigid = projected(points[0], given.intrinsics, given.extrinsics)
+        off = np.linalg.norm(rigid - exact, axis=1).max() / pixel
+        assert off == pytest.approx(given.error, rel=1e-3)
+        rotation = given.extrinsics[:, :3]
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
+        assert np.linalg.det(rotation) == pytest.approx(1, abs=1e-6)
+        # The object keeps its size.
+        assert np.ptp(given.points[:, 0]) == pytest.approx(1, rel=0.2)
+    assert assumed.error < 1 or middle != (230, 330)  # a lens stretches what is at the side
+    metres = cloud.camera(height=1.4)
+    assert metres.unit == pytest.approx(1.4 / np.ptp(points[0, :, 2]))
+    np.testing.assert_allclose(metres.points, metres.unit * assumed.points)
+    moved = camera.to_camera(metres.unit * points[0], metres.extrinsics)
+    assert np.abs(moved - metres.points).max() < 0.1 * metres.unit
+    for wrong in ({"focal": 0}, {"height": -1}, {"focal": np.nan}):
+        with pytest.raises(ValueError, match="accepted: a positive number"):
+            cloud.camera(**wrong)
+    with pytest.raises(ValueError, match="focal=20: the camera would be inside the object"):
+        cloud.camera(focal=20)
+
+
+def test_the_focal_length_of_exif_is_used_if_it_can_be_true():
+    image = np.full((192, 256, 3), 90, np.uint8)
+    for focal, used in ((300.0, 300), (3.0, None)):
+        cloud = prediction(photo=photo.Photo(image, None, (192, 256), focal=focal))
+        expected = used or cloud.photo_intrinsics[0, 0]
+        assert cloud.camera().intrinsics[0, 0] == pytest.approx(expected)
+
+
+def view():
+    """The left half of the image red, the right half blue."""
+    image = np.zeros((192, 256, 3), np.uint8)
+    image[:, :128], image[:, 128:] = (200, 0, 0), (0, 0, 200)
+    mask = np.ones((192, 256), bool)
+    return framing.Framed(image, mask, *camera.default_camera(), np.eye(3), True)
+
+
+def test_seen_points_take_the_images_colours_and_hidden_ones_those_of_the_nearest():
+    side = np.linspace(-0.4, 0.4, 24)
+    y, z = (a.ravel() for a in np.meshgrid(side, side + 0.5))
+    wall = np.stack([np.full_like(y, 0.3), y, z], axis=1)
+    behind = wall * [-1, 0.6, 0.6] + [0, 0, 0.2]
+    colours, seen = colours_from_view(np.concatenate([wall, behind]), view())
+    assert seen[: len(wall)].all()
+    assert not seen[len(wall) :].any()
+    # +y is the image's right.
+    assert (colours[: len(wall)][y > 0.02] == [0, 0, 200]).all()
+    assert (colours[: len(wall)][y < -0.02] == [200, 0, 0]).all()
+    nearest = np.linalg.norm(behind[:, None] - wall, axis=-1).argmin(axis=1)
+    np.testing.assert_array_equal(colours[len(wall) :], colours[: len(wall)][nearest])
+    outside = np.array([[100.0, 0, 0], [0, 50, 0], [0, 0, -40], [np.nan, 0, 0]])
+    assert not colours_from_view(outside, view())[1].any()
+
+
+def test_stray_points_are_found_and_left_out(tmp_path):
+    rng = np.random.default_rng(0)
+    body = rng.uniform(-0.5, 0.5, (300, 3)).astype(np.float32)
+    points = np.concatenate([body, [[1.5, 0, 0], [0, -2, 0.3]]]).astype(np.float32)
+    stray = stray_points(points)
+    assert np.flatnonzero(stray).tolist() == [300, 301]
+    assert not stray_points(np.zeros((3, 3), np.float32)).any()
+    cloud = prediction(points[None], np.zeros((1, 302, 3), np.uint8), stray=stray[None])
+    cloud.save(tmp_path / "a.xyz")
+    assert len((tmp_path / "a.xyz").read_text().splitlines()) == 300
+    np.testing.assert_array_equal(cloud.to_trimesh().vertices, body)
+    cloud.save(tmp_path / "a.npz")
+    assert np.load(tmp_path / "a.npz")["points"].shape == (1, 302, 3)
+
+
+@pytest.fixture(scope="module")
+def model():
+    return psgn_jax.load()
+
+
+def test_paths_images_and_arrays_give_the_same_cloud(model):
+    path, mask = PHOTOS / "chair.jpg", PHOTOS / "chair_mask.png"
+    cloud = model(path, mask=str(mask))
+    image, pixels = Image.open(path), np.array(Image.open(mask))
+    given = pixels > 0 if pixels.dtype == bool else pixels > 127
+    assert cloud.points.shape == (1, 1024, 3)
+    np.testing.assert_array_equal(cloud.mask, given)
+    for other in (given, given.astype(np.uint8), pixels, Image.open(mask)):
+        np.testing.assert_array_equal(model(image, mask=other).points, cloud.points)
+    np.testing.assert_array_equal(model(np.array(image), mask=given).points, cloud.points)
+
+
+def test_points_are_moved_into_the_mask_unless_the_camera_is_doubtful(model):
+    def outside(cloud):
+        pixels, _ = camera.project(cloud.points[0], cloud.view.intrinsics, cloud.view.extrinsics)
+        return (~camera.inside_mask(pixels, cloud.view.mask, 2)).mean()
+
+    placed = model(PHOTOS / "aeroplane.jpg", PHOTOS / "aeroplane_mask.png", normal_form="no")
+    kept = model(placed.view.image, placed.view.mask, normal_form="no")
+    assert placed.view.placed
+    assert not kept.view.placed
+    assert outside(kept) == 0
+    assert outside(placed) > 0.1
+    few = model(PHOTOS / "boat.jpg", PHOTOS / "boat_mask.png", normal_form="no")
+    assert few.view.placed
+    assert outside(few) == 0
+
+
+def test_the_import_is_light():
+    code = "import sys, psgn_jax; sys.exit('jax' in sys.modules or 'numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
