@@ -36,6 +36,9 @@ SIDE = 256
 LEAST_CERTAINTY = 0.8
 """`certainty` below which the network's mask is not used; see docs/journal.md."""
 
+_DOUBTFUL_BELOW = 0.9
+_DOUBTFUL = "the mask network may be wrong: look at the object that the prediction has seen"
+
 # `plain`: a lossy image is searched on a copy with at most this many pixels per side.
 _SEARCH_SIDE = 512
 # `plain`: the fraction of the border that must be background, up to this deviation.
@@ -169,7 +172,8 @@ def find_mask(
         mask, certain = enlarged(p, image.shape[:2]), certainty(p)
         if _SMALLEST <= mask.mean() <= _LARGEST:
             if accept or certain >= LEAST_CERTAINTY:
-                return FoundMask(mask, f"network, {int(100 * certain)}% certain")
+                warnings = (_DOUBTFUL,) if certain < _DOUBTFUL_BELOW else ()
+                return FoundMask(mask, f"network, {int(100 * certain)}% certain", warnings)
             # Rounded down, so that a certainty that is refused never reads like an accepted one.
             raise UncertainMaskError(
                 f"it is not certain which part is the object ({int(100 * certain)}%, expected at "

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 from helpers import drawn_solids, javascript
-from psgn_jax.prediction.silhouette import into_silhouette
 
 from psgn_jax.data import camera, framing, resize
 from psgn_jax.losses.emd import emd_exact
 from psgn_jax.portable import folder
 from psgn_jax.prediction.cloud import colours_from_view, stray_points
-from psgn_jax.prediction.refine import mean_of_matched
+from psgn_jax.prediction.refine import into_silhouette, mean_of_matched
 
 MODULES = {
     "framing": folder.TEMPLATES / "framing.js",

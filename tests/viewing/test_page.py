@@ -1,6 +1,7 @@
 """The page in a real browser: it draws and rotates clouds, without errors and without requests."""
 
 import base64
+import dataclasses
 import io
 import json
 
@@ -9,6 +10,7 @@ import pytest
 from PIL import Image
 
 from psgn_jax.commands import view
+from psgn_jax.data import camera
 from psgn_jax.viewing import page as lib
 
 
@@ -159,6 +161,41 @@ def test_right_is_right_and_up_is_up(opened_cases):
     rows, columns = np.nonzero(np.ptp(pixels(page), axis=2) > 60)
     assert rows.mean() < 0.42 * height
     assert abs(columns.mean() - width / 2) < 0.03 * width
+
+
+def test_the_photo_is_behind_the_cloud_until_it_is_turned(opened_cases):
+    """A case with the training camera turns like one without a camera."""
+    points = np.random.default_rng(0).uniform((-0.3, -0.6, 0), (0.3, 0.6, 0.8), (1, 300, 3))
+    image = np.zeros((96, 128, 3), np.uint8)
+    green = np.full((48, 64, 3), (20, 200, 20), np.uint8)
+    to_view = np.array([[1.0, 0, 32], [0, 1, 24], [0, 0, 1]])  # the middle half of the image
+    plain = lib.Case("plain", image, points.astype(np.float32))
+    own = dataclasses.replace(
+        plain, name="own", camera=camera.default_camera((96, 128)), photo=(green, to_view)
+    )
+    page = opened_cases([plain, own])
+    assert page.locator("#behind").is_hidden()
+    expected = []
+    keys = ("ArrowDown", "ArrowDown", "ArrowRight")
+    for key in (None, *keys):
+        if key:
+            page.locator("#prediction").press(key)
+        expected.append(pixels(page))
+    page.locator("#strip button").nth(1).click()
+    page.click("#reset")
+    first = pixels(page)
+    rows, _ = np.nonzero((np.abs(first - green[0, 0]) < 12).all(axis=2))
+    height, width = first.shape[:2]
+    assert len(rows) > 0.03 * height * width
+    assert (rows.min() / height, rows.max() / height) == pytest.approx((0.25, 0.75), abs=0.02)
+    page.uncheck("#photo")
+    shots = [pixels(page)]
+    page.check("#photo")
+    for key in keys:
+        page.locator("#prediction").press(key)
+        shots.append(pixels(page))
+    for shot, plain_shot in zip(shots, expected, strict=True):
+        assert (np.abs(shot - plain_shot).max(axis=2) > 60).mean() < 0.04
 
 
 def test_slider_colours_and_words(opened_cases):

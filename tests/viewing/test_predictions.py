@@ -124,5 +124,5 @@ def test_what_is_no_prediction_is_refused_in_one_line(tmp_path, capsys):
 
 
 def test_a_camera_from_straight_above_is_drawn(tmp_path):
-    np.savez(tmp_path / "a.npz", **arrays(points=np.full((1, 50, 3), [0, 0, 2], np.float32)))
+    np.savez(tmp_path / "a.npz", **arrays(points=np.full((2, 50, 3), [0, 0, 2], np.float32)))
     assert spheres_command.main([str(tmp_path / "a.npz"), "--out", str(tmp_path / "a.png")]) == 0
