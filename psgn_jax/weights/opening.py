@@ -43,7 +43,7 @@ def weights_path(name_or_file: str = "") -> pathlib.Path:
         if DEFAULT not in known:
             raise ConfigError(
                 "this version of the package has no weights; expected a trained run "
-                "(--workdir=RUN) or a file of weights (--weights=FILE)"
+                "or a file of weights"
             )
         return known[DEFAULT]
     path = pathlib.Path(name_or_file)
@@ -52,7 +52,7 @@ def weights_path(name_or_file: str = "") -> pathlib.Path:
     if path.suffix == SUFFIX or path.is_file():
         return path
     raise ConfigError(
-        f"--weights={name_or_file}: {suggestion(name_or_file, known)}accepted: a file of weights"
+        f"weights={name_or_file}: {suggestion(name_or_file, known)}accepted: a file of weights"
         + (f", or one of {', '.join(known)}" if known else " (this version contains no weights)")
     )
 
@@ -75,11 +75,11 @@ def open_network(
       CheckpointError, WeightsError: the network cannot be read.
     """
     if workdir and weights:
-        raise ConfigError(f"--weights={weights}: accepted only without --workdir")
+        raise ConfigError(f"weights={weights}: accepted only without a run")
     if workdir:
         return open_run(workdir, checkpoint)
     if checkpoint != "best":
-        raise ConfigError(f"--checkpoint={checkpoint}: accepted only with --workdir=RUN")
+        raise ConfigError(f"checkpoint={checkpoint}: accepted only for a run")
     path = weights_path(weights or "")
     read = read_weights(path)
     step, scores = read.figures["step"], dict(read.figures["metrics"])

@@ -38,7 +38,7 @@ def run(config, weights, tmp_path):
 def test_without_shipped_weights_one_line_says_what_to_do(shipped):
     with pytest.raises(ConfigError, match=r"--workdir=RUN\) or a file of weights \(--weights=FILE"):
         open_network()
-    with pytest.raises(ConfigError, match="--weights=small: accepted: a file of weights"):
+    with pytest.raises(ConfigError, match="weights=small: accepted: a file of weights"):
         open_network(weights="small")
 
 
@@ -55,9 +55,9 @@ def test_names_of_shipped_weights(shipped, file):
     assert weights_path(str(file)) == file
     with pytest.raises(ConfigError, match="did you mean 'small-1'"):
         open_network(weights="smal-1")
-    with pytest.raises(ConfigError, match="accepted only without --workdir"):
+    with pytest.raises(ConfigError, match="accepted only without a run"):
         open_network("runs/x", "small-1")
-    with pytest.raises(ConfigError, match="--checkpoint=last: accepted only with --workdir"):
+    with pytest.raises(ConfigError, match="checkpoint=last: accepted only for a run"):
         open_network(weights="small-1", checkpoint="last")
 
 
