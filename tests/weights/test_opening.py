@@ -36,7 +36,7 @@ def run(config, weights, tmp_path):
 
 
 def test_without_shipped_weights_one_line_says_what_to_do(shipped):
-    with pytest.raises(ConfigError, match=r"--workdir=RUN\) or a file of weights \(--weights=FILE"):
+    with pytest.raises(ConfigError, match="expected a trained run or a file of weights"):
         open_network()
     with pytest.raises(ConfigError, match="weights=small: accepted: a file of weights"):
         open_network(weights="small")
