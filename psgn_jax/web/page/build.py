@@ -1,11 +1,11 @@
 """Builds the page's folder: JavaScript modules, the network, the runtime and example photos."""
 
+import gzip
 import json
 import os
 import pathlib
 
 import numpy as np
-from absl import logging
 
 from psgn_jax.models.mask_net import MaskNet
 from psgn_jax.portable.folder import write_network
@@ -18,9 +18,8 @@ from psgn_jax.weights.mask import read_mask_network
 from psgn_jax.weights.run_folder import Trained
 
 MASK_NETWORK = "mask.onnx"
+_WASM = "runtime/ort-wasm-simd-threaded.wasm"
 STATIC = pathlib.Path(__file__).resolve().parent / "static"
-LARGEST = 30_000_000
-"""Size in bytes above which a warning is logged: a larger page may not open well on a phone."""
 
 
 def build_page(
@@ -41,6 +40,7 @@ def build_page(
     """
     out = pathlib.Path(out)
     files = {f"runtime/{name}": content for name, content in runtime_files(runtime).items()}
+    files[f"{_WASM}.gz"] = gzip.compress(files.pop(_WASM), mtime=0)  # 14 MB become 4
     for path in STATIC.rglob("*"):
         if path.is_file():
             files[path.relative_to(STATIC).as_posix()] = path.read_bytes()
@@ -60,16 +60,9 @@ def build_page(
         "file": MASK_NETWORK, "side": masks.SIDE, "least_certainty": masks.LEAST_CERTAINTY
     }  # fmt: skip
     network["sources"] += texts["sources"]
+    sizes = [row["bytes"] for row in network["files"].values()]
+    network["download_bytes"] = sum(sizes) + len(files[MASK_NETWORK]) + len(files[f"{_WASM}.gz"])
     files["network.json"] = json.dumps(network, indent=1).encode()
     for name, content in files.items():
         write_atomic(out / name, content, sync=False)
-    size = sum(map(len, files.values())) + sum(row["bytes"] for row in network["files"].values())
-    if size > LARGEST:
-        logging.warning(
-            "%s has %.1f MB; more than %d MB may not open well on a phone; "
-            "--weights_as=int8 --data=RECORDS makes the network smaller",
-            out,
-            size / 1e6,
-            LARGEST // 1_000_000,
-        )
-    return size
+    return sum(map(len, files.values())) + sum(sizes)

@@ -248,6 +248,27 @@ def test_on_a_phone_with_touch_and_keys_every_control_has_a_name(open_page, tmp_
     assert all(turned[name] != view[name] for name in view)
 
 
+def test_the_page_shows_that_it_loads_and_works_offline_once_loaded(open_page, address, tmp_path):
+    held = []
+    page = open_page("about:blank")
+    page.route("**/mask.onnx", lambda route: held.append(route))
+    page.goto(address)
+    loading = "/^Loading: [1-9]\\d*\\.\\d of \\d+\\.\\d MB/"
+    wait(page, f"{loading}.test(document.getElementById('status').textContent)")
+    wait(page, "psgn.network !== undefined")
+    held.pop().continue_()
+    wait(page, "document.getElementById('about').textContent !== ''")
+    assert status(page) == ""
+    page.context.set_offline(True)
+    give(page, CHAIR)
+    assert "points in" in status(page)
+    page = open_page()
+    wait(page, "document.getElementById('about').textContent !== ''")
+    page.context.set_offline(True)
+    settled(page, page.get_by_role("button", name="A lamp").click)
+    assert "points in" in status(page)
+
+
 def test_files_that_are_no_photos_end_in_a_sentence_and_the_page_goes_on(open_page, tmp_path):
     write_cut_out(tmp_path)
     Image.new("RGB", (5, 900)).save(tmp_path / "ribbon.png")

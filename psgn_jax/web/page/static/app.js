@@ -6,7 +6,7 @@ import { FORMATS } from "./files.js";
 import { coloursFromView, intoSilhouette, meanWithMirror, mirrored, mostOutside, networkInputs, normalForm, PhotoError, place, sameProportions, strayPoints } from "./framing.js";
 
 const SAMPLES = 8, PAUSE = 120, HISTORY = 10, VEIL = "rgba(18, 24, 40, .68)", EDGE = "#ffb020";
-const MAX_BYTES = 80e6, MAX_SIDE = 1600, MIN_SIDE = 16;
+const RUNTIME = "runtime/ort-wasm-simd-threaded.wasm.gz", MAX_BYTES = 80e6, MAX_SIDE = 1600, MIN_SIDE = 16;
 const $ = id => document.getElementById(id);
 const each = (selector, act) => document.querySelectorAll(selector).forEach(act);
 const make = (tag, fields) => Object.assign(document.createElement(tag), fields);
@@ -23,10 +23,9 @@ function opaqueIn(rgba) {
   return mask;
 }
 
-/** photo: { rgb, width, height, bitmap }; mask: the context of a canvas that is opaque on the object; clouds: one for each guess. */
+/** photo: { rgb, width, height, bitmap }; maskSession: of the mask network, once a photo needs it; mask: the context of a canvas that is opaque on the object; clouds: one for each guess. */
 const page = { photo: null, mask: null, history: [], clouds: [], sample: 0, name: "" };
 const viewer = new CloudView([$("cloud")]);
-let maskSession = null; // of the mask network, once a photo needs it
 
 function say(text) {
   $("status").textContent = text;
@@ -64,7 +63,7 @@ async function decode(file) {
 
 const withoutAlpha = rgba => new Uint8Array(3 * rgba.length / 4).map((_, i) => rgba[4 * Math.floor(i / 3) + i % 3]);
 
-/** Opens a photo, and its mask if there is a second file: the one called NAME_mask. */
+/** Opens a photo (a file or an <img>), and its mask if there is a second file: the one called NAME_mask. */
 const open = guarded(async files => {
   const masked = files.length > 1 ? Math.max(0, files.findIndex(file => /_mask\.\w+$/.test(file.name))) : -1;
   const [file] = files.filter((_, i) => i !== masked);
@@ -102,14 +101,14 @@ const openMask = guarded(async file => {
 
 /** The mask that the mask network finds, like `find_mask` in Python; empty if it is not certain. */
 async function findMask({ bitmap, width, height }) {
-  const { about } = await network, { file, side, least_certainty: least } = about.mask_network, half = side / 2;
+  const { about, maskBytes } = await network, { side, least_certainty: least } = about.mask_network, half = side / 2;
   say("Looking for the object");
-  maskSession ??= await startSession(new Uint8Array(await (await fetched(file)).arrayBuffer()));
+  page.maskSession ??= await startSession(maskBytes);
   const small = contextOf(side, side);
   small.imageSmoothingQuality = "high";
   small.drawImage(bitmap, 0, 0, side, side);
   const rgb = withoutAlpha(pixelsOf(small));
-  const run = async pixels => (await maskSession.run({ image: new ort.Tensor("uint8", pixels, [1, side, side, 3]) })).probabilities.data;
+  const run = async pixels => (await page.maskSession.run({ image: new ort.Tensor("uint8", pixels, [1, side, side, 3]) })).probabilities.data;
   const one = await run(rgb), other = mirrored(await run(mirrored(rgb, side, 3)), half, 1), p = one.map((v, i) => (v + other[i]) / 2);
   const inside = p.filter(v => v > 0.5), certainty = sum(inside) / (inside.length + sum(p) - sum(inside));
   if (!(certainty >= least)) return new Uint8Array(width * height);
@@ -204,11 +203,23 @@ async function fetched(name) {
   return response;
 }
 
+/** Bytes of the files; while nothing else is said, the status shows how much of all, `total` bytes, has arrived. */
+function download(names, total) {
+  let megabytes = 0;
+  const counted = () => new TransformStream({ transform: (part, to) => {
+    megabytes += part.length / 1e6;
+    if (/^(Start|Load)ing/.test($("status").textContent)) say(`Loading: ${megabytes.toFixed(1)} of ${(total / 1e6).toFixed(1)} MB`);
+    to.enqueue(part);
+  } });
+  return Promise.all(names.map(async name =>
+    new Uint8Array(await new Response((await fetched(name)).body.pipeThrough(counted())).arrayBuffer())));
+}
+
 const startSession = bytes => ort.InferenceSession.create(bytes, { executionProviders: ["wasm"] }).catch(error => {
   throw new Error(`This browser cannot run the network (${String(error.message ?? error).slice(0, 120)}).`);
 });
 
-/** The network: { about, session }. */
+/** Everything that the page needs: the networks, the runtime and the examples. */
 async function load() {
   ort.env.wasm.numThreads = 1; // several threads need headers that plain file servers do not send
   ort.env.wasm.wasmPaths = new URL("runtime/", import.meta.url).href;
@@ -216,9 +227,12 @@ async function load() {
   const about = await (await fetched("network.json")).json().catch(() => { throw damaged; });
   const [name, row] = Object.entries(about.files ?? {}).find(([file]) => file.endsWith(".onnx")) ?? [];
   if (about.format !== "psgn_jax network 1" || !name) throw damaged;
-  const bytes = new Uint8Array(await (await fetched(name)).arrayBuffer());
+  const [bytes, maskBytes, runtime] = await download([name, about.mask_network.file, RUNTIME], about.download_bytes);
   if (bytes.length !== row.bytes) throw damaged;
-  return { about, session: await startSession(bytes) };
+  const packed = new Blob([runtime]).stream(); // some servers say that .gz is an encoding, so that the browser unpacks it
+  const unpacked = runtime[0] === 0x1f ? packed.pipeThrough(new DecompressionStream("gzip")) : packed;
+  ort.env.wasm.wasmBinary = await new Response(unpacked).arrayBuffer();
+  return { about, maskBytes, session: await startSession(bytes) };
 }
 
 const predict = guarded(async () => {
@@ -284,10 +298,7 @@ for (const [name, on] of [["dragover", true], ["dragleave", false], ["drop", fal
   if (name === "drop") open([...event.dataTransfer.files]);
 });
 addEventListener("paste", event => { if (event.clipboardData?.files.length) open([...event.clipboardData.files]); });
-each("[data-example]", button => button.addEventListener("click", guarded(async () => {
-  const name = `${button.dataset.example}.png`, response = await fetched(`examples/${name}`);
-  await open([new File([await response.blob()], name)]);
-})));
+each("#examples img", image => image.parentElement.addEventListener("click", () => open([image])));
 each("[data-format]", button => button.addEventListener("click", () => {
   const { points, colours } = shown(), suffix = page.clouds.length > 1 ? `_${page.sample}` : "";
   const { format } = button.dataset, href = URL.createObjectURL(new Blob([FORMATS[format](points, colours)]));
@@ -312,6 +323,6 @@ guarded(async () => {
     const texts = Object.entries(licences).map(([name, row]) => name + (row.holders?.length ? ` (${row.holders.join(", ")})` : ""));
     $("licences").append(make("li", { textContent: `${source}: ${texts.join("; ") || "not stated"}` }));
   }
-  if ($("status").textContent.startsWith("Starting")) say(""); // a message about a file stays
+  if (/^(Start|Load)ing/.test($("status").textContent)) say(""); // a message about a file stays
 })();
 window.psgn = { page, viewer, network, maskArray };
