@@ -14,22 +14,12 @@ from __future__ import annotations
 
 import importlib
 import os
-import sys
 import typing
 
 if typing.TYPE_CHECKING:
     from psgn_jax.prediction.predictor import Predictor
 
 __version__ = "0.1.0.dev0"
-
-# `python -m psgn_jax.main` puts the current folder on the import path. It may hold files from
-# others, see `system.processes`. A checkout is used from its own folder, which stays.
-if (
-    sys.argv[:1] == ["-m"]
-    and not sys.flags.safe_path
-    and os.path.join(sys.path[0], "psgn_jax", "__init__.py") != __file__
-):
-    del sys.path[0]
 
 
 def load(network: str | os.PathLike[str] = "") -> Predictor:

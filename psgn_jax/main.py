@@ -7,7 +7,8 @@ Any field of the configuration can be given as a flag, `--config.train.steps=200
 resumes a stopped run. Exit codes: 0 done; 2 a wrong configuration (the message names the field) or
 a file that cannot be written; 3 a loss that is not finite; 4 another process of the same training
 has ended; 5 a full disk; 143 stopped by SIGTERM; 130 stopped by Ctrl-C. In the last two cases, a
-checkpoint has been saved, unless that took more than five seconds or a second signal came.
+checkpoint has been saved, unless the step took longer than `train.stop_seconds` or a second signal
+came.
 `system.group` describes training in several processes.
 """
 

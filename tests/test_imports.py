@@ -1,9 +1,12 @@
 """The contract of imports: packages import downward only, heavy packages have one door."""
 
 import ast
+import os
 import pathlib
 import subprocess
 import sys
+
+from helpers.small_runs import write_solids
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 
@@ -62,3 +65,104 @@ def test_the_losses_and_the_records_are_light():
         code = f"import sys, {module}; sys.exit(' '.join({heavy} & set(sys.modules)))"
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
         assert done.stderr.strip() == "", f"{module} imports {done.stderr}"
+
+
+# Third-party packages are imported first, because some of them change the process.
+_IMPORT = """
+import importlib, logging, multiprocessing, os, signal, sys, threading, warnings
+from absl import flags
+import absl.logging, jax, multiprocessing.util, multiprocessing.resource_tracker
+
+def state():
+    loggers = [logging.getLogger(name) for name in (None, "absl", "jax", "orbax")]
+    return {
+        "sys": (list(sys.path), sys.excepthook, sys.unraisablehook, sys.flags),
+        "environment": dict(os.environ),
+        "logging": [(each.level, list(each.handlers), list(each.filters)) for each in loggers],
+        "warnings": list(warnings.filters),
+        "signals": [signal.getsignal(number) for number in signal.valid_signals()],
+        "flags": [{name: flags.FLAGS[name].value for name in flags.FLAGS}, flags.FLAGS.is_parsed()],
+        "jax": dict(jax.config.values),
+        "threads": threading.active_count(),
+        "multiprocessing": (
+            multiprocessing.get_start_method(allow_none=True), multiprocessing.active_children(),
+            {name: value for name, value in vars(multiprocessing.util).items() if callable(value)},
+        ),
+    }
+
+for number, names in enumerate((THIRD, OWN)):
+    before = state()
+    for name in names:
+        try:
+            importlib.import_module(name)
+        except ModuleNotFoundError as error:
+            assert error.name.partition(".")[0] not in ("psgn_jax", "data_gen"), error
+after = state()
+for key in before:
+    assert before[key] == after[key], (key, before[key], after[key])
+"""
+
+
+def test_importing_any_module_changes_nothing_else():
+    paths = [*(ROOT / "psgn_jax").rglob("*.py"), *(ROOT / "data_gen").rglob("*.py")]
+    own = [
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+        for path in paths
+    ]
+    third = {
+        name.name if isinstance(node, ast.Import) else node.module
+        for path in paths
+        for node in ast.parse(path.read_text()).body
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for name in node.names
+    }
+    third = {name for name in third if not name.startswith(("psgn_jax", "data_gen"))}
+    code = _IMPORT.replace("THIRD", repr(sorted(third))).replace("OWN", repr(sorted(own)))
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+
+
+_PROGRAM = """
+import os, subprocess, sys
+from . import helper
+from psgn_jax.config import parse
+from psgn_jax.training.loop import train
+
+def state():
+    import tensorboardX.crc32c  # sets a variable when it is imported
+    return dict(os.environ), list(sys.path)
+
+if __name__ == "__main__":
+    before = state()
+    train(parse(TREE), "run")
+    assert state() == before
+    subprocess.run([sys.executable, "beside/script.py"], check=True)
+    print(helper.WORD)
+"""
+
+
+def test_a_program_with_its_own_modules_trains_and_starts_scripts(tmp_path):
+    write_solids(tmp_path / "records")
+    tree = {
+        "data": {"path": str(tmp_path / "records"), "image_size": (24, 32), "num_points": 136,
+                 "num_eval_points": 136, "num_workers": 1},
+        "model": {"name": "vanilla", "widths": (4, 6, 8), "fc_points": 8, "fc_widths": (12,)},
+        "optim": {"warmup_steps": 0},
+        "train": {"batch_size": 4, "steps": 2, "eval_every": 0, "images_every": 0},
+    }  # fmt: skip
+    for path, text in {
+        "mypkg/__init__.py": "import psgn_jax\n",
+        "mypkg/helper.py": "WORD = 'done'\n",
+        "mypkg/run.py": _PROGRAM.replace("TREE", repr(tree)),
+        "beside/neighbour.py": "",
+        "beside/script.py": "import neighbour\n",
+    }.items():
+        (tmp_path / path).parent.mkdir(exist_ok=True)
+        (tmp_path / path).write_text(text)
+    done = subprocess.run(
+        [sys.executable, "-m", "mypkg.run"], capture_output=True, text=True, cwd=tmp_path,
+        env={**os.environ, "JAX_PLATFORMS": "cpu", "PYTHONPATH": str(ROOT)}, timeout=400,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "done\n"
+    assert (tmp_path / "run" / "checkpoints" / "2").is_dir()

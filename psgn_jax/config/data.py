@@ -82,7 +82,7 @@ class DataConfig:
     photo: PhotoEffects = dataclasses.field(default_factory=PhotoEffects)  # Effects of photos.
     # Strength of random changes of brightness, contrast and channel gains; 0 = off.
     colour_jitter: Fraction = 0.0
-    # Number of decoding processes; 0 = threads in this process.
+    # Number of processes that make training batches; 0 = threads in this process.
     num_workers: Annotated[int, Bounds(low=0, high=256)] = 0
     # Size in GB up to which a training keeps decoded samples in memory, shared by the decoding
     # processes; 0 = none.

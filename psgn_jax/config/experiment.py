@@ -156,6 +156,9 @@ class TrainConfig:
     images_every: Count = 5_000
     num_images: Annotated[int, Bounds(low=1, high=1000)] = 6  # Number of samples in such an image.
     keep_checkpoints: PositiveInt = 2  # Number of newest checkpoints kept, besides the best one.
+    # Time after SIGTERM or Ctrl-C in which the current step may end and be saved. Then the process
+    # ends, but not before a checkpoint that is being written is complete.
+    stop_seconds: NonNegative = 20.0
     # Source of the initial parameters, instead of random ones: a file of weights, the name of
     # weights in the package, or the folder of a trained run (its best checkpoint). Several,
     # separated by commas: the mean of their parameters. They are read only before the first step.

@@ -7,14 +7,16 @@ that resumes at step s therefore need not repeat earlier batches. Rows are bit-i
 number of threads, worker processes and training processes.
 
 Each batch is made by one worker: a thread of this process (decoding releases Python's lock most of
-the time), or one of `num_workers` processes.
+the time), or, in training, one of `num_workers` processes.
 """
 
+import contextlib
 import gc
 import itertools
+import re
 import signal
 import sys
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 
 import grain
 import numpy as np
@@ -31,6 +33,18 @@ from psgn_jax.system.errors import UserError
 
 MAX_THREADS = 8
 """Largest number of decoding threads in one process, which is also limited by the cores."""
+
+
+class WorkerError(UserError):
+    """A worker process has ended."""
+
+
+_CAUSES = {
+    1: f"its messages are above; {workers.MAIN_GUARD}",
+    -signal.SIGKILL: "it was killed, perhaps for lack of memory",
+    -signal.SIGBUS: "there is not enough shared memory (/dev/shm) for the batches; set "
+    "data.num_workers=0, or give more of it (docker run --shm-size=1g)",
+}
 
 
 def _open(cfg: DataConfig, folders: tuple[str, ...], split: str) -> RecordReader:
@@ -55,44 +69,54 @@ def _plain(batch: Batch) -> Batch:
     return {k: np.array(v) if isinstance(v, np.ndarray) else v for k, v in batch.items()}
 
 
+@contextlib.contextmanager
+def _parsed_flags() -> Iterator[None]:
+    """Marks absl's flags as parsed, which Grain needs to start workers, until the context ends."""
+    parsed = flags.FLAGS.is_parsed()
+    flags.FLAGS.mark_as_parsed()
+    try:
+        yield
+    finally:
+        if not parsed:
+            flags.FLAGS.unparse_flags()
+
+
 def _iterate(
-    cfg: DataConfig, numbers: Sequence[int], make: Callable[[int], Batch]
+    numbers: Sequence[int], make: Callable[[int], Batch], num_workers: int = 0
 ) -> Generator[Batch, None, None]:
     """The batches of these numbers in order, made ahead of their use."""
     source = grain.MapDataset.source(numbers).map(make)
-    if not cfg.num_workers:
+    if not num_workers:
         threads = min(MAX_THREADS, num_cores())
         read = grain.ReadOptions(num_threads=threads, prefetch_buffer_size=threads + 1)
         yield from source.to_iter_dataset(read)
         return
-    # Grain passes absl's flags to its workers and fails if they have not been parsed, as in a
-    # notebook, a test, or a program without absl.
-    if not flags.FLAGS.is_parsed():
-        flags.FLAGS.mark_as_parsed()
     read = grain.ReadOptions(num_threads=1, prefetch_buffer_size=1)
     dataset = source.to_iter_dataset(read).mp_prefetch(
-        grain.MultiprocessingOptions(num_workers=cfg.num_workers, per_worker_buffer_size=2),
+        grain.MultiprocessingOptions(num_workers=num_workers, per_worker_buffer_size=2),
         worker_init_fn=workers.end_with_parent,
     )
     iterator = iter(dataset)
     try:
         # Waits for the first batch of every worker, because `close` of the iterator does not end
         # workers that are still starting.
-        first = itertools.islice(iterator, cfg.num_workers)
-        begun = workers.start_sheltered(lambda: list(map(_plain, first)))
+        first = itertools.islice(iterator, num_workers)
+        with _parsed_flags():
+            begun = workers.start_sheltered(lambda: list(map(_plain, first)))
         while begun:
             yield begun.pop(0)
         # Workers pass arrays in shared memory, which Grain frees when it deletes the array. A JAX
         # array on the CPU may still use that memory, so the consumer gets a copy.
         yield from map(_plain, iterator)
     except RuntimeError as error:
-        if f"exit code {-signal.SIGBUS}." not in str(error):
+        found = re.search(r"Worker process was terminated .* exit code (-?\d+)", str(error))
+        if found is None:
             raise
-        raise UserError(
-            f"data.num_workers={cfg.num_workers}: there is not enough shared memory (/dev/shm) for "
-            "the batches of the worker processes; set data.num_workers=0, or give more of it "
-            "(docker run --shm-size=1g)"
-        ) from error
+        cause = _CAUSES.get(int(found[1]), "its messages are above")
+        raise WorkerError(
+            f"data.num_workers={num_workers}: a worker process ended with exit code {found[1]}; "
+            f"{cause}"
+        ) from None
     finally:
         iterator.close()
         # Grain keeps batches that were made ahead in reference cycles and removes their shared
@@ -146,7 +170,9 @@ def train_batches(
     Raises:
       ValueError: `process_count` does not divide `batch_size`.
       RecordError: the data set is missing or damaged, from the call or while iterating.
+      WorkerError: a worker process has ended, while iterating.
     """
+    workers.check_main_guard()
     if batch_size % process_count:
         raise ValueError(
             f"batch_size: got {batch_size}, expected a multiple of the {process_count} processes"
@@ -160,7 +186,7 @@ def train_batches(
     several = model_views(reader, views, "voxels.max_views") if views else None
     items = Items(cfg, reader, repeatedly=True)
     make = TrainBatch(cfg, items, order, batch_size, seed, rows, several)
-    return _iterate(cfg, range(start_step, sys.maxsize // batch_size), make)
+    return _iterate(range(start_step, sys.maxsize // batch_size), make, cfg.num_workers)
 
 
 def eval_batches(
@@ -173,6 +199,8 @@ def eval_batches(
     choose: Callable[[int], Sequence[int]] = range,
 ) -> Generator[Batch, None, None]:
     """Every sample of a split exactly once, in the order of the records, never augmented.
+
+    The batches are made by threads, because starting processes would take longer than most splits.
 
     Args:
       cfg: the section `data` of the configuration.
@@ -200,4 +228,4 @@ def eval_batches(
     several = model_views(reader, views, "voxels.eval_views") if views else None
     items = Items(cfg, reader, visibility=bool(visible_tolerance), repeatedly=views > 0)
     make = EvalBatch(cfg, items, len(reader), batch_size, seed, visible_tolerance, several)
-    return _iterate(cfg, choose(-(-len(reader) // batch_size)), make)
+    return _iterate(choose(-(-len(reader) // batch_size)), make)

@@ -77,20 +77,23 @@ class _Argument(ctypes.Structure):
 def library() -> tuple[Any, str]:
     """The loaded library, or None, and why there is none.
 
-    Sets `GOMP_SPINCOUNT` for this process and its children before it loads the library, unless
-    `GOMP_SPINCOUNT` or `OMP_WAIT_POLICY` is set.
+    `GOMP_SPINCOUNT` is set while the library is loaded, unless it or `OMP_WAIT_POLICY` is set.
     """
     try:
         files = importlib.metadata.files(_DISTRIBUTION) or []
         path = next(str(file.locate()) for file in files if file.name == _FILE)
     except (importlib.metadata.PackageNotFoundError, StopIteration):
         return None, f"the package {_DISTRIBUTION} is not installed (Linux x86-64 only)"
-    if "OMP_WAIT_POLICY" not in os.environ:
-        os.environ.setdefault("GOMP_SPINCOUNT", _SPINS)
+    chosen = {"OMP_WAIT_POLICY", "GOMP_SPINCOUNT"} & os.environ.keys()
+    if not chosen:
+        os.environ["GOMP_SPINCOUNT"] = _SPINS
     try:
         loaded = ctypes.CDLL(path)
     except OSError as error:  # such as a missing libgomp.so.1
         return None, str(error)
+    finally:
+        if not chosen:
+            del os.environ["GOMP_SPINCOUNT"]
     loaded.dnnl_primitive_desc_query_md.restype = ctypes.c_void_p
     loaded.dnnl_memory_desc_get_size.restype = ctypes.c_size_t
     return loaded, ""

@@ -12,6 +12,7 @@ import json
 import os
 import signal
 import sys
+import threading
 import traceback
 from collections.abc import Iterator
 from typing import Any
@@ -142,6 +143,7 @@ class SharedStop(contextlib.AbstractContextManager["SharedStop"]):
 
     def __init__(self) -> None:
         self.signal: int | None = None
+        self.lock = threading.Lock()
 
     def __exit__(self, *_: object) -> None:
         """Does nothing."""

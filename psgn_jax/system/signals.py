@@ -1,15 +1,14 @@
 """Handles SIGTERM and SIGINT: they end training after the current step, and other work at once."""
 
+import contextlib
 import os
 import signal
 import socket
 import sys
 import threading
+from collections.abc import Callable
 from types import FrameType
-from typing import Any
-
-GRACE_SECONDS = 5.0
-"""The time after a signal in which a training may save its last step."""
+from typing import Any, NoReturn
 
 
 class Stopped(Exception):  # noqa: N818 - not an error
@@ -19,13 +18,26 @@ class Stopped(Exception):  # noqa: N818 - not an error
 class StopSignal:
     """Context that records SIGTERM or SIGINT in `signal`.
 
-    A second signal, or the end of `GRACE_SECONDS` after the first, ends the process at once with
-    the exit code 128 + the number of the signal. A thread receives the signals, because Python runs
-    handlers in the main thread, which may be waiting for a compilation or a long step.
+    If the context has not ended `seconds` after the signal, the process ends with the exit code
+    128 + the number of the signal; at a second signal it ends at once. A thread receives the
+    signals, because Python runs handlers in the main thread, which may be waiting for a compilation
+    or a long step.
+
+    Attributes:
+      signal: the number of the signal that has arrived, or None.
+      lock: held while something is done that the end must not interrupt.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, seconds: float, last: Callable[[], None] = lambda: None) -> None:
+        """Prepares the context.
+
+        Args:
+          seconds: the time after a signal in which the context may end by itself.
+          last: called before the process ends, but not after a second signal.
+        """
         self.signal: int | None = None
+        self.lock = threading.Lock()
+        self._seconds, self._last = seconds, last
         self._old: dict[int, Any] = {}
 
     def __enter__(self) -> "StopSignal":
@@ -43,9 +55,11 @@ class StopSignal:
     def __exit__(self, *_: object) -> None:
         if not self._old:
             return
-        signal.set_wakeup_fd(self._old_descriptor)
-        for number, handler in self._old.items():
-            signal.signal(number, handler)
+        with self.lock:
+            signal.set_wakeup_fd(self._old_descriptor)
+            for number, handler in self._old.items():
+                signal.signal(number, handler)
+            self._old = {}
         self._sender.close()
         self._watcher.join()
         self._receiver.close()
@@ -62,19 +76,31 @@ class StopSignal:
         if not (received := self._receiver.recv(1)):
             return  # the context has ended
         self.signal = received[0]
-        self._receiver.settimeout(GRACE_SECONDS)
+        self._receiver.settimeout(self._seconds)
         try:
-            if not self._receiver.recv(1):
-                return
+            again = self._receiver.recv(1)
         except TimeoutError:
-            pass
-        name = signal.Signals(self.signal).name
+            threading.Thread(target=self._end_in_order, daemon=True).start()
+            self._receiver.settimeout(None)
+            again = self._receiver.recv(1)
+        if again:
+            self._end()
+
+    def _end_in_order(self) -> None:
+        with self.lock:
+            with contextlib.suppress(Exception):  # the process ends, whatever it is
+                self._last()
+            if self._old:  # the context has not ended meanwhile
+                self._end()
+
+    def _end(self) -> NoReturn:
+        number = self.signal or signal.SIGTERM
         os.write(
             2,
-            f"stopped by {name} without waiting for the current step; run the same command again "
-            "to resume from the newest checkpoint\n".encode(),
+            f"stopped by {signal.Signals(number).name} without waiting for the current step; run "
+            "the same command again to resume from the newest checkpoint\n".encode(),
         )
-        os._exit(128 + self.signal)
+        os._exit(128 + number)
 
 
 def exit_on_signals() -> None:

@@ -28,6 +28,7 @@ from psgn_jax.config.experiment import (
     to_json,
 )
 from psgn_jax.data import loader
+from psgn_jax.data.workers import check_main_guard
 from psgn_jax.system import group
 from psgn_jax.system.files import check_folder, write_atomic
 from psgn_jax.system.signals import Stopped, StopSignal
@@ -54,6 +55,7 @@ MAY_CHANGE = frozenset(
         "train.images_every",
         "train.num_images",
         "train.keep_checkpoints",
+        "train.stop_seconds",
         "eval.batch_size",
         "eval.max_samples",
         "eval.fscore_threshold",
@@ -75,7 +77,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     """Trains, or resumes training, until `config.train.steps` or a signal.
 
     After SIGTERM or SIGINT, the current step ends, its checkpoint is saved and the function
-    returns; `system.signals.StopSignal` limits the time for that.
+    returns, or the process ends after `train.stop_seconds` (`system.signals.StopSignal`).
 
     Args:
       config: a `Config`, or a mapping for `config.parse`.
@@ -90,6 +92,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
       NonFiniteError: the loss or the norm of the gradient is not finite; the message names the
         metric and the step.
     """
+    check_main_guard()
     config = config if isinstance(config, Config) else parse(config)
     workdir, mesh, plan, first = pathlib.Path(workdir), data_mesh(), config.train, group.is_first()
     _check(config, workdir, mesh.size)
@@ -141,7 +144,8 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
             losses = {"loss_sum": float(log.loss_sum), "loss_count": log.loss_count}
             if first:
                 meta = {"config": to_dict(config), **losses}
-                checkpoints.save(step, named_leaves(state), meta)
+                with stop.lock:
+                    checkpoints.save(step, named_leaves(state), meta)
 
         def evaluate() -> None:
             with log.pause(), contextlib.suppress(Stopped):  # a resumed run evaluates first
@@ -165,7 +169,9 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
         )
         stack.callback(batches.close)
         several = jax.process_count() > 1
-        stop: group.SharedStop | StopSignal = group.SharedStop() if several else StopSignal()
+        stop: group.SharedStop | StopSignal = (
+            group.SharedStop() if several else StopSignal(plan.stop_seconds, checkpoints.wait)
+        )
         stack.enter_context(stop)
         # Python cannot end while a step calls back into it.
         stack.callback(lambda: _wait(state))
@@ -190,7 +196,8 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
         log.drain()
         if saved < step:  # a signal has ended the loop
             save()
-        checkpoints.wait()
+        with stop.lock:
+            checkpoints.wait()
     _report_end(workdir, step, stop.signal)
     return Outcome(state, stop.signal)
 

@@ -1,20 +1,14 @@
-"""Worker processes after the trainer is killed, or after a signal to the whole group."""
+"""Worker processes after the trainer is killed, after a signal to the group, and in scripts."""
 
 import os
-import pathlib
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 from helpers import processes
 
 SCRIPT = """
-from psgn_jax.system import signals
-
-signals.GRACE_SECONDS = 60.0  # on busy cores, workers take longer to start than the usual time
-
 if __name__ == "__main__":
     import sys, time
     from psgn_jax.config.experiment import DataConfig
@@ -24,7 +18,7 @@ if __name__ == "__main__":
     cfg = DataConfig(path=sys.argv[1], image_size=(24, 32), num_points=50,
                      num_workers=int(sys.argv[2]))
     batches = loader.train_batches(cfg, batch_size=4, seed=0, start_step=0)
-    with StopSignal() as stop:
+    with StopSignal(60) as stop:
         for batch in batches:
             print("batch", flush=True)
             if stop.signal:
@@ -38,15 +32,13 @@ if __name__ == "__main__":
 @pytest.fixture
 def start(dataset, tmp_path):
     script, log = tmp_path / "script.py", tmp_path / "log"
-    script.write_text(SCRIPT)
     groups = []
 
-    def begin(moment):
-        # One worker is enough, unless the second is to be started.
-        workers = "2" if moment == "starting" else "1"
+    def begin(workers, text=SCRIPT):
+        script.write_text(text)
         with log.open("w") as file:
             process = subprocess.Popen(
-                [sys.executable, str(script), str(dataset), workers],
+                [sys.executable, str(script), str(dataset), str(workers)],
                 stdout=file,
                 stderr=subprocess.STDOUT,
                 env=os.environ | {"PYTHONPATH": os.getcwd()},
@@ -63,39 +55,30 @@ def start(dataset, tmp_path):
 
 def wait_for(moment, process, log):
     def reached():
-        if moment == "starting":
-            # Itself and a worker; the tracker has its own group. The memory may come after them.
-            workers = len(processes.of_group(process.pid)) > 1
-            return workers and bool(processes.shared_memory(process.pid))
+        if moment == "starting":  # itself, the resource tracker, a worker
+            return len(processes.of_group(process.pid)) > 2
         return log.read_text().count("batch") > 3
 
     assert processes.wait_until(lambda: reached() or process.poll() is not None)
     assert process.poll() is None, log.read_text()
 
 
-@pytest.mark.parametrize(
-    ("moment", "kill"), [("starting", os.kill), ("working", os.kill), ("working", os.killpg)]
-)
-def test_workers_end_with_a_killed_trainer_and_leave_no_memory(start, moment, kill):
-    process, log = start(moment)
+# One worker is enough, unless the second is to be started.
+@pytest.mark.parametrize(("moment", "workers"), [("starting", 2), ("working", 1)])
+def test_workers_end_with_a_killed_trainer(start, moment, workers):
+    process, log = start(workers)
     wait_for(moment, process, log)
-    files = processes.shared_memory(process.pid)
-    assert files
-    # The resource tracker does not know a block that is being created at the moment of the kill.
-    time.sleep(0.1)
-    kill(process.pid, signal.SIGKILL)
+    process.kill()
     process.wait()
     assert processes.wait_until(lambda: not processes.of_group(process.pid), 20)
-    paths = [pathlib.Path("/dev/shm", f) for f in files]
-    assert processes.wait_until(lambda: not any(p.exists() for p in paths), 20)
-    assert set(log.read_text().split()) <= {"batch"}  # no warnings of the resource tracker
 
 
 @pytest.mark.parametrize(
-    ("moment", "number"), [("starting", signal.SIGTERM), ("working", signal.SIGINT)]
+    ("moment", "workers", "number"),
+    [("starting", 2, signal.SIGTERM), ("working", 1, signal.SIGINT)],
 )
-def test_a_signal_to_the_whole_group_is_the_trainers_alone(start, moment, number):
-    process, log = start(moment)
+def test_a_signal_to_the_whole_group_is_the_trainers_alone(start, moment, workers, number):
+    process, log = start(workers)
     wait_for(moment, process, log)
     os.killpg(process.pid, number)
     assert process.wait(60) == 0, log.read_text()
@@ -103,3 +86,24 @@ def test_a_signal_to_the_whole_group_is_the_trainers_alone(start, moment, number
     assert lines[-1] == f"stopped by {int(number)}"
     assert set(lines[:-1]) == {"batch"}
     assert processes.wait_until(lambda: not processes.of_group(process.pid), 20)
+
+
+def test_a_script_that_ends_early_leaves_no_worker(start):
+    process, log = start(
+        1,
+        SCRIPT.replace("if stop.signal:", "if True:").replace(
+            "batches.close()", "sys.keep = batches"
+        ),
+    )
+    assert process.wait(60) == 0, log.read_text()
+    assert log.read_text().startswith("batch\nstopped by None\n")
+    assert processes.wait_until(lambda: not processes.of_group(process.pid), 20)
+
+
+def test_a_script_without_the_guard_says_what_it_needs(start):
+    process, log = start(1, SCRIPT.replace('if __name__ == "__main__":', "if True:"))
+    assert process.wait(60) == 1
+    text = log.read_text()
+    assert 'if __name__ == "__main__":' in text
+    assert "bootstrapping" not in text
+    assert text.splitlines()[-1].startswith("psgn_jax.data.loader.WorkerError: a worker process")

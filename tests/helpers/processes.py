@@ -1,4 +1,4 @@
-"""Processes of a process group, and the shared memory that they have mapped."""
+"""Processes of a process group."""
 
 import contextlib
 import pathlib
@@ -17,17 +17,6 @@ def of_group(group):
             if int(fields[2]) == group and fields[0] not in "ZX":
                 found.append(int(folder.name))
     return found
-
-
-def shared_memory(group):
-    """Files of /dev/shm that processes of the group have mapped."""
-    files = set()
-    for process in of_group(group):
-        with contextlib.suppress(OSError):
-            for line in pathlib.Path(f"/proc/{process}/maps").read_text().splitlines():
-                path = line.partition("/dev/shm/")[2]
-                files |= {path.removesuffix(" (deleted)")} if path else set()
-    return files
 
 
 def wait_until(condition, seconds=60.0):

@@ -11,16 +11,34 @@ import pytest
 BLOCKED = """
 import hashlib, sys
 from psgn_jax.system import signals
-signals.GRACE_SECONDS = float(sys.argv[1])
-with signals.StopSignal():
+with signals.StopSignal(float(sys.argv[1])):
     print("ready", flush=True)
+    hashlib.pbkdf2_hmac("sha256", b"", b"", 10**9)
+"""
+
+WRITING = """
+import hashlib, threading, time
+from psgn_jax.system import signals
+written = []
+def write():
+    time.sleep(0.5)
+    written.append("checkpoint")
+writer = threading.Thread(target=write)
+def last():
+    writer.join()
+    print(*written, flush=True)
+with signals.StopSignal(0.1, last) as stop:
+    with stop.lock:
+        print("ready", flush=True)
+        time.sleep(0.5)
+        writer.start()
     hashlib.pbkdf2_hmac("sha256", b"", b"", 10**9)
 """
 
 STOPPING = """
 import time
 from psgn_jax.system import signals
-with signals.StopSignal() as stop:
+with signals.StopSignal(60) as stop:
     print("ready", flush=True)
     while not stop.signal:
         time.sleep(0.01)
@@ -59,3 +77,10 @@ def test_one_signal_is_recorded_and_the_process_goes_on():
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=20)
     assert (process.returncode, out, err) == (0, "stopped by 2\n", "")
+
+
+def test_a_checkpoint_that_is_being_written_is_waited_for():
+    process = start(WRITING)
+    process.send_signal(signal.SIGTERM)
+    out, _ = process.communicate(timeout=20)
+    assert (process.returncode, out) == (143, "checkpoint\n")
