@@ -142,7 +142,9 @@ def test_a_worker_without_shared_memory_is_an_error_that_says_so(cfg):
     next(batches)
     for worker in multiprocessing.active_children():
         os.kill(worker.pid, signal.SIGBUS)  # what a write beyond the end of /dev/shm causes
-    with pytest.raises(UserError, match=r"data\.num_workers=1: a worker process ended .* not enough shared memory"):
+    with pytest.raises(
+        UserError, match=r"data\.num_workers=1: a worker process ended .* not enough shared memory"
+    ):
         list(itertools.islice(batches, 20))
 
 
