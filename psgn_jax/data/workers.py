@@ -74,4 +74,9 @@ def _block_signals() -> None:
 @functools.cache
 def _kill_at_exit() -> None:
     """Makes remaining workers end before Python, at its exit, sends them SIGTERM and waits."""
-    atexit.register(lambda: [worker.kill() for worker in _started if worker.is_alive()])
+    atexit.register(_kill_workers)
+
+
+def _kill_workers() -> None:
+    for worker in _started:
+        worker.kill()
