@@ -70,7 +70,7 @@ def test_workers_end_with_a_killed_trainer(start, moment, workers):
     wait_for(moment, process, log)
     process.kill()
     process.wait()
-    assert processes.wait_until(lambda: not processes.of_group(process.pid), 20)
+    assert processes.wait_until(lambda: not processes.of_group(process.pid))
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_a_signal_to_the_whole_group_is_the_trainers_alone(start, moment, worker
     lines = log.read_text().splitlines()
     assert lines[-1] == f"stopped by {int(number)}"
     assert set(lines[:-1]) == {"batch"}
-    assert processes.wait_until(lambda: not processes.of_group(process.pid), 20)
+    assert processes.wait_until(lambda: not processes.of_group(process.pid))
 
 
 def test_a_script_that_ends_early_leaves_no_worker(start):
@@ -97,7 +97,7 @@ def test_a_script_that_ends_early_leaves_no_worker(start):
     )
     assert process.wait(60) == 0, log.read_text()
     assert log.read_text().startswith("batch\nstopped by None\n")
-    assert processes.wait_until(lambda: not processes.of_group(process.pid), 20)
+    assert processes.wait_until(lambda: not processes.of_group(process.pid))
 
 
 def test_a_script_without_the_guard_says_what_it_needs(start):
@@ -106,4 +106,6 @@ def test_a_script_without_the_guard_says_what_it_needs(start):
     text = log.read_text()
     assert 'if __name__ == "__main__":' in text
     assert "bootstrapping" not in text
-    assert text.splitlines()[-1].startswith("psgn_jax.data.loader.WorkerError: a worker process")
+    assert text.splitlines()[-1].startswith(
+        "psgn_jax.data.loader.WorkerError: data.num_workers=1: a"
+    )
