@@ -19,7 +19,7 @@ import typing
 if typing.TYPE_CHECKING:
     from psgn_jax.prediction.predictor import Predictor
 
-__version__ = "0.1.0.dev0"
+__version__ = "0.1.0"
 
 
 def load(network: str | os.PathLike[str] = "") -> Predictor:

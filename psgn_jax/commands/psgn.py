@@ -11,8 +11,8 @@ import importlib
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from importlib import metadata
 
+from psgn_jax import __version__
 from psgn_jax.config.structured import suggestion
 from psgn_jax.system.files import exit_code_of
 from psgn_jax.system.processes import start_command
@@ -80,7 +80,7 @@ def _run(arguments: Sequence[str]) -> int:
         sys.stdout.write(_help())
         return 0
     if arguments[0] == "--version":
-        sys.stdout.write(f"psgn_jax {metadata.version('psgn-jax')}\n")
+        sys.stdout.write(f"psgn_jax {__version__}\n")
         return 0
     name, *rest = arguments
     if name not in COMMANDS:

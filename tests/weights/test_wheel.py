@@ -1,23 +1,36 @@
-"""A wheel built from a tree with weights predicts and trains without a clone."""
+"""A sdist and a wheel built from a tree with weights; the wheel's commands run without a clone."""
 
+import pathlib
 import shutil
 import subprocess
 import sys
-import zipfile
+import tarfile
+import venv
 
 import numpy as np
 import pytest
-from helpers.commands import ROOT, psgn
-from helpers.small_runs import write_solids
+from helpers import shapenet_trees
+from helpers.commands import ROOT
+from helpers.small_runs import quick_environment, write_solids
 from PIL import Image
 
+import psgn_jax
 from psgn_jax.weights.file import write_weights
 from psgn_jax.weights.opening import DEFAULT
 
 
-@pytest.mark.slow
-def test_a_wheel_has_weights_and_examples_predicts_and_trains(weights, tmp_path):
-    tree, packages = tmp_path / "tree", tmp_path / "packages"
+def run(*command, **options):
+    done = subprocess.run(
+        [*map(str, command)], capture_output=True, text=True, timeout=400, **options
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture
+def wheel(weights, tmp_path):
+    """Built from the sdist, as `python -m build` does."""
+    tree = tmp_path / "tree"
     tree.mkdir()
     for name in ("psgn_jax", "data_gen", "configs"):
         ignored = shutil.ignore_patterns("__pycache__", "*.safetensors")
@@ -25,33 +38,58 @@ def test_a_wheel_has_weights_and_examples_predicts_and_trains(weights, tmp_path)
     for name in ("pyproject.toml", "README.md", "LICENSE", ".gitignore"):
         shutil.copy(ROOT / name, tree / name)
     write_weights(tree / "psgn_jax" / "weights" / f"{DEFAULT}.safetensors", weights)
-    command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", f"-w{tmp_path}", str(tree)]
-    subprocess.run(command, check=True, timeout=300)
-    (wheel,) = tmp_path.glob("*.whl")
-    with zipfile.ZipFile(wheel) as archive:
-        names = archive.namelist()
-        archive.extractall(packages)
-    assert f"psgn_jax/weights/{DEFAULT}.safetensors" in names
-    examples = (ROOT / "psgn_jax" / "web" / "page" / "static" / "examples").glob("*.png")
-    assert {path.relative_to(ROOT).as_posix() for path in examples} <= set(names)
-    assert {"psgn_jax/configs/quickstart.py", "psgn_jax/py.typed", "data_gen/py.typed"} <= set(
-        names
-    )
-    (entry_points,) = packages.glob("*.dist-info/entry_points.txt")
-    assert "psgn = psgn_jax.commands.psgn:main" in entry_points.read_text()
+    shutil.copy(ROOT / "psgn_jax" / "weights" / "mask.safetensors", tree / "psgn_jax" / "weights")
+    build = (sys.executable, "-m", "hatchling", "build", "-d", tmp_path, "-t")
+    run(*build, "sdist", cwd=tree)
+    (sdist,) = tmp_path.glob("*.tar.gz")
+    with tarfile.open(sdist) as archive:
+        archive.extractall(tmp_path, filter="data")
+    run(*build, "wheel", cwd=tmp_path / f"psgn_jax-{psgn_jax.__version__}")
+    return tmp_path / f"psgn_jax-{psgn_jax.__version__}-py3-none-any.whl"
 
-    options = {"cwd": tmp_path, "PYTHONPATH": str(packages), "PYTHONSAFEPATH": "1"}
+
+@pytest.mark.slow
+def test_an_installed_wheel_predicts_converts_trains_and_evaluates(wheel, tmp_path):
+    # The environment has the dependencies of this one, but not this checkout: files `.pth` in the
+    # folders named by its own `.pth` file are not read.
+    venv.create(tmp_path / "env", symlinks=True)
+    python = tmp_path / "env" / "bin" / "python"
+    (packages,) = (tmp_path / "env" / "lib").glob("python*/site-packages")
+    own = [path for path in sys.path if pathlib.Path(path).name == "site-packages"]
+    (packages / "dependencies.pth").write_text("\n".join(own) + "\n")
+    target = ("--no-deps", "--no-index", "--no-compile", "--target", packages)
+    run(sys.executable, "-m", "pip", "install", "-q", *target, wheel)
+    script = "import sys; from psgn_jax.commands.psgn import main; sys.exit(main())"
+    (entry_points,) = packages.glob("psgn_jax-*.dist-info/entry_points.txt")
+    assert "psgn = psgn_jax.commands.psgn:main" in entry_points.read_text()
+    assert (packages / "psgn_jax" / "py.typed").is_file()
+    assert (packages / "data_gen" / "py.typed").is_file()
+
+    work = tmp_path / "work"
+    work.mkdir()
+    environment = {k: v for k, v in quick_environment(tmp_path).items() if k != "PYTHONPATH"}
+
+    def psgn(*arguments):
+        return run(python, "-P", "-c", script, *arguments, cwd=work, env=environment)
+
+    assert psgn("--version") == f"psgn_jax {psgn_jax.__version__}\n"
     image = np.full((90, 120, 3), 230, np.uint8)
     image[30:60, 40:90] = (200, 60, 20)
-    Image.fromarray(image).save(tmp_path / "photo.png")
-    done = psgn("predict", "photo.png", "--out=out", **options)
-    assert done.returncode == 0, done.stderr
-    assert "8 points, mask plain" in done.stdout
-    with np.load(tmp_path / "out" / "photo.npz") as archive:
+    Image.fromarray(image).save(work / "photo.png")
+    assert "8 points, mask plain" in psgn("predict", "photo.png", "--out=out")
+    with np.load(work / "out" / "photo.npz") as archive:
         assert archive["points"].shape == (1, 8, 3)
-    write_solids(tmp_path / "records")
-    fields = ["data.path=records", "train.steps=2", "train.eval_every=0", "train.batch_size=4"]
-    flags = [f"--config.{field}" for field in [*fields, "optim.warmup_steps=0"]]
-    done = psgn("train", "--config=debug", *flags, **options)
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "runs" / "debug" / "config.json").is_file()
+    psgn("view", "out/photo.npz", "--out=view.html")
+    shapenet_trees.write_r2n2(tmp_path / "r2n2", names=("a",))
+    psgn("convert", "r2n2", tmp_path / "r2n2", "converted", "--points=64", "--views=1")
+    write_solids(work / "records")
+    psgn("human", "--data=records", "--cases=2", "--out=study")
+    fields = ["data.path=records", "data.image_size=(16,32)", "loss.name=chamfer_sq_mean"]
+    fields += ["train.steps=2", "train.eval_every=0", "train.batch_size=4", "optim.warmup_steps=0"]
+    psgn("train", "--config=quickstart", *(f"--config.{field}" for field in fields))
+    table = psgn("evaluate", "--workdir=runs/quickstart", "--report=report")
+    assert "CD" in table
+    for page in ("view.html", "study/index.html", "report/index.html"):
+        assert "<html" in (work / page).read_text()[:400]
+    for example in (ROOT / "psgn_jax" / "web" / "page" / "static").rglob("*.*"):
+        assert (packages / example.relative_to(ROOT)).is_file()
