@@ -117,7 +117,8 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
             found = f"{content['format']!r}"[:60], f"{content['version']!r}"[:60]
             raise RecordError(
                 f"{path}: format {found[0]}, version {found[1]}; this version of psgn_jax reads "
-                f"{FORMAT!r}, version {VERSION}; convert the data set again"
+                f"{FORMAT!r}, version {VERSION}; convert the data set again, "
+                "or use a newer psgn_jax"
             )
         stated = {field.name: content[field.name] for field in dataclasses.fields(Manifest)}
         manifest = build(Manifest, stated)

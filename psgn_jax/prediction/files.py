@@ -25,6 +25,7 @@ from psgn_jax.prediction.cloud import FC, Prediction
 from psgn_jax.prediction.predictor import Clock, Predictor
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import is_disk_full, write_atomic
+from psgn_jax.viewing.predictions import VERSION
 
 _LONGEST_NAME = 220
 """File names have up to 255 bytes; results add a suffix, temporary files the process as well."""
@@ -144,6 +145,7 @@ def _record(
     """The contents of `NAME.json`."""
     view, camera = result.view, result.camera()
     return {
+        "format": f"psgn_jax prediction {VERSION}",
         "image": str(path),
         "image_size": list(result.photo.size),
         "files": files,

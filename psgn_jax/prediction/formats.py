@@ -12,6 +12,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from psgn_jax.viewing.predictions import VERSION
+
 _FRAME = "frame: right-handed, +z up, +y image right, +x to the camera; unit: bounding hemisphere"
 
 
@@ -82,7 +84,7 @@ DEFAULT_FORMATS = ("ply", "xyz", "obj", "npz")
 
 
 def npz(arrays: Mapping[str, np.ndarray]) -> bytes:
-    """An NPZ file with arrays by name."""
+    """An NPZ file with arrays by name, and the `version` of the format."""
     buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **arrays)
+    np.savez(buffer, allow_pickle=False, version=np.int32(VERSION), **arrays)
     return buffer.getvalue()

@@ -11,6 +11,9 @@ from psgn_jax.data import schema
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.untrusted import kind_of, one_line, read_npz
 
+VERSION = 1
+"""Version of the NPZ and JSON files of a prediction."""
+
 # Types and shape of each field; a letter stands for any size, the same in all fields.
 _FIELDS = {
     "points": ("f", "kn3"),
@@ -45,7 +48,12 @@ def read_prediction(path: str | os.PathLike[str], fields: Sequence[str]) -> dict
         limits = {
             name: math.prod(_LARGEST.get(c) or int(c) for c in _FIELDS[name][1]) for name in fields
         }
-        arrays = read_npz(path, limits)
+        arrays = read_npz(path, {**limits, "version": 1})
+        if (version := arrays.pop("version", VERSION)) != VERSION:
+            raise PredictionFileError(
+                f"{shown}: version {version} of a prediction; this version of psgn_jax reads "
+                f"version {VERSION}; predict again, or use a newer psgn_jax"
+            )
         for name in fields:
             if name not in arrays:
                 raise ValueError(f"it has no array {name!r}")

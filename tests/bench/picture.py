@@ -1,4 +1,4 @@
-"""Draws the README's picture: the case of median CD of each of several sets of records.
+"""Draws the model card's picture: the case of median CD of each of several sets of records.
 
     python tests/bench/picture.py --out docs/predictions.png --data records/free/cars:test ...
 
