@@ -23,13 +23,16 @@ Sources: Bertsekas, "A Distributed Algorithm for the Assignment Problem", MIT LI
 Computational Optimization and Applications 1, 1992 (epsilon scaling, reverse auctions).
 """
 
+import concurrent.futures
 import functools
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
-from jax.custom_batching import sequential_vmap
+from jax.custom_batching import custom_vmap, sequential_vmap
 from jax.experimental.xla_metadata import set_xla_metadata
 
 from psgn_jax.array_types import Array, Bool, Float, Int
@@ -45,6 +48,8 @@ from psgn_jax.losses.certificate import (
     vary_with,
 )
 from psgn_jax.losses.points import check_points
+from psgn_jax.losses.split import on_each_device
+from psgn_jax.system.cores import num_cores
 
 # The paper (section "Distance Metric between Point Sets") reports an error of about 1 %.
 TOLERANCE = 0.01
@@ -61,10 +66,10 @@ _RAISES = 16  # at most this often
 
 
 class _Bidding(NamedTuple):
-    """State of the loop over bids. The n objects are folded into rows of `num_lanes(n)`."""
+    """State of the loop over bids, in which the objects are folded into rows of `num_lanes(n)`."""
 
-    prices: Array  # [rows, lanes] prices of the objects, infinite for padding
-    owner: Array  # [rows lanes] bidder of every object, -1 if it has none
+    prices: Array  # [n] or [rows, lanes] prices of the objects, infinite for padding
+    owner: Array  # [n] or [rows lanes] bidder of every object, -1 if it has none
     stack: Array  # [n] the first `waiting` entries are the bidders without an object
     waiting: Array
     bids: Array
@@ -108,9 +113,7 @@ def _bid(a: Array, columns: tuple[Array, ...], epsilon: Array, state: _Bidding) 
     )
 
 
-def _bid_all(
-    a: Array, b: Array, epsilon: Array, limit: Array, state: _Bidding, *, fused: bool
-) -> _Bidding:
+def _bid_all(a: Array, b: Array, epsilon: Array, limit: Array, state: _Bidding) -> _Bidding:
     """Bids until every bidder has an object or `limit` bids have been made in total."""
     n, width = len(a), num_lanes(len(a))
     padding = -n % width
@@ -129,14 +132,11 @@ def _bid_all(
         prices=jnp.pad(state.prices, (0, padding), constant_values=jnp.inf).reshape(-1, width),
         owner=jnp.pad(state.owner, (0, padding), constant_values=-1),
     )
-    if fused:
-        # XLA's CPU compiler then emits the loop as a single function. One bid is a dozen small
-        # operations that take a microsecond together; launched one by one, they take 1.4 to 2.2
-        # times as long.
-        with set_xla_metadata(xla_cpu_small_call="true", inlineable="false"):
-            state = jax.jit(loop)(a, columns, epsilon, limit, state)
-    else:
-        state = loop(a, columns, epsilon, limit, state)
+    # With this, XLA's CPU compiler emits the loop as a single function. One bid is a dozen small
+    # operations that take a microsecond together; launched one by one, they take 1.4 to 2.2 times
+    # as long.
+    with set_xla_metadata(xla_cpu_small_call="true", inlineable="false"):
+        state = jax.jit(loop)(a, columns, epsilon, limit, state)
     return state._replace(prices=state.prices.reshape(-1)[:n], owner=state.owner[:n])
 
 
@@ -167,11 +167,7 @@ class _Phase(NamedTuple):
     """State of the loop over phases."""
 
     epsilon: Array  # 0 marks the end
-    prices: Array  # [n]
-    owner: Array  # [n]
-    waiting: Array  # number of bidders without an object; > 0 if the loop ended within a phase
-    stack: Array
-    bids: Array
+    bidding: _Bidding  # not folded; bidders wait at the end if the loop ended within a phase
     raises: Array
     index: Array  # type: ignore[assignment]  # [n] the cheapest bijection so far
     cost: Array  # cost of `index`
@@ -180,11 +176,9 @@ class _Phase(NamedTuple):
     gap: Array
 
 
-@functools.partial(jax.jit, static_argnames="fused")  # compiled once per size
-def _solve(
-    a: Array, b: Array, tolerance: Array, max_bids: Array, *, fused: bool
-) -> tuple[Array, Array, Array, Array]:
-    """Runs the phases for one pair; returns index, prices, bids and gap."""
+@jax.jit  # compiled once per size
+def _solve(a: Array, b: Array, tolerance: Array, max_bids: Array) -> tuple[Array, ...]:
+    """Runs the phases for one pair on a CPU; returns index, prices, bids and gap."""
     n = len(a)
     problem = prepare(a, b)
     here = problem.finite
@@ -195,82 +189,99 @@ def _solve(
     quiet = max_bids - max_bids // 2  # number of bids before epsilon is raised for the first time
     patience = jnp.maximum(max_bids // 2 // _RAISES, 1)  # number of bids between later raises
 
-    def begin(judged: Judged, index: Array, epsilon: Array | float) -> tuple[Array, Array, Array]:
+    def begin(judged: Judged, index: Array, epsilon: Array | float, bids: Array) -> _Bidding:
         keep = judged.slack <= epsilon
-        return _inverse(index, keep), (~keep).sum(dtype=jnp.int32), _front(~keep)
+        waiting = (~keep).sum(dtype=jnp.int32)
+        return _Bidding(judged.prices, _inverse(index, keep), _front(~keep), waiting, bids)
 
     def unfinished(s: _Phase) -> Array:
         # A complete matching is final if the phase with the smallest epsilon is done, or if epsilon
         # was raised.
-        unfinished = (s.waiting > 0) | ((s.raises == 0) & (s.epsilon > 0))
-        return (s.gap > tolerance) & unfinished & (s.bids < max_bids) & problem.finite
+        unfinished = (s.bidding.waiting > 0) | ((s.raises == 0) & (s.epsilon > 0))
+        return (s.gap > tolerance) & unfinished & (s.bidding.bids < max_bids) & problem.finite
 
     def end_phase(s: _Phase) -> _Phase:
-        index = _bijection(s.owner)
-        new = judge(problem, index, s.prices)
+        index, old = _bijection(s.bidding.owner), s.bidding
+        new = judge(problem, index, old.prices)
         better, higher = new.cost < s.cost, new.lower > s.lower
-        s = s._replace(
-            index=jnp.where(better, index, s.index),
-            cost=jnp.where(better, new.cost, s.cost),
-            proof=jnp.where(higher, new.prices, s.proof),
-            lower=jnp.where(higher, new.lower, s.lower),
-            prices=new.prices,
-        )
-        gap = gap_of(s.cost, s.lower, n)
+        cost = jnp.where(better, new.cost, s.cost)
+        lower = jnp.where(higher, new.lower, s.lower)
+        gap = gap_of(cost, lower, n)
         # Near the end aim a little below the tolerance, but change epsilon neither too little nor
         # too much.
         aim = jnp.where(jnp.isfinite(gap), _AIM * tolerance / gap, 0)
         epsilon = s.epsilon * jnp.clip(aim, 1 / _FACTOR, 0.7)
-        floor = _FLOOR * (1 + s.prices.max())
+        floor = _FLOOR * (1 + new.prices.max())
         last = s.epsilon <= floor
         epsilon = jnp.maximum(epsilon, floor)
         done = last | (gap <= tolerance) | (s.raises > 0)
-        owner, waiting, stack = begin(new, index, epsilon)
-        return s._replace(
-            gap=gap,
-            epsilon=jnp.where(done, 0.0, epsilon),
-            owner=jnp.where(done, s.owner, owner),
-            waiting=jnp.where(done, 0, waiting),
-            stack=jnp.where(done, s.stack, stack),
-        )
+        following = begin(new, index, epsilon, old.bids)
+        end = old._replace(prices=new.prices, waiting=jnp.zeros_like(old.waiting))
+        bidding = jax.tree.map(lambda x, y: jnp.where(done, x, y), end, following)
+        best = jnp.where(better, index, s.index), cost
+        proof = jnp.where(higher, new.prices, s.proof), lower
+        return _Phase(jnp.where(done, 0.0, epsilon), bidding, s.raises, *best, *proof, gap)
 
     def hurry(s: _Phase) -> _Phase:
         return s._replace(epsilon=s.epsilon * _RAISE, raises=s.raises + 1)
 
     def phase(s: _Phase) -> _Phase:
         limit = jnp.minimum(quiet + patience * s.raises, max_bids)
-        state = _Bidding(s.prices, s.owner, s.stack, s.waiting, s.bids)
-        state = _bid_all(problem.a, problem.b, s.epsilon, limit, state, fused=fused)
-        s = s._replace(**state._asdict())
-        return lax.cond(s.waiting == 0, end_phase, hurry, s)
+        bidding = _bid_all(problem.a, problem.b, s.epsilon, limit, s.bidding)
+        return lax.cond(bidding.waiting == 0, end_phase, hurry, s._replace(bidding=bidding))
 
-    owner, waiting, stack = begin(first, index, _START)
-    state = _Phase(
-        epsilon=vary_with(jnp.float32(_START), here),
-        prices=first.prices,
-        owner=owner,
-        waiting=waiting,
-        stack=stack,
-        bids=zero,
-        raises=zero,
-        index=index,
-        cost=first.cost,
-        proof=first.prices,
-        lower=first.lower,
-        gap=gap_of(first.cost, first.lower, n),
-    )
+    epsilon, gap = vary_with(jnp.float32(_START), here), gap_of(first.cost, first.lower, n)
+    best = index, first.cost, first.prices, first.lower
+    state = _Phase(epsilon, begin(first, index, _START, zero), zero, *best, gap)
     state = lax.while_loop(unfinished, phase, state)
     # If the loop ended within a phase, the matching is incomplete. `end_phase` completes it and
     # keeps the result if it is better than the best bijection so far.
-    state = lax.cond(state.waiting > 0, end_phase, lambda s: s, state)
+    state = lax.cond(state.bidding.waiting > 0, end_phase, lambda s: s, state)
     gap = jnp.where(problem.finite, state.gap, jnp.nan)
-    return state.index, state.proof * problem.unit, state.bids, gap
+    return state.index, state.proof * problem.unit, state.bidding.bids, gap
 
 
-# On a CPU the pairs of a batch are solved one after another, under `vmap` too. In lock step every
-# pair would take as long as the slowest one, and every bid would copy the state of all pairs.
-_solve_on_cpu = sequential_vmap(functools.partial(_solve, fused=True))
-solve_in_lock_step = functools.partial(_solve, fused=False)
+@functools.cache
+def _threads() -> concurrent.futures.ThreadPoolExecutor:
+    return concurrent.futures.ThreadPoolExecutor(num_cores(), "auction")
+
+
+def _solve_all(*pairs: Array) -> list[np.ndarray]:
+    """`_solve` on the cores of the host, for arrays with any leading axes."""
+    axes, n, cpu = pairs[-1].shape, pairs[0].shape[-2], jax.local_devices(backend="cpu")[0]
+
+    def solve(*pair: np.ndarray) -> list[np.ndarray]:
+        with jax.enable_x64(pair[0].dtype == np.float64), jax.default_device(cpu):
+            return [np.asarray(x) for x in _solve(*pair)]
+
+    flat = (np.asarray(x).reshape(-1, *x.shape[len(axes) :]) for x in pairs)
+    found = list(_threads().map(solve, *flat))
+    kinds = ((n,), np.int32), ((n,), np.float32), ((), np.int32), ((), np.float32)
+    return [
+        np.array([solved[k] for solved in found], dtype).reshape(axes + shape)
+        for k, (shape, dtype) in enumerate(kinds)
+    ]
+
+
+def _on_host(*pair: Array) -> Any:
+    results = jax.eval_shape(_solve, *pair)
+    return jax.pure_callback(_solve_all, results, *pair, vmap_method="broadcast_all")
+
+
+# An accelerator would launch several kernels for each of some ten thousand bids, one after the
+# other: its host solves, all pairs of a batch by one callback. On a CPU the pairs are solved one
+# after another, under `vmap` too. In lock step every pair would take as long as the slowest one,
+# and every bid would copy the state of all pairs.
+@custom_vmap
+def _solve_anywhere(*pair: Array) -> Any:
+    return (_solve if jax.default_backend() == "cpu" else _on_host)(*pair)
+
+
+@_solve_anywhere.def_vmap
+def _solve_batch(size: int, mapped: Sequence[bool], *arrays: Array) -> Any:
+    one = sequential_vmap(_solve_anywhere) if jax.default_backend() == "cpu" else _on_host
+    each = jax.vmap(one, [0 if has_axis else None for has_axis in mapped])
+    return on_each_device(each, arrays, mapped), (True,) * 4
 
 
 class Assignment(NamedTuple):
@@ -301,8 +312,9 @@ def assign(
     The solver stops after the first phase with `gap` <= tolerance. When half of the budget is
     spent, it raises epsilon step by step, so that the auction ends. The paper does this too. The
     result is always a bijection, and `gap` is always valid for it. It has no gradient; the module
-    `emd` has the distance and its gradient. On a GPU every bid launches several kernels, which is
-    slow.
+    `emd` has the distance and its gradient. For clouds on an accelerator it is solved on the cores
+    of the host, in parallel for the pairs of a `vmap`; an exception there ends the calling
+    program.
 
     Args:
       a: [n, 3], n >= 1, a floating dtype, any unit; solved in float32.
@@ -331,9 +343,6 @@ def assign(
             raise ValueError(f"{name}: got {value}, expected >= 0")
     dtype = jnp.promote_types(a.dtype, b.dtype)
     a, b = (lax.stop_gradient(x.astype(dtype)) for x in (a, b))
-    here = a[0, 0] == b[0, 0]
-    tolerance = vary_with(jnp.asarray(tolerance, jnp.float32), here)
-    budget = vary_with(jnp.asarray(max_bids, jnp.int32), here)
-    solve = _solve_on_cpu if jax.default_backend() == "cpu" else solve_in_lock_step
-    index, prices, bids, gap = solve(a, b, tolerance, budget)
+    tolerance, budget = jnp.asarray(tolerance, jnp.float32), jnp.asarray(max_bids, jnp.int32)
+    index, prices, bids, gap = _solve_anywhere(a, b, tolerance, budget)
     return Assignment(index, prices, gap <= tolerance, bids, gap)

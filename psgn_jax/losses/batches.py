@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from psgn_jax.array_types import Array
+from psgn_jax.losses.split import on_each_device
 from psgn_jax.system.cores import num_cores
 
 # More parts take longer to compile, and small parts gain little.
@@ -49,14 +50,18 @@ def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
         if {len(a) for a in arrays} != {size}:
             sizes = ", ".join(str(len(a)) for a in arrays)
             raise ValueError(f"map_pairs: got batches of {sizes} pairs, expected the same number")
+        return on_each_device(over_part, arrays, (True,) * len(arrays))
+
+    def over_part(*arrays: Array) -> Any:
         if (platform or jax.default_backend()) != "cpu":
             return jax.vmap(function)(*arrays)
+        size = len(arrays[0])
         if any(isinstance(a, jax.core.Tracer) for a in arrays):
             cores = num_cores() // jax.local_device_count()  # each device has its own batch
             size = -(-size // max(1, min(cores, _MAX_PARTS, size // _MIN_PAIRS)))
         parts = [
             jax.lax.scan(one_pair, None, tuple(a[i : i + size] for a in arrays))[1]
-            for i in range(0, max(1, len(pred)), max(1, size))
+            for i in range(0, max(1, len(arrays[0])), max(1, size))
         ]
         if len(parts) == 1:
             return parts[0]

@@ -1,11 +1,7 @@
 """A proven bound on how far a bijection between two clouds is from optimal.
 
-For clouds a and b of n points each and Euclidean costs c_ij = |a_i - b_j|:
-
-    OPT = min over bijections s of sum_i c_{i, s(i)}
-
-The certificate (linear programming duality). For any prices p_j of the points of b, and any u with
-u_i <= c_ij + p_j for all i and j, every bijection t costs at least
+The notation is that of `auction`. By linear programming duality, for any prices p_j of the points
+of b, and any u with u_i <= c_ij + p_j for all i and j, every bijection t costs at least
 
     sum_i c_{i,t(i)} >= sum_i (u_i - p_{t(i)}) = sum_i u_i - sum_j p_j.
 
@@ -13,9 +9,8 @@ The cost P of a bijection s therefore exceeds OPT by at most the sum of its slac
 
     P - OPT <= sum_i (c_{i,s(i)} + p_{s(i)} - u_i)
 
-This holds for any prices, however they were computed. `gap` is this bound divided by a lower bound
-on OPT. It includes all float32 rounding errors, so it is never too small. Memory is linear in n:
-distances are computed from the coordinates when they are needed.
+`gap` is this bound divided by a lower bound on OPT. It includes all float32 rounding errors, so it
+is never too small. Memory is linear in n: distances are computed when they are needed.
 """
 
 from typing import Any, NamedTuple

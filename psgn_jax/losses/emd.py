@@ -60,7 +60,7 @@ def matched_distances(
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
     square = jnp.square(pred - gt[matched.index]).sum(axis=-1)
     # A product instead of `where`, so that the gradient of a non-finite pair is NaN as well.
-    healthy = jnp.where(jnp.isnan(matched.gap), jnp.nan, 1.0)
+    healthy = jnp.where(jnp.isnan(matched.gap)[None], jnp.nan, 1.0)
     return MatchedDistances(safe_sqrt(square) * healthy, matched)
 
 

@@ -1,18 +1,15 @@
 """Convolutions of batches as pure functions; kernels have the axes [..., c_in, c_out].
 
-They are XLA's. On a CPU `models.networks` sets `faster` to oneDNN's, which computes some of them;
-results agree up to rounding, so that checkpoints do not depend on what computes.
+They are XLA's, unless `cpu_convolution` has a faster way on a CPU; results agree up to rounding, so
+that checkpoints do not depend on what computes. Who copies a network leaves out `cpu_convolution`.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 from jax import lax
 
 from psgn_jax.array_types import Array, Float
-
-faster: Callable[..., Array | None] | None = None
-"""(x, kernel, stride, transposed) -> the result, or None to leave it to XLA."""
+from psgn_jax.models import cpu_convolution
 
 _LAYOUT: dict[int, Any] = {4: ("NHWC", "HWIO", "NHWC"), 5: ("NDHWC", "DHWIO", "NDHWC")}
 
@@ -24,7 +21,7 @@ def convolve(
 
     The output has `ceil(size / stride)` cells along each axis.
     """
-    if faster is not None and (y := faster(x, kernel, stride, False)) is not None:
+    if (y := cpu_convolution.convolve(x, kernel, stride, transposed=False)) is not None:
         return y
     strides, layout = (stride,) * (x.ndim - 2), _LAYOUT[x.ndim]
     return lax.conv_general_dilated(x, kernel, strides, "SAME", dimension_numbers=layout)
@@ -34,7 +31,7 @@ def convolve_transposed(
     x: Float[Array, "b h w c_in"], kernel: Float[Array, "kh kw c_in c_out"], stride: int = 2
 ) -> Float[Array, "b ho wo c_out"]:
     """Transposed convolution of images, SAME padding: the output is `stride` times as large."""
-    if faster is not None and (y := faster(x, kernel, stride, True)) is not None:
+    if (y := cpu_convolution.convolve(x, kernel, stride, transposed=True)) is not None:
         return y
     return lax.conv_transpose(x, kernel, (stride,) * 2, "SAME", dimension_numbers=_LAYOUT[4])
 
@@ -43,7 +40,7 @@ def convolve_depthwise(
     x: Float[Array, "b h w c"], kernel: Float[Array, "kh kw 1 c"], stride: int = 1
 ) -> Float[Array, "b ho wo c"]:
     """Convolution of each channel by itself, SAME padding of TensorFlow."""
-    if faster is not None and (y := faster(x, kernel, stride, False)) is not None:
+    if (y := cpu_convolution.convolve(x, kernel, stride, transposed=False)) is not None:
         return y
     groups, strides = x.shape[-1], (stride,) * 2
     return lax.conv_general_dilated(

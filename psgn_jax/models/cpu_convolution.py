@@ -6,15 +6,16 @@ ones. oneDNN is the library whose kernels PyTorch uses; a training step takes ab
 
 The environment variable `PSGN_CONVOLUTIONS` selects `onednn` (an error where it is missing) or
 `xla`. Platform and variable are read when a function is traced; later changes have no effect on
-functions that `jax.jit` has already traced. With oneDNN there is no forward-mode derivative.
+functions that `jax.jit` has already traced. With oneDNN there is no forward-mode
+derivative, and `jax.export` needs `plain_convolutions` or `xla`.
 """
 
 import contextlib
 import contextvars
 import functools
 import os
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -39,7 +40,7 @@ def plain_convolutions() -> Iterator[None]:
         _plain.reset(token)
 
 
-def convolve(x: Array, kernel: Array, stride: int, transposed: bool) -> Array | None:
+def convolve(x: Array, kernel: Array, stride: int, *, transposed: bool) -> Array | None:
     """The functions of `convolution`, where there is a faster way than XLA's; otherwise None."""
     if kernel.shape[-2] != x.shape[-1]:
         return _convolve_depthwise(x, kernel, stride) if _on_cpu() else None
@@ -163,12 +164,14 @@ def _conv_adjoint(y: Array, kernel: Array, geometry: _Geometry, size: tuple[int,
     return jax.linear_transpose(lambda x: _xla(x, kernel, geometry), image)(y)[0]
 
 
-def _kernel_gradient(x: Array, dy: Array, kernel: Array, geometry: _Geometry) -> Array:
-    """The adjoint of `_conv` with respect to the kernel."""
-    described = onednn.Convolution(x.shape, kernel.shape, dy.shape, *geometry, x.dtype.name)
+@functools.partial(jax.custom_vjp, nondiff_argnums=(2, 3))
+def _kernel_gradient(x: Array, dy: Array, geometry: _Geometry, shape: tuple[int, ...]) -> Array:
+    """The adjoint of `_conv` with respect to the kernel, of that shape."""
+    described = onednn.Convolution(x.shape, shape, dy.shape, *geometry, x.dtype.name)
     gradient = onednn.compute("kernel_gradient", x, dy, described)
     if gradient is not None:
         return gradient
+    kernel = jax.ShapeDtypeStruct(shape, x.dtype)
     return jax.linear_transpose(lambda k: _xla(x, k, geometry), kernel)(dy)[0]
 
 
@@ -182,17 +185,29 @@ def _xla(x: Array, kernel: Array, geometry: _Geometry) -> Array:
 def _conv_vjp(geometry: _Geometry, saved: tuple[Array, Array], dy: Array) -> tuple[Array, Array]:
     x, kernel = saved
     dx = _conv_adjoint(dy, kernel, geometry, (x.shape[1], x.shape[2]))
-    return dx, _kernel_gradient(x, dy, kernel, geometry)
+    return dx, _kernel_gradient(x, dy, geometry, kernel.shape)
 
 
 def _conv_adjoint_vjp(
     geometry: _Geometry, _: tuple[int, int], saved: tuple[Array, Array], dx: Array
 ) -> tuple[Array, Array]:
     y, kernel = saved
-    return _conv(dx, kernel, geometry), _kernel_gradient(dx, y, kernel, geometry)
+    return _conv(dx, kernel, geometry), _kernel_gradient(dx, y, geometry, kernel.shape)
 
 
-_conv.defvjp(lambda x, kernel, geometry: (_conv(x, kernel, geometry), (x, kernel)), _conv_vjp)
-_conv_adjoint.defvjp(
-    lambda y, kernel, *static: (_conv_adjoint(y, kernel, *static), (y, kernel)), _conv_adjoint_vjp
-)
+def _kernel_gradient_vjp(
+    geometry: _Geometry, _: tuple[int, ...], saved: tuple[Array, Array], dkernel: Array
+) -> tuple[Array, Array]:
+    x, dy = saved
+    dx = _conv_adjoint(dy, dkernel, geometry, (x.shape[1], x.shape[2]))
+    return dx, _conv(x, dkernel, geometry)
+
+
+# The functions are linear in both arguments, and the gradients of each are the two others.
+def _saving(function: Callable[..., Array]) -> Callable[..., Any]:
+    return lambda first, second, *static: (function(first, second, *static), (first, second))
+
+
+_conv.defvjp(_saving(_conv), _conv_vjp)
+_conv_adjoint.defvjp(_saving(_conv_adjoint), _conv_adjoint_vjp)
+_kernel_gradient.defvjp(_saving(_kernel_gradient), _kernel_gradient_vjp)

@@ -16,12 +16,10 @@ from flax import linen as nn
 
 from psgn_jax.array_types import Array, PRNGKey
 from psgn_jax.config.experiment import Config, ModelConfig, VoxelConfig
-from psgn_jax.models import convolution, cpu_convolution, posterior, r2n2, voxels
+from psgn_jax.models import posterior, r2n2, voxels
 from psgn_jax.models.efficientnet import PhotoEncoder
 from psgn_jax.models.inputs import network_inputs
 from psgn_jax.models.point_out_net import PointOutNet
-
-convolution.faster = cpu_convolution.convolve
 
 DTYPES = {"float32": jnp.float32, "bfloat16": jnp.bfloat16}
 """The accepted values of `model.compute_dtype`."""

@@ -24,7 +24,6 @@ from scipy import ndimage
 from psgn_jax.data import photo
 from psgn_jax.data.photo import PhotoError
 from psgn_jax.data.resize import smooth_mask
-from psgn_jax.models import networks  # noqa: F401  sets the convolutions of a CPU
 from psgn_jax.models.mask_net import MaskNet
 from psgn_jax.system.untrusted import kind_of
 from psgn_jax.weights.mask import read_mask_network

@@ -1,11 +1,11 @@
 """Measurements on an accelerator, in parts that end after `--limit` seconds.
 
-    python tests/bench/gpu.py [--parts tests losses step train] [--out gpu] [--data RECORDS]
+    python tests/bench/gpu.py [--parts step tests losses train] [--out gpu] [--data RECORDS]
     JAX_PLATFORMS=cpu python tests/bench/gpu.py --tiny      # every part on a CPU, to see it run
 
+step    whole training steps in memory, those with the EMD first: networks, precisions, batch sizes
 tests   the tests of losses and networks on the accelerator
 losses  CD and EMD of 32 pairs, with gradients: milliseconds, proven gap
-step    whole training steps in memory: networks, precisions and batch sizes
 train   `psgn train` on `--data` until the time is over; a further call resumes it
 
 Times are the least of several calls. Each part runs in a process of its own and appends each figure
@@ -13,6 +13,7 @@ to OUT/rows.jsonl as soon as it is measured; OUT/gpu.md is the table of the newe
 """
 
 import argparse
+import dataclasses
 import itertools
 import json
 import os
@@ -25,9 +26,10 @@ import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
-PARTS = ("tests", "losses", "step", "train")
+PARTS = ("step", "tests", "losses", "train")
 BUDGET = 5.0  # seconds for each figure
 NETWORKS = ("two_branch", "vanilla", "hourglass")
+EMD, CD = "emd_mean@{} + 5*chamfer_sq_mean", "chamfer_sq_mean"
 
 
 def surfaces(rng, pairs, points):
@@ -63,6 +65,8 @@ def measure_steps(tiny):
 
     from psgn_jax import tasks
     from psgn_jax.config import parse
+    from psgn_jax.config.experiment import LossConfig
+    from psgn_jax.models import networks
     from psgn_jax.training.from_config import create_state, create_step
     from psgn_jax.training.step import data_mesh, put_batch, put_replicated
 
@@ -71,12 +75,14 @@ def measure_steps(tiny):
     small = {"widths": (4, 6, 8), "fc_points": 16, "fc_widths": (16,), "deconv_level": 1}
     rng = np.random.default_rng(0)
     precisions = ("float32", "bfloat16")
-    for name, precision, batch in itertools.product(NETWORKS, precisions, sizes):
+    for loss, name, precision, batch in itertools.product((EMD, CD), NETWORKS, precisions, sizes):
         model = {"name": name, "compute_dtype": precision, **(small if tiny else {})}
         if name == "vanilla" and not tiny:
             model["fc_points"] = 1024
         data = {"image_size": size, "num_points": 64 if tiny else 4096}
         config = parse({"model": model, "data": data, "train": {"batch_size": batch}})
+        full_name = loss.format(networks.build(config.model).num_points)
+        config = dataclasses.replace(config, loss=LossConfig(name=full_name))
         task = tasks.create(config, "")
         step = create_step(task, config, mesh)
         arrays = {
@@ -94,7 +100,8 @@ def measure_steps(tiny):
             held[0], metrics = step(held[0], on_device)
             return metrics
 
-        yield f"step, {name}, {precision}, batch {batch}: ms", 1000 * seconds(run, BUDGET)
+        figure = f"step, {full_name}, {name}, {precision}, batch {batch}: ms"
+        yield figure, 1000 * seconds(run, BUDGET)
 
 
 def run_part(name, arguments):
@@ -134,7 +141,7 @@ def main():
     if arguments.in_this_process:
         run_part(arguments.parts[0], arguments)
         return
-    environment = {"JAX_PLATFORMS": "cuda"} | os.environ | {"PYTHONPATH": str(ROOT)}
+    environment = {"JAX_PLATFORMS": "cuda,cpu"} | os.environ | {"PYTHONPATH": str(ROOT)}
     for name in arguments.parts:
         command = [sys.executable, __file__, "--in_this_process", f"--parts={name}",
                    f"--out={arguments.out}", *["--tiny"] * arguments.tiny]  # fmt: skip

@@ -1,8 +1,8 @@
 """Times the Chamfer and the earth mover's distance, and other implementations of them.
 
-    python tests/bench/losses.py [--data ../shared/psgn_batches] [--pairs 32] [--only cd emd]
-        [--sizes 1024x1024 ..] [--emd_sizes 1024 ..] [--kinds near far init dup grid]
-        [--leave_out naive torch ..]
+    python tests/bench/losses.py [--data ../shared/psgn_batches] [--pairs 32]
+        [--only cd emd tolerances] [--sizes 1024x1024 ..] [--emd_sizes 1024 ..]
+        [--kinds near far init dup grid] [--leave_out naive torch ..]
 
 All rows use the same clouds in the same run. `cKDTree` is SciPy's, both directions, forward only,
 with one thread; every time is also given relative to it. Seconds are the CPU seconds of the process
@@ -16,10 +16,10 @@ within 1e-3 of the origin, dup = far with eight copies of every point on average
 rounded to a lattice of step 1/8, which gives ties.
 
 In the table of the EMD, the optimum is that of SciPy's `linear_sum_assignment`. Its time and those
-of POT, lapx and optax's Hungarian algorithm do not include the cost matrices. Errors are (sum of
-distances) / optimum - 1; for Sinkhorn, the sum is the cost of its transport plan. Libraries that
-are not installed are left out. SciPy and this package are measured on all pairs; the others, which
-are slow, on only the first `--emd_pairs`.
+of POT and lapx do not include the cost matrices. Errors are (sum of distances) / optimum - 1; for
+Sinkhorn, the sum is the cost of its transport plan. Libraries that are not installed are left out.
+SciPy and this package are measured on all pairs; the others, which are slow, on only the first
+`--emd_pairs`. The table of tolerances has the time of this package's auction on one core.
 """
 
 import argparse
@@ -35,7 +35,6 @@ import zlib
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optax
 
 from psgn_jax import losses
 
@@ -223,15 +222,7 @@ def lapx(d):
     return lap.lapjv(d)[0]
 
 
-_hungarian = jax.jit(optax.assignment.hungarian_algorithm)
-
-
-def hungarian(d):
-    row, col = jax.device_get(_hungarian(jnp.asarray(d, jnp.float32)))
-    return d[row, col].sum()
-
-
-EXACT = {"ot": ("POT emd2", pot), "lap": ("lapx lapjv", lapx), "optax": ("optax", hungarian)}
+EXACT = {"ot": ("POT emd2", pot), "lap": ("lapx lapjv", lapx)}
 """Package -> name, and function from a matrix of costs to the least sum."""
 
 
@@ -332,12 +323,31 @@ def emd_table(args, whole):
                 show(f"ott Sinkhorn {relative:g}", spent / k, sums, bids=rounds)
 
 
+def tolerances_table(args, whole):
+    """The EMD of one core, pair by pair."""
+    print_head("n", "kind", "tolerance", "CPU ms/pair", "pairs/s", "largest gap")
+    for n, kind in itertools.product(args.emd_sizes, args.kinds):
+        pairs = max(args.emd_pairs, args.pairs * 1024**2 // max(n, 1024) ** 2)
+        a, b = make_pairs(whole, pairs, n, n, kind, np.random.default_rng(0))
+        for tolerance in (0.01, 0.03, 0.1):
+            call = functools.partial(losses.assign, tolerance=tolerance)
+            jax.block_until_ready(call(a[0], b[0]))
+            found, spent = clocked(
+                lambda x, y, f=call: jax.device_get(f(x, y)), zip(a, b, strict=True)
+            )
+            print_row(n, kind, tolerance, f"{1e3 * spent / pairs:.1f}", f"{pairs / spent:.1f}",
+                      f"{max(x.gap for x in found):.2%}")  # fmt: skip
+
+
+TABLES = {"cd": cd_table, "emd": emd_table, "tolerances": tolerances_table}
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     default = pathlib.Path(__file__).resolve().parents[3] / "shared" / "psgn_batches"
     parser.add_argument("--data", type=pathlib.Path, default=default)
     parser.add_argument("--pairs", type=int, default=32)
-    parser.add_argument("--only", nargs="+", default=["cd", "emd"], choices=["cd", "emd"])
+    parser.add_argument("--only", nargs="+", default=["cd", "emd"], choices=list(TABLES))
     parser.add_argument("--sizes", nargs="+", default=["1024x1024", "1024x4096", "1024x16384"])
     parser.add_argument("--emd_sizes", nargs="+", type=int, default=[1024, 2048, 4096])
     every = ["near", "far", "init", "dup", "grid"]
@@ -352,7 +362,7 @@ def main():
     real = args.data.is_dir()
     print(f"clouds: {'authors batches' if real else 'default data set'}")
     whole = real_clouds(args.data, args.pairs) if real else default_clouds(args.pairs)
-    for name, table in {"cd": cd_table, "emd": emd_table}.items():
+    for name, table in TABLES.items():
         if name in args.only:
             table(args, whole)
 

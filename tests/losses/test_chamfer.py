@@ -80,6 +80,23 @@ def test_is_the_definition(rng):
     jax.tree.map(lambda x, y: np.testing.assert_allclose(x, y, rtol=1e-6, atol=1e-8), fast, slow)
 
 
+def test_tiles_of_an_accelerator(rng, monkeypatch):
+    a, b = clouds(rng, 1100, 70)
+    want = losses.nearest_both(a, b)
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    for found, expected in zip(losses.nearest_both(a, b), want, strict=True):
+        np.testing.assert_allclose(found.distance_sq, expected.distance_sq, rtol=1e-6)
+        np.testing.assert_array_equal(found.index, expected.index)
+    program = jax.make_jaxpr(losses.nearest_both)(jnp.zeros((16384, 3)), jnp.zeros((1024, 3)))
+    assert "length=16\n" in str(program)  # one step for 1,024 rows
+
+
+def test_forward_mode_is_refused(rng):
+    a, b = clouds(rng, 5, 4)
+    with pytest.raises(TypeError, match="forward-mode"):
+        jax.jacfwd(losses.chamfer_sq)(a, b)
+
+
 @pytest.mark.parametrize("name", ["chamfer_sq", "chamfer_l1_mean"])
 def test_coincident_points_have_zero_gradient(rng, name):
     a, _ = clouds(rng, 70, 1)
@@ -129,6 +146,8 @@ def test_non_finite(rng, bad, argument):
     # Inside jit the values are not known; every distance must be NaN, not a finite number.
     for found in jax.jit(losses.nearest_both)(pair["pred"], pair["gt"]):
         assert np.isnan(found.distance_sq).all()
+    for grad in jax.jit(jax.grad(losses.chamfer_sq_mean, (0, 1)))(pair["pred"], pair["gt"]):
+        assert np.isnan(grad).all()
 
 
 @pytest.mark.parametrize("shape", [(0, 3), (5, 2), (3,), (2, 5, 3)])

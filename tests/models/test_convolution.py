@@ -9,10 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from psgn_jax.models import cpu_convolution, networks, onednn
+from psgn_jax.models import cpu_convolution, onednn
 from psgn_jax.models.convolution import convolve, convolve_depthwise, convolve_transposed
 
-assert networks.NETWORKS  # its import makes the convolutions use oneDNN
 NEEDS_ONEDNN = pytest.mark.skipif(onednn.library()[0] is None, reason="oneDNN is not installed")
 
 
@@ -108,6 +107,24 @@ CASES = {
 def test_is_the_definition(case, library):
     arrays = make(*case)
     assert_close(run(*arrays, *case[-2:]), reference(*arrays, *case[-2:]))
+
+
+@NEEDS_ONEDNN
+@pytest.mark.parametrize("name", ["strided", "transposed"])
+def test_gradient_of_a_gradient(name, monkeypatch):
+    *arrays, dy = make(*CASES[name])
+
+    def of_gradients(x, kernel):
+        gradients = run(x, kernel, dy, *CASES[name][-2:])[1:]
+        return sum(jnp.sum(jnp.sin(g)) for g in gradients)
+
+    found = []
+    for value in ("onednn", "xla"):
+        monkeypatch.setenv("PSGN_CONVOLUTIONS", value)
+        jax.clear_caches()
+        found.append(jax.grad(of_gradients, (0, 1))(*arrays))
+    for ours, expected in zip(*found, strict=True):
+        assert np.abs(ours - expected).max() < 1e-4 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("name", ["strided", "transposed"])
@@ -215,7 +232,6 @@ def test_threads():
 
 ENDING = """
 import jax, jax.numpy as jnp
-from psgn_jax.models import networks
 from psgn_jax.models.convolution import convolve
 x, kernel = jnp.ones((8, 96, 128, 8)), jnp.ones((3, 3, 8, 8))
 @jax.jit
