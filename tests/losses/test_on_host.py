@@ -63,7 +63,7 @@ assert value(x[0], b[0]) < value(a[0], b[0])
 
 # The program for a GPU has one callback and no loop.
 from jax._src.callback import pure_callback_p
-from jax.interpreters import mlir
+from jax._src.interpreters import mlir
 def stand_in(ctx, *arguments, **_):  # the real one needs a GPU
     types = [mlir.aval_to_ir_type(ctx.module_context, x) for x in ctx.avals_out]
     return mlir.custom_call("solve", result_types=types, operands=arguments).results
@@ -82,7 +82,7 @@ def fails(*_):
 auction._solve = fails
 try:
     jax.block_until_ready(assign(a, b))
-except jax.errors.JaxRuntimeError as error:
+except (jax.errors.JaxRuntimeError, ValueError) as error:  # JAX's type differs by its way there
     assert "no memory for this pair" in str(error)
 else:
     raise AssertionError("no error")
