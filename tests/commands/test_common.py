@@ -84,7 +84,6 @@ def test_wrong_arguments_end_in_one_line_before_a_network_is_made(tmp_path):
         (["evaluate", "--weights=none", "--data=tests"], "'tests': not a data set"),
         (predict, "IMAGE is missing; usage: psgn predict IMAGE..."),
         ([*predict, "a.png", "--formats=stl"], "accepted: any of ply, xyz, obj, glb, npz"),
-        ([*predict, "a.png", "--invert_mask"], "accepted only with --mask=FILE|FOLDER"),
     )
     found = psgn_each(*(arguments for arguments, _ in cases), JAX_PLATFORMS="none")
     for done, (_, message) in zip(found, cases, strict=True):
