@@ -24,6 +24,8 @@ import pytest
 from jaxtyping import config as jaxtyping_config
 from jaxtyping import install_import_hook
 
+from psgn_jax.system.quiet import quiet_orbax
+
 jax.config.update("jax_numpy_rank_promotion", "raise")
 gc.disable()  # until the tests are collected
 
@@ -40,6 +42,12 @@ def pytest_collection_finish():
 
 
 _AUTHORS = pathlib.Path(__file__).resolve().parents[2] / "shared" / "psgn_batches"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def quiet():
+    """Orbax's threads may print errors that were raised as well; commands suppress them, too."""
+    quiet_orbax()
 
 
 @pytest.fixture(scope="session")

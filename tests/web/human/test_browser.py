@@ -86,6 +86,7 @@ def test_a_table_is_modelled_saved_and_restored(page, study_folder, tmp_path):
     assert model_of(page) == model
     page.evaluate("localStorage.clear(); human.state.entries.forEach(e => { e.model.parts = []; })")
     page.set_input_files("#open", str(tmp_path / "human.json"))
+    page.wait_for_function("human.state.entries[0].model.parts.length === 2")
     page.get_by_text(re.compile("2 box . 4")).wait_for()
     assert model_of(page) == model
     (tmp_path / "other.json").write_text('{"format": "other"}')
