@@ -192,18 +192,20 @@ def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
     """The files, and the images in the folders, without repetition, masks and earlier results."""
     paths: list[pathlib.Path] = []
     for image in map(pathlib.Path, images):
-        if not image.is_dir():
-            paths.append(image)
-            continue
-        inside = sorted(p for p in image.iterdir() if p.suffix.lower() in photo.SUFFIXES)
-        left_out = {f"{p.stem}_mask" for p in inside}
-        paths += [
+        inside = [image]
+        if image.is_dir():
+            inside = sorted(
+                p
+                for p in image.iterdir()
+                if p.suffix.lower() in photo.SUFFIXES and p.is_file() and p.name[0] != "."
+            )
+        paths += inside
+    if paths[1:] or paths != list(map(pathlib.Path, images)):  # a file alone is always meant
+        masks_of = {p.with_name(f"{p.stem}_mask") for p in paths}
+        paths = [
             p
-            for p in inside
-            if p.is_file()
-            and p.name[0] != "."
-            and p.stem not in left_out
-            and not (p.suffix == ".png" and masks.is_result(p))
+            for p in paths
+            if p.with_suffix("") not in masks_of and not (p.suffix == ".png" and masks.is_result(p))
         ]
     return list(dict.fromkeys(paths))
 

@@ -239,6 +239,10 @@ def test_results_never_replace_photos_and_are_no_inputs(predictor, tmp_path):
         assert {name: (tmp_path / name).read_bytes() for name in names} == before
         written = {path.stem for path in tmp_path.glob("*.json")}
         assert written == {"chair-2", "chair_view", "lamp"}
+    listed = sorted([*tmp_path.glob("*.jpg"), *tmp_path.glob("*.png")])  # as a shell expands p/*
+    assert len(listed) > len(names)
+    results = dict(predict_files(lambda: predictor, listed, tmp_path))
+    assert sorted(path.name for path in results) == list(names)
 
 
 def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch):
