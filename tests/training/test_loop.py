@@ -323,6 +323,7 @@ def test_two_processes_train_and_evaluate_as_one_and_a_signal_stops_both(
     before = newest_step(workdir)
     assert wait_until(lambda: newest_step(workdir) > before, 300), log_of(workdir)
     both[0].kill()
+    both[0].wait()
     assert both[1].wait(120) == 4, log_of(workdir)
     assert "Traceback" not in log_of(workdir)
     assert "another process has ended" in log_of(workdir)
