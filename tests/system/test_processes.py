@@ -16,7 +16,11 @@ from psgn_jax.data.dataset import write_dataset
 from psgn_jax.system import processes
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-CONSOLE_SCRIPT = "import sys\nfrom psgn_jax.commands.psgn import main\nsys.exit(main())\n"
+CONSOLE_SCRIPT = """import sys
+from psgn_jax.commands.psgn import main
+if __name__ == "__main__":  # as in the scripts that pip installs
+    sys.exit(main())
+"""
 MESH = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 
