@@ -80,7 +80,8 @@ def mask_of(
 
     Args:
       mask: see `photo.read_mask`; None = automatic.
-      method, accept: see `find_mask`.
+      accept: see `method`.
+      method: see `find_mask`.
       invert: whether a given mask is white outside the object; None = if it looks so.
 
     Raises:
