@@ -80,7 +80,7 @@ def mask_of(
 
     Args:
       mask: see `photo.read_mask`; None = automatic.
-      accept: see `method`.
+      accept: see `find_mask`.
       method: see `find_mask`.
       invert: whether a given mask is white outside the object; None = if it looks so.
 
