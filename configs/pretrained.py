@@ -2,7 +2,7 @@
 
 Command: python data_gen/sets/free.py --packages FOLDER --out records/free
          python data_gen/sets/free.py --packages FOLDER --out records/others --photo=0.2
-             --angles=0.5 --level=0.3 --sources=furniture,scenery,aircraft
+             --angles=0.5 --level=0.3 --sources=furniture,collections
          psgn convert authors SRC records/authors
          python data_gen/render.py --catalogue=records --source=records/authors
              --out=records/views --config.views=8 --config.image.samples=2
@@ -23,9 +23,10 @@ and the same command resumes.
 Time: 7 hours, estimated from 64 samples/s on one core with oneDNN; not run to the end.
 Expect: the goals on the authors' validation split are a CD of .0085 (cd_sq_radius2) and an EMD of
 .105 (emd_radius). docs/model_card.md has the figures of the weights in the package, which were
-trained in several shorter runs.
+trained in several shorter runs, with models of FlightGear and TORCS in place of `collections` and
+`copyleft`.
 
-Data: 1.6 million samples from the free set, from new views of the authors' training objects and of
+Data: samples from the free set, from new views of the authors' training objects and of
 variants of them with other proportions, rendered and drawn, also as seen from other heights, and
 from the authors' training batches. `records/authors*12` counts each sample of this folder 12 times.
 Only the authors' validation batches are used for evaluation (`data.eval_path`). To leave out data
@@ -58,9 +59,8 @@ from psgn_jax.config import recipes as config_files
 
 FREE = (
     "furniture",
-    "scenery",
-    "aircraft",
-    "cars",
+    "collections",
+    "copyleft",
     "procedural",
     "procedural_incomplete",
 )
@@ -74,13 +74,11 @@ OTHERS = (
     "records/drawn_angles",
     "records/drawn_level",
     "records/others/photo/furniture*4",
-    "records/others/photo/aircraft*4",
+    "records/others/photo/collections*4",
     "records/others/angles/furniture*3",
-    "records/others/angles/scenery*3",
-    "records/others/angles/aircraft*3",
+    "records/others/angles/collections*3",
     "records/others/level/furniture*3",
-    "records/others/level/scenery*3",
-    "records/others/level/aircraft*3",
+    "records/others/level/collections*3",
 )
 
 

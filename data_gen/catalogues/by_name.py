@@ -11,15 +11,13 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from data_gen.catalogues.entry import Catalogue
-from data_gen.catalogues.flightgear import flightgear
-from data_gen.catalogues.folder import ac3d, folder
+from data_gen.catalogues.folder import folder
 from data_gen.catalogues.indexed import indexed
 from data_gen.catalogues.procedural import procedural
 from data_gen.catalogues.proportions import DEVIATION
 from data_gen.catalogues.records import records
 from data_gen.catalogues.sh3f import sweet_home
 from data_gen.catalogues.shapenet import shapenet
-from data_gen.catalogues.torcs import torcs
 
 CATALOGUES: dict[str, Callable[..., Catalogue]] = {
     "procedural": procedural,
@@ -27,9 +25,6 @@ CATALOGUES: dict[str, Callable[..., Catalogue]] = {
     "indexed": indexed,
     "shapenet": shapenet,
     "sh3f": sweet_home,
-    "ac3d": ac3d,
-    "flightgear": flightgear,
-    "torcs": torcs,
     "records": records,
 }
 

@@ -133,11 +133,10 @@ _ENDINGS = re.compile(
 def family_of(model_id: str) -> str:
     """The common part of the names of near-duplicates.
 
-    It is the name without folders, suffix and livery (after a colon), and without numbers, colours
-    and levels of detail at its end: `Models/farmhouse2-white.ac` and `farmhouse4.ac` are in the
-    family "farmhouse", `A320/Models/A320.ac:AirFrance` is in the family "a320".
+    It is the name without folders and suffix, and without numbers, colours and levels of detail at
+    its end: `Models/farmhouse2-white.glb` and `farmhouse4.glb` are in the family "farmhouse".
     """
-    name = model_id.rpartition("/")[2].rpartition("#")[2].split(":")[0].casefold()
+    name = model_id.rpartition("/")[2].rpartition("#")[2].casefold()
     stem = re.sub(r"\.[a-z]{1,4}$", "", name)
     while True:
         shorter = _ENDINGS.sub("", stem)

@@ -13,9 +13,6 @@ from data_gen.readers.files import Files, FolderFiles
 from data_gen.readers.obj import read_obj
 from data_gen.readers.textures import Assets
 
-Reader = Callable[[bytes, Assets], dict[str, Any]]
-"""Makes the arguments of `mesh.build_model` from the bytes of a file."""
-
 
 def load_model(
     name: str | os.PathLike[str],
@@ -26,8 +23,6 @@ def load_model(
     model_id: str = "",
     max_faces: int = MAX_FACES,
     turn: Callable[[Model], Model] = lambda model: model,
-    reader: Reader | None = None,
-    objection: Callable[[str, Model], str] | None = None,
     **about: Any,
 ) -> Model:
     """Reads a model from a file and normalises it to the project's frame.
@@ -40,8 +35,6 @@ def load_model(
       model_id: name of the object; empty = the name of the file.
       max_faces: largest accepted number of faces.
       turn: rotation that is applied in the axes of the file, before `up` and `front`.
-      reader: reader of the format; None = chosen by the suffix of the name.
-      objection: returns the reason to refuse a model, by its name, or "".
       **about: `category` and `parameters` of the model.
 
     Raises:
@@ -64,8 +57,7 @@ def load_model(
         data = files.read(stored)
     except OSError as error:
         raise UnusableModelError(f"file {name!r} is not readable: {error}"[:200]) from error
-    reader = reader or (read_obj if kind == "obj" else None)
-    arrays = reader(data, assets) if reader else read_trimesh(data, kind, assets)
+    arrays = read_obj(data, assets) if kind == "obj" else read_trimesh(data, kind, assets)
     del data
     model = build_model(
         **arrays,
@@ -74,8 +66,4 @@ def load_model(
         warnings=assets.warnings,
         max_faces=max_faces,
     )
-    model = normalize(orient(turn(model), up, front))
-    reason = objection(name, model) if objection else ""
-    if reason:
-        raise UnusableModelError(reason)
-    return model
+    return normalize(orient(turn(model), up, front))

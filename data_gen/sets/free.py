@@ -7,10 +7,11 @@ a file `index.csv` (`data_gen.catalogues.indexed`). The source `collections` has
 index whose licence is permissive, `copyleft` those that may only be passed on under their own
 licence. If something is missing, the command prints how to get it:
 
-    cd FOLDER && apt-get download torcs-data && dpkg-deb -x torcs-data_*.deb torcs-data
+    cd FOLDER && apt-get download sweethome3d-furniture
+    dpkg-deb -x sweethome3d-furniture_*.deb sweethome3d-furniture
 
 Each source becomes a separate data set, `records/free/<source>`. Training reads several of them:
-`--config.data.path=records/free/furniture,records/free/aircraft`. `SOURCES.md` and `sources.json`
+`--config.data.path=records/free/furniture,records/free/procedural`. `SOURCES.md` and `sources.json`
 list the contents and the licences, and `licences/` contains the copyright statements of the
 packages. Licences and authors of the meshes are those in the index.
 
@@ -45,7 +46,6 @@ if __package__ in (None, ""):  # run as a file: `data_gen` is two folders above
 from absl import logging
 
 from data_gen import config, job, settings
-from data_gen.catalogues import non_objects
 from data_gen.catalogues.by_name import open_catalogue, variants_of
 from data_gen.catalogues.entry import Catalogue, family_of, original_name, printable, split_of
 from data_gen.catalogues.indexed import INDEX, read_index
@@ -90,9 +90,8 @@ class Source:
       exclude: pattern of the names of models that are left out.
       missing: fraction of the models that are rendered without some of their faces, see
         `data_gen.render_model.without_faces`.
-      families: models of a family are in the same split. "name": the family is `family_of(name)`;
-        "folder": the family is the first folder of the name; "": no families, the catalogue decides
-        the split.
+      families: whether near-duplicates (`family_of`) are in the same split; otherwise the catalogue
+        decides the split.
     """
 
     name: str
@@ -104,19 +103,13 @@ class Source:
     options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     exclude: str = ""
     missing: float = 0.0
-    families: str = "name"
+    families: bool = False
 
     def path(self, packages: str | os.PathLike[str]) -> str:
         """The source of the catalogue, given the folder of the unpacked packages."""
         return (
             str(pathlib.Path(packages) / self.package / self.place) if self.package else self.place
         )
-
-    def family(self, model_id: str) -> str:
-        """The family of a model, "" if the catalogue decides the split."""
-        if not self.families:
-            return ""
-        return family_of(model_id.split("/")[0] if self.families == "folder" else model_id)
 
     def licences_of(
         self, model_ids: Sequence[str], packages: str | os.PathLike[str]
@@ -154,9 +147,7 @@ def select(
     if not entries:
         raise ValueError(f"source {source.name!r}: no model is left, expected at least 1")
     if source.families:
-        entries = [
-            dataclasses.replace(e, split=split_of(source.family(e.model_id))) for e in entries
-        ]
+        entries = [dataclasses.replace(e, split=split_of(family_of(e.model_id))) for e in entries]
     if fraction < 1:
         count = max(3, round(fraction * len(entries)))
         ranked = sorted(entries, key=lambda e: hashlib.sha256(e.model_id.encode()).digest())
@@ -168,19 +159,18 @@ def select(
 # --- The sources ------------------------------------------------------------------------------
 
 
-_FLIGHTGEAR = "Curtis L. Olson and the FlightGear team"
-_FREE_ART = "Jean-Christophe Durieu; ViPeR"
-
-
 PERMISSIVE = ("CC0-*", "CC-BY-?.?*", "MIT", "MIT-0", "Apache-*")
 COPYLEFT = ("GPL-*", "AGPL-*", "CC-BY-SA-*")
 """Licences of the sources `collections` and `copyleft`, as patterns."""
 
 
-def _procedural(name: str, *, views: int, models: str) -> Source:
-    licence = Licence("Apache-2.0", holders="the authors of psgn_jax")
-    return Source(name, name, views=views, place=models, families="", licences=(licence,))
-
+_OURS = Source(
+    "procedural",
+    "procedural",
+    views=4,
+    place="480",
+    licences=(Licence("Apache-2.0", holders="the authors of psgn_jax"),),
+)
 
 SOURCES = {
     source.name: source
@@ -191,6 +181,7 @@ SOURCES = {
             views=12,
             package="sweethome3d-furniture",
             place="usr/share/sweethome3d",
+            families=True,
             exclude="#(passage-pieton|fleche-|stationnement-)",  # road markings
             licences=(
                 Licence("CC-BY-3.0", "^Scopia/", "Scopia"),
@@ -201,55 +192,17 @@ SOURCES = {
                 Licence("see the package"),
             ),
         ),
-        Source(
-            "scenery",
-            "ac3d",
-            views=10,
-            package="flightgear-data-models",
-            place="usr/share/games/flightgear/Models",
-            exclude=non_objects.SCENERY,
-            licences=(Licence("GPL-2.0-or-later", holders=_FLIGHTGEAR),),
-        ),
-        Source(
-            "aircraft",
-            "flightgear",
-            views=8,
-            package="flightgear-data-ai",
-            place="usr/share/games/flightgear/AI/Aircraft",
-            families="folder",
-            licences=(Licence("GPL-2.0-or-later", holders=_FLIGHTGEAR),),
-        ),
-        Source(
-            "cars",
-            "torcs",
-            views=24,
-            package="torcs-data",
-            place="usr/share/games/torcs",
-            licences=(
-                Licence(
-                    "GPL-2.0-or-later",
-                    "^cars/(155-DTM|buggy|p406)/",
-                    "Eric Espié; Christophe Guionneau; Bernhard Wymann; Andrea Alfieri",
-                ),
-                Licence("LAL-1.2 (Free Art)", holders=_FREE_ART),
-            ),
-        ),
-        _procedural("procedural", views=4, models="480"),
+        _OURS,
         dataclasses.replace(
-            _procedural("procedural", views=3, models="77"),
+            _OURS,
             name="procedural_incomplete",
+            views=3,
+            place="77",
             options={"first_seed": 480},
             missing=1.0,
         ),
         *(
-            Source(
-                name,
-                "indexed",
-                views=14,
-                package=MESHES,
-                options={"licences": licences},
-                families="",
-            )
+            Source(name, "indexed", views=14, package=MESHES, options={"licences": licences})
             for name, licences in (("collections", PERMISSIVE), ("copyleft", COPYLEFT))
         ),
     )
@@ -396,7 +349,7 @@ def _row(
         counted["models"] += 1
         if licence.holders and licence.holders not in counted["holders"]:
             counted["holders"].append(licence.holders)
-    families = {source.family(original_name(n)) for n in good} - {""}
+    families = {family_of(original_name(n)) for n in good} if source.families else ()
     return {
         "source": source.name,
         "package": source.package,

@@ -271,8 +271,8 @@ def test_options_from_texts():
 
 
 def test_files_of_other_catalogues_are_pointed_to(tmp_path):
-    (tmp_path / "ferry.ac").write_text("AC3Db")
+    (tmp_path / "lib.sh3f").write_bytes(b"PK")
     with pytest.raises(
-        ValueError, match=r"it contains no mesh.*; --catalogue=ac3d reads \.ac files"
+        ValueError, match=r"it contains no mesh.*; --catalogue=sh3f reads \.sh3f files"
     ):
         open_catalogue("folder", tmp_path)

@@ -1,4 +1,4 @@
-"""The set of free packages: catalogues of aircraft and cars, choice of models, splits and table."""
+"""The set of free models: choice, splits, licences and table."""
 
 import gzip
 import json
@@ -6,166 +6,10 @@ import pathlib
 
 import numpy as np
 import pytest
-from ac3d_files import CUBE, MATERIALS, SIDES, cube, obj, read, write
 from helpers.commands import psgn_each
-from PIL import Image
 
-from data_gen.catalogues import torcs
 from data_gen.catalogues.by_name import open_catalogue
-from data_gen.mesh import UnusableModelError
-from data_gen.readers.ac3d import find_assimp
 from data_gen.sets import free
-
-needs_assimp = pytest.mark.skipif(not find_assimp(), reason="assimp is not installed")
-
-
-# --- Aircraft and cars ------------------------------------------------------------------------
-
-
-def paint(path, colour):
-    path.parent.mkdir(parents=True, exist_ok=True)
-    Image.new("RGB", (2, 2), colour).save(path)
-
-
-@pytest.fixture
-def aircraft(tmp_path):
-    root = tmp_path / "Aircraft"
-    for name in ("A320/Models/A320", "A320/Models/light-cone", "Cub/Cub"):
-        (root / name).parent.mkdir(parents=True, exist_ok=True)
-        write(root / f"{name}.ac", cube(lines=['texture "paint.png"']))
-    (root / "A320/main.xml").write_text("<PropertyList><path>Models/A320.ac</path></PropertyList>")
-    for number, name in enumerate(["Alfa", "Bravo", "Charlie", "Delta"]):
-        paint(root / f"A320/Textures/{name}/paint.png", (number, 0, 0))
-        (root / f"A320/A320-{name}.xml").write_text(
-            '<PropertyList include="main.xml">'
-            f"<texture-path>Textures/{name}</texture-path></PropertyList>"
-        )
-    paint(tmp_path / "secret/paint.png", (255, 0, 0))
-    (root / "Cub/up.xml").write_text(
-        "<PropertyList><path>Cub.ac</path><texture-path>../../secret</texture-path></PropertyList>"
-    )
-    (root / "Cub/bad.xml").write_text("<PropertyList>")
-    return root
-
-
-@needs_assimp
-def test_aircraft_wear_some_of_their_liveries(aircraft):
-    catalogue = open_catalogue("flightgear", aircraft, liveries=2)
-    first, second, plain = catalogue.models
-    assert first.model_id == "A320/Models/A320.ac:Alfa"
-    assert second.model_id == "A320/Models/A320.ac:Charlie"
-    assert first.split == second.split
-    assert [e.load().materials[0].texture[0, 0, 0] for e in (first, second)] == [0, 2]
-    assert plain.model_id == "Cub/Cub.ac"
-    assert any("missing" in w for w in plain.load().warnings)
-    with pytest.raises(ValueError, match="liveries"):
-        open_catalogue("flightgear", aircraft, liveries=0)
-
-
-CAR = """<?xml version="1.0"?>
-<!DOCTYPE params SYSTEM "../../params.dtd">
-<params>
-<section name="Graphic Objects"><attstr name="3d wheel directory" val="round"/></section>
-<section name="Front Axle"><attnum name="xpos" val="1.5" unit="m"/></section>
-<section name="Rear Axle"><attnum name="xpos" val="-1"/></section>
-{wheels}
-</params>"""
-
-WHEEL = """<section name="{end} {side} Wheel"><attnum name="ypos" val="{y}" unit="m"/>
-<attnum name="rim diameter" val="20" unit="in"/><attnum name="tire width" val="200" unit="mm"/>
-<attnum name="tire height-width ratio" val="0.5"/></section>"""
-
-WHEELS = "".join(
-    WHEEL.format(end=end, side=side, y=y)
-    for end in ("Front", "Rear")
-    for side, y in (("Right", -0.8), ("Left", 0.8))
-)
-
-
-PARAMETERS = CAR.format(wheels=WHEELS)
-
-
-def make_cars(root, parameters=PARAMETERS):
-    body = [(4 * x - 2, 0.2 + y, z - 0.5) for x, y, z in CUBE]
-    wheel = [(x - 0.5, y - 0.5, z - 0.5) for x, y, z in CUBE]
-    for name, points in (
-        ("cars/a/a", body),
-        ("cars/a/a-lod1", body),
-        ("wheels/round/wheel0", wheel),
-    ):
-        (root / name).parent.mkdir(parents=True, exist_ok=True)
-        write(
-            root / f"{name}.acc",
-            obj(
-                points=points, faces=SIDES, lines=['texture "p.png" base', 'texture "q.png" tiled']
-            ),
-        )
-    paint(root / "cars/a/p.png", (9, 9, 9))
-    (root / "cars/a/a.xml").write_text(parameters)
-    return root
-
-
-@needs_assimp
-def test_cars_stand_on_their_wheels(tmp_path):
-    (entry,) = open_catalogue("torcs", make_cars(tmp_path)).models
-    assert (entry.model_id, entry.category) == ("cars/a/a.acc", "car")
-    model = entry.load()
-    assert len(model.faces) == 60
-    scale = 4 / np.ptp(model.vertices[model.faces[:12]].reshape(-1, 3)[:, 0])
-    radius = 0.254 + 0.1
-    places = []
-    for number in range(1, 5):
-        wheel = model.vertices[model.faces[12 * number : 12 * number + 12]].reshape(-1, 3) * scale
-        np.testing.assert_allclose(np.ptp(wheel, axis=0), [2 * radius, 0.2, 2 * radius], rtol=1e-5)
-        places.append((wheel.min(axis=0) + wheel.max(axis=0)) / 2)
-        assert wheel[:, 2].min() == pytest.approx(0, abs=1e-6)  # the car stands on its wheels
-    front = np.array(places)[:, 0] - np.array(places)[:, 0].mean()
-    np.testing.assert_allclose(front, [1.25, 1.25, -1.25, -1.25], rtol=1e-5)
-    np.testing.assert_allclose(np.array(places)[:, 1], [-0.8, 0.8, -0.8, 0.8], rtol=1e-5)
-    assert model.materials[0].texture[0, 0].tolist() == [9, 9, 9, 255]
-
-
-@needs_assimp
-@pytest.mark.parametrize(
-    "parameters", ["", "<params>", CAR.format(wheels=""), CAR.replace("1.5", "x")]
-)
-def test_a_car_without_its_parameters_has_no_wheels(tmp_path, parameters):
-    (entry,) = open_catalogue("torcs", make_cars(tmp_path, parameters)).models
-    model = entry.load()
-    assert len(model.faces) == 12
-    assert any("no wheels" in w for w in model.warnings)
-
-
-def test_parameters_read_no_other_file():
-    text = CAR.format(wheels=WHEELS).replace(
-        '<!DOCTYPE params SYSTEM "../../params.dtd">',
-        '<!DOCTYPE params [<!ENTITY x SYSTEM "/etc/hostname">]>',
-    ).replace("round", "&x;../../..")  # fmt: skip
-    folder, places = torcs.wheel_places(text.encode())
-    assert folder == torcs._WHEELS
-    assert len(places) == 4
-    with pytest.raises(UnusableModelError, match="rim diameter"):
-        torcs.wheel_places(text.replace('val="20"', 'val="nan"').encode())
-
-
-@needs_assimp
-def test_wakes_are_no_part_of_a_ship(tmp_path):
-    wake = cube(lines=["loc 9 0 0"]).replace('name "été"', 'name "Wake"')
-    foam = cube(lines=["loc 9 9 0", 'texture "foam\\\\wake_big.png"'])
-    awake = cube(lines=['texture "awake.png"']).replace('name "été"', 'name "wakefield"')
-    arrays, notes = read(write(tmp_path / "a.ac", cube(), wake, foam, awake))
-    assert len(arrays["faces"]) == 24
-    assert [n for n in notes if "left out" in n] == ["a ship's wake or a painted shadow left out"]
-
-
-@needs_assimp
-def test_objects_that_an_exporter_left_out_are_a_warning(tmp_path):
-    text = f"AC3Db\n{MATERIALS}{obj('world', kids=[cube(), cube()])}\n"
-    (tmp_path / "a.ac").write_text(text.replace("kids 2", "kids 4"))
-    arrays, notes = read(tmp_path / "a.ac")
-    assert len(arrays["faces"]) == 24
-    assert notes == ["2 objects are missing, compared with the counts in the file"]
-
 
 # --- Choice, splits, table --------------------------------------------------------------------
 
@@ -173,10 +17,9 @@ def test_objects_that_an_exporter_left_out_are_a_warning(tmp_path):
 @pytest.mark.parametrize(
     ("names", "family"),
     [
-        (["A320/Models/A320.ac:AirFrance", "A320/Models/A320.ac:ANA"], "a320"),
         (["Houses/MontserratHse2Green.ac", "Houses/MontserratHse3White.ac"], "montserrathse"),
         (["Agriculture/farmhouse2-white.ac", "Agriculture/farmhouse4.ac"], "farmhouse"),
-        (["cars/p406/p406.acc", "cars/p406/p406-lod7.acc"], "p406"),
+        (["cars/p406/p406.glb", "cars/p406/p406-lod7.glb"], "p406"),
         (["Aircraft/F-15-lowpoly.ac", "F-15"], "f-15"),
         (["Scopia/Scopia#scooter", "Scopia/Scopia#scooter2"], "scooter"),
         (["733/Models/733.ac"], "733"),
@@ -202,11 +45,11 @@ def test_a_larger_part_holds_a_smaller_one():
     parts = [{e.model_id for e in free.select(small(), "", f).models} for f in (0, 0.1, 0.5)]
     assert [len(p) for p in parts] == [3, 4, 20]
     assert parts[0] < parts[1] < parts[2]
-    rest = free.select(small(exclude="^lamp"), "")
+    rest = free.select(small(exclude="^lamp", families=True), "")
     assert len(rest.models) == 30
     # All chairs are in one family and therefore in one split, unlike in the catalogue's own splits.
     assert len({e.split for e in rest.models}) == 1
-    assert len({e.split for e in free.select(small(families=""), "").models}) == 3
+    assert len({e.split for e in free.select(small(), "").models}) == 3
     with pytest.raises(ValueError, match="no model is left"):
         free.select(small(exclude=""".*"""), "")
 
@@ -214,8 +57,8 @@ def test_a_larger_part_holds_a_smaller_one():
 def test_missing_packages_are_said_with_the_commands(tmp_path):
     known = list(free.SOURCES.values())
     lines = free.missing(known, tmp_path)
-    assert "apt-get download torcs-data" in lines
-    assert f"dpkg-deb -x torcs-data_*.deb {tmp_path / 'torcs-data'}" in lines
+    assert "apt-get download sweethome3d-furniture" in lines
+    assert f"dpkg-deb -x sweethome3d-furniture_*.deb {tmp_path / 'sweethome3d-furniture'}" in lines
     for source in known:
         if source.package != free.MESHES:
             path = pathlib.Path(source.path(tmp_path))
@@ -350,7 +193,7 @@ def test_the_table(tmp_path):
 def test_what_is_wrong_is_said_before_the_work(tmp_path):
     cases = (
         ([], "--packages is missing"),
-        (["--packages=/nowhere", "--out=x"], "apt-get download torcs-data"),
+        (["--packages=/nowhere", "--out=x"], "apt-get download sweethome3d-furniture"),
         (["--packages=.", "--out=x", "--sources=cats"], "got 'cats'"),
         (["--packages=.", "--out=x", "--fraction=2"], "fraction"),
         (["--packages=.", "--out=x", "cats"], "unexpected argument 'cats'"),
