@@ -4,7 +4,7 @@ A process calls `start` once with a variant: `llvm_ad_rgb` is fast, `scalar_rgb`
 After that, `mi` and `dr` are the packages mitsuba and drjit. LLVM may abort the process that loads
 it, so `choose_variant` tests it in separate processes:
 
-    python -m data_gen.engine VARIANT [LIBRARY]
+    python -m data_gen.engine VARIANT
 
 intersects a ray with a triangle. The exit code is 0 if that works.
 """
@@ -53,13 +53,16 @@ class Variant(NamedTuple):
     name: str
     libllvm: str = ""
 
+    def environment(self) -> dict[str, str]:
+        """The environment of a child process that renders with this variant."""
+        return processes.environment(DRJIT_LIBLLVM_PATH=self.libllvm)
 
-def start(variant: str, libllvm: str = "", *, shrink_threads: bool = True) -> None:
-    """Loads Mitsuba in one variant. Further calls have no effect.
+
+def start(variant: str, *, shrink_threads: bool = True) -> None:
+    """Loads Mitsuba in one variant, with the LLVM of DRJIT_LIBLLVM_PATH. Further calls do nothing.
 
     Args:
       variant: one of `VARIANTS`.
-      libllvm: path of the LLVM library; "" = Mitsuba searches for one.
       shrink_threads: whether to use only one thread; False is needed to read environment maps.
 
     Raises:
@@ -73,8 +76,6 @@ def start(variant: str, libllvm: str = "", *, shrink_threads: bool = True) -> No
         if mi.variant() != variant:
             raise RuntimeError(f"Mitsuba was started as {mi.variant()}, expected {variant}")
         return
-    if libllvm:
-        os.environ["DRJIT_LIBLLVM_PATH"] = libllvm
     import drjit
     import mitsuba
 
@@ -114,12 +115,11 @@ def llvm_candidates() -> list[str]:
 
 
 @functools.cache
-def _smoke(library: str, variant: str) -> bool:
-    """Whether a separate process can render with this library."""
+def _smoke(variant: Variant) -> bool:
+    """Whether a separate process can render with this variant."""
     try:
         done = subprocess.run(
-            processes.python("data_gen.engine", variant, library),
-            env=processes.environment(DRJIT_LIBLLVM_PATH=library),
+            processes.python("data_gen.engine", variant.name), env=variant.environment(),
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=180, check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
@@ -141,11 +141,12 @@ def choose_variant(wanted: str = "auto") -> tuple[Variant, str]:
         raise RuntimeError(NO_MITSUBA)
     if wanted != "scalar":
         for library in llvm_candidates():
-            if _smoke(library, "llvm_ad_rgb"):
-                return Variant("llvm_ad_rgb", library), ""
+            variant = Variant("llvm_ad_rgb", library)
+            if _smoke(variant):
+                return variant, ""
         if wanted == "llvm":
             raise RuntimeError(f"job.variant 'llvm': {NO_LLVM}")
-    if not _smoke("", "scalar_rgb"):
+    if not _smoke(Variant("scalar_rgb")):
         raise RuntimeError(
             "Mitsuba is installed but does not run: `python -m data_gen.engine scalar_rgb` shows "
             "why"
@@ -153,8 +154,8 @@ def choose_variant(wanted: str = "auto") -> tuple[Variant, str]:
     return Variant("scalar_rgb"), "" if wanted == "scalar" else NO_LLVM
 
 
-def _smoke_test(variant: str, library: str = "") -> None:
-    start(variant, library)
+def _smoke_test(variant: str) -> None:
+    start(variant)
     triangle = mi.Mesh("triangle", 3, 1)
     values = mi.traverse(triangle)
     values["vertex_positions"] = np.array([-1, -1, 0, 1, -1, 0, 0, 1, 0], np.float32)
@@ -168,4 +169,4 @@ def _smoke_test(variant: str, library: str = "") -> None:
 
 
 if __name__ == "__main__":
-    _smoke_test(*sys.argv[1:])
+    _smoke_test(sys.argv[1])

@@ -1,8 +1,9 @@
-"""Environment maps: Mitsuba's model of sun and sky, and files of a folder.
+"""Environment maps: files of a folder, and Mitsuba's model of sun and sky.
 
-`load_maps` starts `python -m data_gen.environment_maps` to compute and read them.
+`load_maps` starts `python -m data_gen.environment_maps` to read the files.
 """
 
+import functools
 import json
 import pathlib
 import subprocess
@@ -16,7 +17,6 @@ from data_gen.engine import Variant
 from psgn_jax.system import processes
 
 NUM_SUNSKY = 24
-"""Number of skies computed with Mitsuba's model of sun and sky."""
 
 
 def list_maps(folder: str) -> list[pathlib.Path]:
@@ -33,48 +33,36 @@ def list_maps(folder: str) -> list[pathlib.Path]:
     return paths
 
 
-def load_maps(
-    settings: lights.LightSettings, variant: Variant, *, detail: bool = False
-) -> Float[np.ndarray, "m h w 3"] | None:
-    """The environment maps for the settings; None = procedural skies, made for each view.
+def load_maps(folder: str, variant: Variant, size: tuple[int, int]) -> Float[np.ndarray, "m h w 3"]:
+    """The environment maps of a folder, reduced to a size.
 
-    A separate process reads them, because reading EXR files hangs with a single thread. With
-    `detail`, and from the source "mixed", they are large enough for the background of images.
+    A separate process reads them, because reading EXR files hangs with a single thread.
 
     Raises:
       ValueError: the folder has no map, or a map cannot be read.
     """
-    if settings.source == "procedural":
-        return None
-    names = [str(p.resolve()) for p in list_maps(settings.folder)] if settings.folder else []
-    size = lights.DETAIL if detail or settings.source == "mixed" else lights.MAP_SIZE
-    skies = 0 if settings.source == "folder" else NUM_SUNSKY
+    names = [str(p.resolve()) for p in list_maps(folder)]
     done = subprocess.run(
         processes.python("data_gen.environment_maps"),
-        input=json.dumps([variant, names, size, skies]).encode(), capture_output=True,
-        check=False, timeout=600, env=processes.environment(),
+        input=json.dumps([variant.name, names, size]).encode(), capture_output=True,
+        check=False, timeout=600, env=variant.environment(),
     )  # fmt: skip
     if done.returncode:
         lines = done.stderr.decode(errors="replace").strip().splitlines() or ["no message"]
-        raise ValueError(f"light.source {settings.source!r}: {lines[-1]}")
-    kind = np.float64 if size == lights.MAP_SIZE else np.float32
-    return np.frombuffer(done.stdout, kind).reshape(-1, *size, 3)
+        raise ValueError(f"light.folder {folder!r}: {lines[-1]}")
+    return np.frombuffer(done.stdout, _kind(size)).reshape(-1, *size, 3)
+
+
+def _kind(size: tuple[int, int]) -> type:
+    """The type of a map's values; large maps are also the background of images."""
+    return np.float64 if tuple(size) == lights.MAP_SIZE else np.float32
 
 
 def _write_maps() -> None:
-    variant, names, (height, width), skies = json.loads(sys.stdin.read())
-    engine.start(*variant, shrink_threads=False)
-    # From a clear morning to a hazy noon. Large maps are computed at a quarter of the resolution.
-    coarse = max(1, height // 64)
-    rng = np.random.default_rng(0)
-    maps = []
-    for _ in range(skies):
-        values = rng.uniform(2, 8), rng.uniform(15, 75), rng.uniform(0.15, 0.5)
-        sky = sunsky_map(*values, (height // coarse, width // coarse))
-        maps.append(sky.repeat(coarse, axis=0).repeat(coarse, axis=1))
-    maps += [_load_map(name, (height, width)) for name in names]
-    kind = np.float64 if (height, width) == lights.MAP_SIZE else np.float32
-    sys.stdout.buffer.write(np.stack(maps).astype(kind).tobytes())
+    variant, names, size = json.loads(sys.stdin.read())
+    engine.start(variant, shrink_threads=False)
+    maps = np.stack([_load_map(name, size) for name in names])
+    sys.stdout.buffer.write(maps.astype(_kind(size)).tobytes())
 
 
 def _load_map(path: str, size: tuple[int, int]) -> np.ndarray:
@@ -100,11 +88,23 @@ def _load_map(path: str, size: tuple[int, int]) -> np.ndarray:
     return lights.shrink(pixels, size)
 
 
-def sunsky_map(
-    turbidity: float,
-    sun_elevation_degrees: float,
-    albedo: float,
-    size: tuple[int, int] = lights.MAP_SIZE,
+@functools.lru_cache(maxsize=NUM_SUNSKY)
+def sunsky(number: int, size: tuple[int, int]) -> Float[np.ndarray, "h w 3"]:
+    """One of `NUM_SUNSKY` maps of Mitsuba's model, from a clear morning to a hazy noon.
+
+    Large maps are computed at a quarter of the resolution.
+    """
+    low, high = (2, 15, 0.15), (8, 75, 0.5)
+    turbidity, elevation, albedo = (
+        np.random.default_rng(0).uniform(low, high, (NUM_SUNSKY, 3))[number].tolist()
+    )
+    coarse = max(1, size[0] // 64)
+    sky = _sunsky(turbidity, elevation, albedo, (size[0] // coarse, size[1] // coarse))
+    return sky.repeat(coarse, axis=0).repeat(coarse, axis=1).astype(_kind(size))
+
+
+def _sunsky(
+    turbidity: float, sun_elevation_degrees: float, albedo: float, size: tuple[int, int]
 ) -> Float[np.ndarray, "h w 3"]:
     """A map of Mitsuba's model of sun and sky, above grey ground.
 

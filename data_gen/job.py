@@ -15,7 +15,7 @@ from collections.abc import Generator, Sequence
 
 from absl import logging
 
-from data_gen import pool
+from data_gen import lights, pool
 from data_gen.catalogues import choosing
 from data_gen.catalogues.choosing import Choice
 from data_gen.catalogues.entry import (
@@ -159,9 +159,11 @@ def render_catalogue(
         entries, moved = _with_all_splits(out, entries, catalogue.fractions)
     job = _job_of(catalogue.name, entries, options, variant.name, choice, limit, moved)
     maps = None
-    if not shards.is_complete(out, job):
+    if options.light.folder and not shards.is_complete(out, job):
         # Read before anything is written, so that an error here leaves the folder unchanged.
-        maps = load_maps(options.light, variant, detail=options.image.shading == "photo")
+        detail = options.image.shading == "photo" or options.light.source == "mixed"
+        size = lights.DETAIL if detail else lights.MAP_SIZE
+        maps = load_maps(options.light.folder, variant, size)
     context = Context(options, catalogue.name, variant, maps)
 
     def make(tasks: Sequence[tuple[int, Entry]]) -> Generator[shards.Result]:

@@ -111,11 +111,10 @@ def shrink(radiance: np.ndarray, size: tuple[int, int] = MAP_SIZE) -> Float[np.n
     return full
 
 
-def draw_map(
-    rng: np.random.Generator, maps: Float[np.ndarray, "m h w 3"] | None
+def turned(
+    rng: np.random.Generator, radiance: Float[np.ndarray, "h w 3"]
 ) -> Float[np.ndarray, "h w 3"]:
-    """One of the maps, or a procedural sky if `maps` is None, rotated by a random angle."""
-    radiance = procedural_sky(rng) if maps is None else maps[int(rng.integers(len(maps)))]
+    """A map, rotated by a random angle."""
     radiance = np.asarray(radiance, np.float64)
     return np.roll(radiance, round(float(rng.random()) * radiance.shape[1]), axis=1)
 

@@ -342,7 +342,7 @@ def opacity_at(
     owner = model.face_material[face]
     result = np.array([m.opacity for m in model.materials])[owner]
     for index, material in enumerate(model.materials):
-        if not material.has_alpha:
+        if material.texture is None or not material.has_alpha:
             continue
         here = np.flatnonzero(owner == index)
         uv = (model.uv[face[here]] * weights[here][..., None]).sum(axis=1)
@@ -351,11 +351,9 @@ def opacity_at(
 
 
 def texels(
-    texture: UInt8[np.ndarray, "h w 4"] | None, uv: Float[np.ndarray, "n 2"]
+    texture: UInt8[np.ndarray, "h w 4"], uv: Float[np.ndarray, "n 2"]
 ) -> UInt8[np.ndarray, "n 4"]:
     """The nearest texel at each coordinate. The texture repeats; its first row is at v = 1."""
-    if texture is None:
-        return np.full((len(uv), 4), 255, np.uint8)
     height, width = texture.shape[:2]
     wrapped = uv - np.floor(uv)
     column = np.minimum((wrapped[:, 0] * width).astype(np.int64), width - 1)

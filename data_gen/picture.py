@@ -178,28 +178,17 @@ class Picture(NamedTuple):
       image: uint8 [H, W, 3].
       mask: bool [H, W], pixels whose centre shows the object.
       depth: float32 [H, W], along the optical axis, at the centres of the pixels; 0 = background.
-      normals: float32 [H, W, 3], shading normals on the viewer's side in the view-aligned frame, at
-        the centres of the pixels; 0 = background.
-      opacity: float32 [H, W], opacity of the object in each pixel.
     """
 
     image: UInt8[np.ndarray, "h w 3"]
     mask: Bool[np.ndarray, "h w"]
     depth: Float[np.ndarray, "h w"]
-    normals: Float[np.ndarray, "h w 3"]
-    opacity: Float[np.ndarray, "h w"]
-
-
-def compose(premultiplied: Float[np.ndarray, "h w 4"]) -> UInt8[np.ndarray, "h w 3"]:
-    """Premultiplied colours over the grey background, as an 8-bit image."""
-    full = premultiplied[..., :3] + (1 - premultiplied[..., 3:]) * BACKGROUND
-    return np.rint(255 * np.clip(full, 0, 1)).astype(np.uint8)
 
 
 def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False) -> Picture:
     """Renders a view of `scene` with local shading; `mesh` is that of `scene.surfaces.corners`.
 
-    Mask, depth and normals are sampled at the centres of the pixels. The colour is a mean over
+    Mask and depth are sampled at the centres of the pixels. The colour is a mean over
     `side` x `side` samples, 0 = only the centre. With soft edges, all samples of the pixel count.
     Without (as in the authors' images), only samples with the material and orientation of the
     centre count: textures are smoothed, as by mipmaps, but edges stay hard.
@@ -234,10 +223,9 @@ def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False)
         return result
 
     premultiplied = whole(total)
+    colour = premultiplied[..., :3] + (1 - premultiplied[..., 3:]) * BACKGROUND
     return Picture(
-        image=compose(premultiplied),
+        image=np.rint(255 * np.clip(colour, 0, 1)).astype(np.uint8),
         mask=whole(centre.hit),
         depth=whole(np.where(centre.hit, centre.z, 0)),
-        normals=whole(centre.normal),
-        opacity=premultiplied[..., 3],
     )

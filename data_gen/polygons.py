@@ -11,56 +11,36 @@ _BLOCK = 1 << 22  # triples of corners that are compared at a time, one byte eac
 def cut_ears(outlines: np.ndarray) -> np.ndarray:
     """Triangulates simple polygons by cutting ears: int [p, n - 2, 3].
 
-    A corner is an ear if its triangle is convex and contains no other corner. In each polygon the
-    first ear is cut, then the first ear of the remaining polygon, and so on, one step at a time for
-    all polygons. When an ear is cut, the triangles of its two neighbours change and are tested
-    again. The triangles of all other corners stay the same, but the cut corner is no longer
-    considered for them. If a polygon intersects itself, the number of triangles is the same, but
-    they may overlap.
+    A corner is an ear if its triangle is convex and contains no other corner. We cut the first ear
+    of each polygon, then the first ear of the rest, and so on. A polygon that intersects itself has
+    as many triangles, but they may overlap.
 
     Args:
       outlines: float [p, n, 2], the corners of p polygons, counter-clockwise.
     """
-    blocks = -(-outlines.shape[0] * outlines.shape[1] ** 2 // _BLOCK)
-    if blocks > 1 and len(outlines) > 1:
-        return np.concatenate([cut_ears(part) for part in np.array_split(outlines, blocks)])
-    count, corners = outlines.shape[:2]
+    count, size = outlines.shape[:2]
+    parts = -(-count * size**2 // _BLOCK)
+    if parts > 1 and count > 1:
+        return np.concatenate([cut_ears(part) for part in np.array_split(outlines, parts)])
     rows = np.arange(count)
-    before = np.tile(np.roll(np.arange(corners), 1), (count, 1))
-    after = np.tile(np.roll(np.arange(corners), -1), (count, 1))
-    left = np.ones((count, corners), np.bool_)
-    convex = np.zeros((count, corners), np.bool_)
-    holds = np.zeros((count, corners, corners), np.bool_)
-
-    def look_at(corner: np.ndarray) -> None:
-        own = before[rows, corner], corner, after[rows, corner]
-        a, b, c = (outlines[rows, index][:, None] for index in own)
-        convex[rows, corner] = (_cross(a, b, c) > 0)[:, 0]
-        inside = left & (_cross(a, b, outlines) >= 0)
-        inside &= _cross(b, c, outlines) >= 0
-        inside &= _cross(c, a, outlines) >= 0
-        for index in own:
-            inside[rows, index] = False
-        holds[rows, corner] = inside
-
-    with np.errstate(over="ignore", invalid="ignore"):
-        for corner in range(corners):
-            look_at(np.full(count, corner))
-        held = holds.sum(axis=2)
-        result = np.empty((count, corners - 2, 3), np.int64)
-        for number in range(corners - 3):
-            ears = left & convex & (held == 0)
-            ear = np.where(ears.any(axis=1), ears.argmax(axis=1), left.argmax(axis=1))
-            one, two = before[rows, ear], after[rows, ear]
-            result[:, number] = np.stack([one, ear, two], axis=1)
-            left[rows, ear] = False
-            after[rows, one], before[rows, two] = two, one
-            held -= holds[rows, :, ear]
-            for corner in (one, two):
-                look_at(corner)
-                held[rows, corner] = holds[rows, corner].sum(axis=1)
-        result[:, -1] = np.nonzero(left)[1].reshape(count, 3)
-    return result
+    left = np.tile(np.arange(size), (count, 1))
+    result = []
+    while size > 3:
+        points = np.take_along_axis(outlines, left[..., None], axis=1)
+        a, b, c = (np.roll(points, shift, axis=1)[:, :, None] for shift in (1, 0, -1))
+        others = points[:, None]
+        with np.errstate(over="ignore", invalid="ignore"):
+            convex = _cross(a, b, c)[..., 0] > 0
+            inside = _cross(a, b, others) >= 0
+            inside &= _cross(b, c, others) >= 0
+            inside &= _cross(c, a, others) >= 0
+        own = (np.arange(size)[:, None] - np.arange(size)) % size
+        ears = convex & ~(inside & ~np.isin(own, [0, 1, size - 1])).any(axis=2)
+        ear = ears.argmax(axis=1)  # the first corner if there is none
+        result.append(np.stack([left[rows, (ear + k) % size] for k in (-1, 0, 1)], axis=1))
+        left = left[np.arange(size) != ear[:, None]].reshape(count, size - 1)
+        size -= 1
+    return np.stack([*result, left], axis=1)
 
 
 def _cross(o: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -126,7 +126,7 @@ class Renderer:
                     processes.python("data_gen.pool", str(theirs.fileno())),
                     pass_fds=[theirs.fileno()],
                     stdin=subprocess.DEVNULL,
-                    env={**dict.fromkeys(threads, "1"), **processes.environment()},
+                    env={**dict.fromkeys(threads, "1"), **self._context.variant.environment()},
                 )
             if self._killed:
                 self._process.kill()
@@ -217,7 +217,7 @@ def _serve(connection: multiprocessing.connection.Connection) -> None:
     # Ctrl-C is sent to all processes of a terminal; the `Renderer` ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     context: Context = connection.recv()
-    engine.start(*context.variant)
+    engine.start(context.variant.name)
     connection.send(None)  # ready
     while connection.poll(_SECONDS_IDLE):
         try:

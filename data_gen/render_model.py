@@ -106,7 +106,9 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
         for view in range(settings.views):
             rng = np.random.default_rng([seed, view])
             camera = cameras.draw(rng, settings.camera, extremes)
-            around = surroundings.draw(rng, settings.light, context.maps, camera)
+            around = surroundings.draw(
+                rng, settings.light, context.maps, camera, detail=settings.image.shading == "photo"
+            )
             light = lights.draw(rng, settings.light, around.radiance)
             shown = scene.Scene(surfaces, camera, light)
             lap("light")

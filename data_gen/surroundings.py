@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from data_gen import lights
 from data_gen.cameras import Camera, turn_about_vertical
-from data_gen.environment_maps import NUM_SUNSKY
+from data_gen.environment_maps import NUM_SUNSKY, sunsky
 from data_gen.lights import LightSettings
 
 GROUNDS = ("paper", "wood", "tiles", "cloth", "concrete", "grass")
@@ -197,16 +197,38 @@ def draw(
     settings: LightSettings,
     maps: Float[np.ndarray, "m h w 3"] | None,
     camera: Camera,
+    *,
+    detail: bool,
 ) -> Surroundings:
-    """Draws the surroundings of a view. `maps` are those of `environment_maps.load_maps`."""
-    if settings.source != "mixed" or maps is None:
-        return Surroundings(lights.draw_map(rng, maps))
-    measured, what = maps[NUM_SUNSKY:], rng.random()
-    if len(measured) and rng.random() < 0.4:
-        return Surroundings(lights.draw_map(rng, measured))
+    """Draws the surroundings of a view.
+
+    Args:
+      rng: source of all choices.
+      settings: the light.
+      maps: those of `settings.folder`; None = no folder.
+      camera: the camera of the view.
+      detail: whether the map is visible in the image.
+    """
+
+    def measured() -> Surroundings:
+        assert maps is not None
+        return Surroundings(lights.turned(rng, maps[int(rng.integers(len(maps)))]))
+
+    def sky(size: tuple[int, int]) -> np.ndarray:
+        return lights.turned(rng, sunsky(int(rng.integers(NUM_SUNSKY)), size))
+
+    if settings.source == "procedural":
+        return Surroundings(lights.turned(rng, lights.procedural_sky(rng)))
+    if settings.source == "folder":
+        return measured()
+    if settings.source == "sunsky":
+        return Surroundings(sky(lights.DETAIL if detail else lights.MAP_SIZE))
+    what = rng.random()
+    if maps is not None and rng.random() < 0.4:
+        return measured()
     if what < 0.4:
         return room(rng, camera.position)
-    return studio(rng) if what < 0.6 else outdoors(rng, lights.draw_map(rng, maps[:NUM_SUNSKY]))
+    return studio(rng) if what < 0.6 else outdoors(rng, sky(lights.DETAIL))
 
 
 def texture_of(kind: str, rng: np.random.Generator) -> Float[np.ndarray, "t t 3"]:

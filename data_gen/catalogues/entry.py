@@ -178,16 +178,11 @@ def moved_to_empty_splits(
 
 def unique_names(names: list[str]) -> list[str]:
     """The names, with `-2`, `-3` ... appended to repeated names."""
-    seen: dict[str, int] = {}
-    taken = set(names)
-    result = []
+    given, result = set(names), dict[str, None]()
     for name in names:
-        seen[name] = seen.get(name, 0) + 1
-        fresh = name
-        while seen[name] > 1 and (fresh in taken or fresh == name):
-            fresh = f"{name}-{seen[name]}"
-            if fresh in taken:
-                seen[name] += 1
-        taken.add(fresh)
-        result.append(fresh)
-    return result
+        fresh, number = name, 1
+        while fresh in result or (number > 1 and fresh in given):
+            number += 1
+            fresh = f"{name}-{number}"
+        result[fresh] = None
+    return list(result)

@@ -6,11 +6,12 @@
 Renders the test models of the sources `furniture` and `collections` of `psgn free-set` twice: with
 the preset `authors`, and with the preset `photo`, whose cameras, light and surroundings vary more.
 The photo-like images are disturbed by `data.photo_effects`: noise, blur, JPEG compression,
-occluders, and masks that are eroded or dilated, ragged, and sometimes incomplete. Images of both sets
-are placed by the rule for photos, and predicted and true clouds are compared in normal form, as
-`psgn predict` writes clouds of photos. The command prints the metrics of both sets, those of the plain set with the same
-disturbances, and the aligned CD of the photo-like set divided by that of the undisturbed plain set.
-The rendered sets stay in `--work`; a second call continues or reuses them.
+occluders, and masks that are eroded or dilated, ragged, and sometimes incomplete. Images of both
+sets are placed by the rule for photos, and predicted and true clouds are compared in normal form,
+as `psgn predict` writes clouds of photos. The command prints the metrics of both sets, those of the
+plain set with the same disturbances, and the aligned CD of the photo-like set divided by that of
+the undisturbed plain set. The rendered sets stay in `--work`; a second call
+continues or reuses them.
 """
 
 import argparse

@@ -32,7 +32,8 @@ def main():
     arguments = parser.parse_args()
     variant, message = choose_variant(arguments.variant)
     print(variant.name, message)
-    engine.start(*variant)
+    os.environ["DRJIT_LIBLLVM_PATH"] = variant.libllvm
+    engine.start(variant.name)
     entries = list(open_catalogue(arguments.catalogue, arguments.source).models)
     chosen = entries[:: max(1, len(entries) // arguments.models)][: arguments.models]
     options = settings.Settings(views=arguments.views)

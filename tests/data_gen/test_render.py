@@ -101,8 +101,6 @@ def test_depth_and_mask_are_those_of_a_sphere(started, azimuth):
     picture = shot(model, camera)
     seen = project_camera.back_project(picture.depth, camera.intrinsics, camera.extrinsics)
     np.testing.assert_allclose(np.linalg.norm(seen - [0, 0, 0.4], axis=1), 0.4, atol=2e-3)
-    outward = (seen - [0, 0, 0.4]) / 0.4
-    assert (np.einsum("nd,nd->n", picture.normals[picture.mask], outward) > 0.99).all()
     pixels, _ = cameras.project(model.vertices @ camera.rotation.T, camera)
     assert project_camera.inside_mask(pixels, picture.mask, 1).all()
     assert (picture.image[~picture.mask] == 191).all()
@@ -163,7 +161,6 @@ def test_soft_edges_blend_with_the_background(started):
     values = np.unique(picture.image)
     assert {0, 191} <= set(values.tolist())
     assert len(values) > 4
-    assert ((picture.opacity > 0) & (picture.opacity < 1)).any()
 
 
 @pytest.mark.parametrize("toward", [(0.9, 0.3), (0.0, 0.9), (0.0, -0.9)])
@@ -203,7 +200,7 @@ def test_textures_of_photos_are_upright(started, what):
         assert (traced[upper, 32, 0] > 2 * traced[upper, 32, 2]).all()
         assert (traced[lower, 32, 2] > 2 * traced[lower, 32, 0]).all()
     # Opacity is the same as with local shading, including edges as narrow as a texel.
-    agree = np.abs(opacity[..., 0] - local.opacity) < 0.5
+    agree = (opacity[..., 0] > 0.5) == local.mask
     assert agree.mean() > 0.97
     if what == "hole":
         assert local.mask[:, 32].sum() > 10
@@ -222,8 +219,11 @@ def test_environment_maps_of_a_folder(tmp_path):
     values = np.ones((64, 128))
     values[8:12, 32:40] = 256  # near the zenith, at a quarter of the way round
     write_hdr(tmp_path / "a sky.hdr", values)
-    chosen = lights.LightSettings(source="folder", folder=str(tmp_path))
-    (found,) = load_maps(chosen, Variant("scalar_rgb"))
+
+    def load():
+        return load_maps(str(tmp_path), Variant("scalar_rgb"), lights.MAP_SIZE)
+
+    (found,) = load()
     assert found.shape == (*lights.MAP_SIZE, 3)
     np.testing.assert_allclose(found[4:6, 16:20], 256)
     np.testing.assert_allclose(np.median(found), 1)
@@ -231,10 +231,10 @@ def test_environment_maps_of_a_folder(tmp_path):
     with pytest.raises(
         ValueError, match=r"ball\.hdr.*64 x 64 pixels, expected a width of twice the height"
     ):
-        load_maps(chosen, Variant("scalar_rgb"))
+        load()
     (tmp_path / "ball.hdr").write_bytes(b"#?RADIANCE\ntorn")
     with pytest.raises(ValueError, match=r"environment map .*ball\.hdr"):
-        load_maps(chosen, Variant("scalar_rgb"))
+        load()
 
 
 # --- The job ----------------------------------------------------------------------------------
@@ -426,7 +426,7 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
     text = " ".join(first.stdout.split())
     for part in (
         "source: a folder of records.",
-        "--option=liveries=3",
+        "--option=first_seed=0",
         "deviation: how much the variants differ",
         "views: number of images of each model.",
         "--config.camera.roll='(0.0, 0.0)'",
