@@ -41,23 +41,6 @@ FEW_MODELS = 20
 """A warning is logged for smaller sets."""
 
 
-def _job_of(
-    name: str, entries: Sequence[Entry], options: Settings, variant: str, choice: Choice,
-    limit: int, moved: dict[str, str],
-) -> shards.Job:  # fmt: skip
-    """Everything that determines the bytes of the data set, except the contents of model files."""
-    values = structured.to_dict(options)
-    del values["job"]
-    statement = {"format": _FORMAT, "source": name, "settings": values, "variant": variant}
-    about = {"choice": {**dataclasses.asdict(choice), "limit": limit}}
-    return shards.Job(
-        statement=json.loads(json.dumps(statement)),
-        inputs=[(shards.Tag(e.model_id, e.category, e.split), e) for e in entries],
-        per_shard=options.models_per_shard,
-        about=json.loads(json.dumps(about | ({"moved": moved} if moved else {}))),
-    )
-
-
 def _with_all_splits(
     out: pathlib.Path, entries: Sequence[Entry], fractions: Sequence[float]
 ) -> tuple[list[Entry], dict[str, str]]:
@@ -157,7 +140,19 @@ def render_catalogue(
     moved: dict[str, str] = {}
     if catalogue.fractions is not None:
         entries, moved = _with_all_splits(out, entries, catalogue.fractions)
-    job = _job_of(catalogue.name, entries, options, variant.name, choice, limit, moved)
+    values = structured.to_dict(options)
+    del values["job"]
+    # All that determines the bytes of the data set, except the contents of model files.
+    statement = {
+        "format": _FORMAT, "source": catalogue.name, "settings": values, "variant": variant.name,
+    }  # fmt: skip
+    about = {"choice": {**dataclasses.asdict(choice), "limit": limit}}
+    job = shards.Job(
+        statement=json.loads(json.dumps(statement)),
+        inputs=[(shards.Tag(e.model_id, e.category, e.split), e) for e in entries],
+        per_shard=options.models_per_shard,
+        about=json.loads(json.dumps(about | ({"moved": moved} if moved else {}))),
+    )
     maps = None
     if options.light.folder and not shards.is_complete(out, job):
         # Read before anything is written, so that an error here leaves the folder unchanged.

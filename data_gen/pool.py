@@ -208,11 +208,9 @@ def render_local(tasks: Sequence[tuple[int, Entry]], context: Context) -> Genera
 
 
 def _serve(connection: multiprocessing.connection.Connection) -> None:
-    """Main loop of a rendering process.
+    """Receives a `Context`, sends None when ready, then receives entries and sends (line, records).
 
-    It receives a `Context`, sends None when ready, then receives entries and sends (line, records).
-    It ends when it receives None, when the connection is closed, or after ten minutes without a
-    message, because the job may have been killed.
+    It ends at None, at the end of the connection, and after ten minutes without a message.
     """
     # Ctrl-C is sent to all processes of a terminal; the `Renderer` ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -29,6 +29,7 @@ samples are kept; use a new output folder in that case.
 import functools
 import inspect
 import pathlib
+import re
 import sys
 import textwrap
 from collections.abc import Iterator, Sequence
@@ -55,15 +56,11 @@ _DEFAULT = pathlib.Path(__file__).with_name("config.py")
 
 
 def parse_part(text: str) -> tuple[int, int]:
-    """`i/n` as numbers.
-
-    Raises:
-      ValueError: the text is not of the form i/n.
-    """
-    first, slash, second = text.partition("/")
-    if not (slash and first.isdecimal() and second.isdecimal()) or not int(first) < int(second):
+    """`i/n` as numbers; ValueError if i is not from 0 to n - 1."""
+    match = re.fullmatch(r"([0-9]+)/([0-9]+)", text)
+    if not match or not int(match[1]) < int(match[2]):
         raise ValueError(f"--shard: got {text!r}, expected i/n with i from 0 to n - 1")
-    return int(first), int(second)
+    return int(match[1]), int(match[2])
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -10,9 +10,8 @@ from jaxtyping import Bool, Float, Int
 from data_gen.mesh import Model, UnusableModelError, row_dots
 from psgn_jax.data import schema
 
-# Number of small cells along the edge of a cell of the grid. It is odd, so that a cell counts as
-# half full when the surface reaches its middle. With two small cells, the surface would only have
-# to reach a quarter of the cell; with four, three eighths. Flat objects would then be too thick.
+# Number of small cells along the edge of a cell. It is odd, so that a cell counts as half full when
+# the surface reaches its middle. With an even number, flat objects would be too thick.
 _FINE = 3
 
 # Tolerance at the border of a triangle, in small cells. It is much larger than the rounding of
@@ -83,8 +82,7 @@ def _line_hits(
     if bound.sum() > _MAX_POINTS:
         raise UnusableModelError(
             f"the surface has {bound.sum():.2g} intersections with lines of cells, more than the "
-            "limit of "
-            f"{_MAX_POINTS:.2g}"
+            f"limit of {_MAX_POINTS:.2g}"
         )
     group = np.floor(np.cumsum(bound) / POINTS_AT_ONCE).astype(np.int64)
     for part in np.split(np.arange(len(faces)), np.flatnonzero(np.diff(group)) + 1):
@@ -143,14 +141,11 @@ def mark_surface(
       - an intersection of the surface with a line along an axis through the centres of cells, or
       - a point of an edge or a corner of a triangle, so that parts thinner than a cell are kept.
 
-    Proof that there is no leak: suppose the surface intersects the segment between the centres of
-    two cells with a common face. The segment is on one of the lines and inside these two cells, so
-    the intersection is in one of them, and that cell is marked. A step from the centre of an
-    unmarked cell to the centre of an unmarked neighbour therefore never crosses the surface,
-    whatever the shape of the triangles. (This also holds for a segment in the plane of a triangle:
-    if the segment enters a closed surface, it also touches the border of a triangle that is not
-    parallel to the segment.) Rounding does not invalidate the proof: to leave both cells unmarked,
-    it would have to move an intersection by half a cell; rounding errors are much smaller.
+    There is no leak: if the surface intersects the segment between the centres of two neighbouring
+    cells, the intersection is in one of the two, and that cell is marked. So a step between the
+    centres of unmarked cells never crosses the surface. (A segment in the plane of a triangle also
+    touches the border of another triangle, if it enters a closed surface.) Rounding would have to
+    move an intersection by half a cell to leave both unmarked.
 
     Args:
       corners: positions, in units of the edge of a cell; the grid spans [0, size] on each axis.
@@ -289,24 +284,21 @@ def solid_occupancy(
 ) -> Bool[np.ndarray, "size size size"]:
     """Solid voxels of a model, which need not be watertight.
 
-    The grid is that of the schema. It is indexed [x, y, z] and covers [-1, 1] x [-1, 1] x [0, 2] of
-    the rotated frame. Cell (i, j, k) spans [-1 + 2 i / size, -1 + 2 (i+1) / size] in x, the same in
-    y, and [2 k / size, 2 (k+1) / size] in z.
+    The grid is that of the schema: indexed [x, y, z], it covers [-1, 1] x [-1, 1] x [0, 2] of the
+    rotated frame.
 
     The rule:
-      1. The surface is marked without gaps in small cells, a third of a cell wide
-         (`mark_surface`).
-      2. A flood fill from the border of the grid, which does not cross the surface, marks the
-         outside. It does not start at the ground, so an object without a bottom is solid.
-         Everything else is inside. A marked small cell belongs to the side of its centre.
-      3. The same is done with the cells of the grid. Parts that are closed at this resolution are
-         therefore solid as well, even if they have cracks and gaps smaller than a cell.
+      1. The surface is marked without gaps in small cells, a third of a cell wide.
+      2. The outside is what a flood fill from the sides and the top reaches without crossing the
+         surface. An object without a bottom is therefore solid. A marked small cell belongs to the
+         side of its centre.
+      3. The same is done with the cells of the grid, so that parts with cracks and gaps smaller
+         than a cell are solid, too.
       4. A cell is occupied if at least half of its small cells are inside.
       5. Thin parts are kept: a cell with marked or inside small cells is also occupied, unless one
-         of its 26 neighbours is occupied by rule 3 or 4 and `peel` removes it. Thin sheets and bars
-         are therefore one cell thick, or two where they pass from one layer of cells to the next,
-         and connected to thicker parts. A solid has at most as many 26-connected components as the
-         cells of its surface.
+         of its 26 neighbours is occupied by rule 3 or 4 and `peel` removes it. Sheets and bars are
+         therefore one cell thick, or two where they pass from one layer of cells to the next. A
+         solid has at most as many 26-connected components as the cells of its surface.
 
     Args:
       model: the model, normalised to the project's frame. Parts outside the grid are ignored.

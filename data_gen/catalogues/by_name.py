@@ -77,9 +77,6 @@ def open_catalogue(
     return variants_of(models, variants, DEVIATION if deviation is None else deviation)
 
 
-_TRUTH = {"true": True, "1": True, "false": False, "0": False}
-
-
 def option_types(name: str) -> dict[str, Any]:
     """The options of a catalogue and their types."""
     hints = typing.get_type_hints(CATALOGUES[name])
@@ -91,8 +88,7 @@ def parse_options(name: str, pairs: Sequence[str]) -> dict[str, Any]:
     """Options of a catalogue from texts such as "up=+z" or "categories=chair,table".
 
     Raises:
-      ValueError: an option is unknown, an option is given twice, or a value has
-        the wrong type.
+      ValueError: an option is unknown or given twice, or a value has the wrong type.
     """
     hints = option_types(name)
     known = sorted(hints)
@@ -111,8 +107,8 @@ def parse_options(name: str, pairs: Sequence[str]) -> dict[str, Any]:
         kind = typing.get_args(hint)[0] if several else hint
         parts = [part for part in text.split(",") if part or text] if several else [text]
         try:
-            values = [_TRUTH[part.lower()] if kind is bool else kind(part) for part in parts]
-        except (ValueError, KeyError):
+            values = [kind(part) for part in parts]
+        except ValueError:
             what = f"{kind.__name__} values with commas between them" if several else kind.__name__
             raise ValueError(f"--option={pair}: expected {what}") from None
         result[key] = tuple(values) if several else values[0]

@@ -1,11 +1,10 @@
 """Cabinets whose depth is not visible from the front, for the study of ambiguity.
 
-A cabinet consists of a front panel, a body of hidden depth behind it, and a rail under both. The
-rail always has the same length: it begins a little in front of the panel and ends where the deepest
-body ends. Panel and rail determine the bounding box and the bounding hemisphere. After
-normalisation, the position of the panel therefore does not depend on the depth. The panel is larger
-than the body, so a camera straight in front of the panel at elevation 0 sees only the panel. Images
-from there depend on the seed, but not on the depth. There are two kinds, used as categories:
+A cabinet consists of a front panel, a body of hidden depth behind it, and a rail of constant length
+under both. Panel and rail determine the bounding box and the bounding hemisphere, so the position
+of the panel after normalisation does not depend on the depth. A camera straight in front of the
+panel at elevation 0 sees only the panel, which is larger than the body. There are two kinds, used
+as categories:
 
 - `front`: the panel faces +x. From azimuth 0 the depth is ambiguous.
 - `turned`: the same cabinets rotated by `TURN` degrees about the vertical axis. The image shows the

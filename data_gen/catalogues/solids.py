@@ -39,10 +39,6 @@ class Solid(NamedTuple):
         faces = self.faces[:, ::-1] if x * y * z < 0 else self.faces
         return Solid(self.vertices * [x, y, z], faces)
 
-    def mirrored(self) -> "Solid":
-        """The part, mirrored: y becomes -y."""
-        return self.scaled(1, -1, 1)
-
     def bent(self, shape: Callable[[np.ndarray], np.ndarray]) -> "Solid":
         """The part with its vertices mapped by `shape`, [V, 3] to [V, 3]."""
         return Solid(shape(self.vertices.copy()), self.faces)

@@ -68,17 +68,14 @@ class FolderFiles(Files):
         for part in posixpath.normpath(name).split("/"):
             if part == "..":
                 return None
-            following = path / part
             try:
-                there = following.exists()
+                there = (path / part).exists()
             except (OSError, ValueError):  # a name too long, with a zero byte
                 return None
-            if not there:
-                alike = self._alike(path, part)
-                if alike is None:
-                    return None
-                following = path / alike
-            path = following
+            alike = part if there else self._alike(path, part)
+            if alike is None:
+                return None
+            path = path / alike
         if not path.is_file() or self._leads_out(path):
             return None
         return str(path.relative_to(self.root))

@@ -16,12 +16,10 @@ list the contents and the licences, and `licences/` contains the copyright state
 packages. Licences and authors of the meshes are those in the index.
 
 If the command is stopped and started again, it continues. Unusable models are refused and
-reported. `--fraction=0.01` renders a small part of the set. `--photo=0.25` renders a quarter of the
-views of each model with the preset `photo`, in `records/free/photo/<source>`. `--angles=0.25` does
-the same with the preset `angles`: the cameras of `photo` with the light and shading of the authors.
-This renders several times as fast as the preset `photo`. `--level=0.25` does the same with the
-preset `level`: like `angles`, but near the horizon, at elevations of -8 to 10 degrees.
-`--variants=8` replaces each model by 8 variants with other proportions.
+reported. `--fraction=0.01` renders a small part of the set. `--photo=0.25`, `--angles=0.25` and
+`--level=0.25` render a quarter of the views of each model with the preset of that name
+(`data_gen/config.py`), in `records/free/photo/<source>` and so on. `--variants=8` replaces each
+model by 8 variants with other proportions.
 
 Exit codes: 0 done; 1 done, except for sources that could not be rendered; 2 wrong arguments,
 missing packages or no data set; 143 stopped by SIGTERM; 130 stopped by Ctrl-C.

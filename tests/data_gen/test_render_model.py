@@ -49,8 +49,6 @@ def test_an_empty_view_is_refused_and_its_line_can_be_read(rng):
         np.zeros((*shape, 3), np.uint8),
         np.zeros(shape, bool),
         np.zeros(shape, np.float32),
-        np.zeros((*shape, 3), np.float32),
-        np.zeros(shape, np.float32),
     )
     camera = cameras.draw(rng, cameras.CameraSettings(), points)
     checks = render_model.check_view(picture, camera, points, scipy.spatial.cKDTree(points))

@@ -65,7 +65,9 @@ def test_a_model_in_a_vertical_plane_has_no_variants(tmp_path):
 def test_variants_of_a_source_keep_its_families(tmp_path):
     for name in ("stool", "stool2", "table", "lamp", "sofa", "bed"):
         write_box(tmp_path / f"{name}.obj")
-    source = Source("boxes", "folder", views=1, licences=(Licence("MIT"),), place=str(tmp_path))
+    source = Source(
+        "boxes", "folder", views=1, licences=(Licence("MIT"),), place=str(tmp_path), families=True
+    )
     models = {e.model_id: e.split for e in select(source, "").models}
     variants = list(select(source, "", variants=2).models)
     assert len(variants) == 12

@@ -43,7 +43,7 @@ class Kit:
 
     def both(self, material: Material, *parts: Solid) -> None:
         """Adds parts and their mirror images (y to -y)."""
-        self.add(material, *parts, *(part.mirrored() for part in parts))
+        self.add(material, *parts, *(part.scaled(1, -1, 1) for part in parts))
 
     def four(self, material: Material, *parts: Solid) -> None:
         """Adds parts and their mirror images in x and y."""
