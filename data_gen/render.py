@@ -65,7 +65,11 @@ def parse_part(text: str) -> tuple[int, int]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command; returns its exit code."""
-    flags = Flags("psgn render --catalogue=NAME --source=PATH --out=FOLDER", __doc__, _details)
+    flags = Flags(
+        "psgn render --catalogue=NAME --source=PATH --out=FOLDER",
+        __doc__,
+        lambda: "\n".join(_details()),
+    )
     flags.config(settings.Settings(), file=str(_DEFAULT))
     flags.enum("catalogue", None, sorted(CATALOGUES), "Where the models come from.")
     flags.string("source", None, "Source of the catalogue: a folder, a file, or numbers of models.")
@@ -120,12 +124,8 @@ def _main(flags: Flags) -> int:
 # --- Help ---------------------------------------------------------------------------------------
 
 
-def _details() -> str:
+def _details() -> Iterator[str]:
     """From the docstrings, the catalogues with their options, and the settings."""
-    return "\n".join(_detail_lines())
-
-
-def _detail_lines() -> Iterator[str]:
     yield (
         "\n--config=FILE: a Python file whose `get_config` returns the settings;\n"
         "  `data_gen/config.py:NAME` starts from one of the presets "

@@ -155,11 +155,10 @@ class Settings:
             raise ValueError("image.background='surroundings': it needs image.shading=photo")
 
 
-_FILM = [f"film.{field.name}" for field in dataclasses.fields(FilmSettings)]
-
 EFFECTS: tuple[tuple[Sequence[str], Callable[[Settings], bool], str], ...] = (
-    (["image.rays", "image.ground", *_FILM], lambda s: s.image.shading == "photo",
-     "image.shading=photo"),
+    (["image.rays", "image.ground",
+      *(f"film.{f.name}" for f in dataclasses.fields(FilmSettings))],
+     lambda s: s.image.shading == "photo", "image.shading=photo"),
     (["image.samples", "image.soft_edges", "light.count", "light.ambient", "light.exposure",
       "light.saturation", "light.darkest"], lambda s: s.image.shading == "local",
      "image.shading=local"),
