@@ -140,35 +140,28 @@ def _bid_all(a: Array, b: Array, epsilon: Array, limit: Array, state: _Bidding) 
     return state._replace(prices=state.prices.reshape(-1)[:n], owner=state.owner[:n])
 
 
-def _front(chosen: Array) -> Array:
-    """The indices of the chosen entries, in order, at the front of an array [n]; then zeros."""
-    n = len(chosen)
-    place = jnp.where(chosen, jnp.cumsum(chosen.astype(jnp.int32), dtype=jnp.int32) - 1, n)
-    numbers = lax.iota(jnp.int32, n)
-    return jnp.zeros_like(place).at[place].set(numbers, mode="drop")
+def _begin(judged: Judged, index: Array, epsilon: Array, bids: Array) -> _Bidding:
+    """A phase: only the pairs of a bijection that satisfy the slackness of `epsilon` are kept."""
+    keep, numbers = judged.slack <= epsilon, lax.iota(jnp.int32, len(index))
+    owner = jnp.zeros_like(index).at[index].set(jnp.where(keep, numbers, -1))
+    stack = jnp.nonzero(~keep, size=len(index), fill_value=0)[0].astype(jnp.int32)
+    return _Bidding(judged.prices, owner, stack, (~keep).sum(dtype=jnp.int32), bids)
 
 
-def _inverse(index: Array, kept: Array) -> Array:
-    """The array with `i` at `index[i]` for the kept i, and -1 elsewhere."""
-    n = len(index)
-    numbers = lax.iota(jnp.int32, n)
-    return jnp.full_like(index, -1).at[jnp.where(kept, index, n)].set(numbers, mode="drop")
-
-
-def _bijection(owner: Array) -> Array:
-    """The bijection bidder -> object of a matching; those without a partner are paired in order."""
-    index = _inverse(owner, owner >= 0)
-    without = index < 0
-    rank = jnp.cumsum(without.astype(jnp.int32), dtype=jnp.int32) - 1
-    return jnp.where(without, _front(owner < 0)[rank], index)
+def _bijection(s: _Bidding) -> Array:
+    """The bijection bidder -> object; an object without an owner gets a bidder that waits."""
+    free = s.owner < 0
+    bidder = s.stack[jnp.cumsum(free.astype(jnp.int32), dtype=jnp.int32) - 1]
+    numbers = lax.iota(jnp.int32, len(bidder))
+    return jnp.zeros_like(bidder).at[jnp.where(free, bidder, s.owner)].set(numbers)
 
 
 class _Phase(NamedTuple):
     """State of the loop over phases."""
 
-    epsilon: Array  # 0 marks the end
-    bidding: _Bidding  # not folded; bidders wait at the end if the loop ended within a phase
-    raises: Array
+    bidding: _Bidding  # not folded
+    epsilon: Array
+    done: Array
     index: Array  # type: ignore[assignment]  # [n] the cheapest bijection so far
     cost: Array  # cost of `index`
     proof: Array  # [n] the prices that prove `lower`
@@ -179,30 +172,20 @@ class _Phase(NamedTuple):
 @jax.jit  # compiled once per size
 def _solve(a: Array, b: Array, tolerance: Array, max_bids: Array) -> tuple[Array, ...]:
     """Runs the phases for one pair on a CPU; returns index, prices, bids and gap."""
-    n = len(a)
-    problem = prepare(a, b)
-    here = problem.finite
-    zero = vary_with(jnp.int32(0), here)
-    index = vary_with(lax.iota(jnp.int32, n), here)
-    first = judge(problem, index, vary_with(jnp.zeros(n, jnp.float32), here))
-    # Half of the budget is for reaching the tolerance, half for completing the matching.
-    quiet = max_bids - max_bids // 2  # number of bids before epsilon is raised for the first time
-    patience = jnp.maximum(max_bids // 2 // _RAISES, 1)  # number of bids between later raises
+    problem, n = prepare(a, b), len(a)
+    start = [lax.iota(jnp.int32, n), jnp.zeros(n, jnp.float32), jnp.float32(_START), jnp.int32(0)]
+    index, prices, epsilon, bids = (vary_with(x, problem.finite) for x in start)
+    first = judge(problem, index, prices)
+    # Half of the budget is for reaching the tolerance. A phase that ends later without a matching
+    # is followed by one with a larger epsilon.
+    half = max_bids - max_bids // 2
+    patience = jnp.maximum(max_bids // 2 // _RAISES, 1)
 
-    def begin(judged: Judged, index: Array, epsilon: Array | float, bids: Array) -> _Bidding:
-        keep = judged.slack <= epsilon
-        waiting = (~keep).sum(dtype=jnp.int32)
-        return _Bidding(judged.prices, _inverse(index, keep), _front(~keep), waiting, bids)
-
-    def unfinished(s: _Phase) -> Array:
-        # A complete matching is final if the phase with the smallest epsilon is done, or if epsilon
-        # was raised.
-        unfinished = (s.bidding.waiting > 0) | ((s.raises == 0) & (s.epsilon > 0))
-        return (s.gap > tolerance) & unfinished & (s.bidding.bids < max_bids) & problem.finite
-
-    def end_phase(s: _Phase) -> _Phase:
-        index, old = _bijection(s.bidding.owner), s.bidding
-        new = judge(problem, index, old.prices)
+    def phase(s: _Phase) -> _Phase:
+        limit = jnp.minimum(jnp.maximum(half, s.bidding.bids + patience), max_bids)
+        bidding = _bid_all(problem.a, problem.b, s.epsilon, limit, s.bidding)
+        index = _bijection(bidding)
+        new = judge(problem, index, bidding.prices)
         better, higher = new.cost < s.cost, new.lower > s.lower
         cost = jnp.where(better, new.cost, s.cost)
         lower = jnp.where(higher, new.lower, s.lower)
@@ -212,31 +195,20 @@ def _solve(a: Array, b: Array, tolerance: Array, max_bids: Array) -> tuple[Array
         aim = jnp.where(jnp.isfinite(gap), _AIM * tolerance / gap, 0)
         epsilon = s.epsilon * jnp.clip(aim, 1 / _FACTOR, 0.7)
         floor = _FLOOR * (1 + new.prices.max())
-        last = s.epsilon <= floor
-        epsilon = jnp.maximum(epsilon, floor)
-        done = last | (gap <= tolerance) | (s.raises > 0)
-        following = begin(new, index, epsilon, old.bids)
-        end = old._replace(prices=new.prices, waiting=jnp.zeros_like(old.waiting))
-        bidding = jax.tree.map(lambda x, y: jnp.where(done, x, y), end, following)
+        complete, late = bidding.waiting == 0, bidding.bids >= half
+        done = (gap <= tolerance) | (complete & (late | (s.epsilon <= floor)))
+        done |= bidding.bids >= max_bids
+        epsilon = jnp.where(complete, jnp.maximum(epsilon, floor), _RAISE * s.epsilon)
         best = jnp.where(better, index, s.index), cost
         proof = jnp.where(higher, new.prices, s.proof), lower
-        return _Phase(jnp.where(done, 0.0, epsilon), bidding, s.raises, *best, *proof, gap)
+        bidding = _begin(new, index, epsilon, bidding.bids)
+        return _Phase(bidding, epsilon, done, *best, *proof, gap)
 
-    def hurry(s: _Phase) -> _Phase:
-        return s._replace(epsilon=s.epsilon * _RAISE, raises=s.raises + 1)
-
-    def phase(s: _Phase) -> _Phase:
-        limit = jnp.minimum(quiet + patience * s.raises, max_bids)
-        bidding = _bid_all(problem.a, problem.b, s.epsilon, limit, s.bidding)
-        return lax.cond(bidding.waiting == 0, end_phase, hurry, s._replace(bidding=bidding))
-
-    epsilon, gap = vary_with(jnp.float32(_START), here), gap_of(first.cost, first.lower, n)
+    gap = gap_of(first.cost, first.lower, n)
+    done = ~problem.finite | (gap <= tolerance) | (max_bids <= 0)
     best = index, first.cost, first.prices, first.lower
-    state = _Phase(epsilon, begin(first, index, _START, zero), zero, *best, gap)
-    state = lax.while_loop(unfinished, phase, state)
-    # If the loop ended within a phase, the matching is incomplete. `end_phase` completes it and
-    # keeps the result if it is better than the best bijection so far.
-    state = lax.cond(state.bidding.waiting > 0, end_phase, lambda s: s, state)
+    state = _Phase(_begin(first, index, epsilon, bids), epsilon, done, *best, gap)
+    state = lax.while_loop(lambda s: ~s.done, phase, state)
     gap = jnp.where(problem.finite, state.gap, jnp.nan)
     return state.index, state.proof * problem.unit, state.bidding.bids, gap
 
@@ -246,21 +218,20 @@ def _threads() -> concurrent.futures.ThreadPoolExecutor:
     return concurrent.futures.ThreadPoolExecutor(num_cores(), "auction")
 
 
-def _solve_all(*pairs: Array) -> list[np.ndarray]:
+def _solve_all(*pairs: Array) -> tuple[np.ndarray, ...]:
     """`_solve` on the cores of the host, for arrays with any leading axes."""
-    axes, n, cpu = pairs[-1].shape, pairs[0].shape[-2], jax.local_devices(backend="cpu")[0]
+    arrays, axes = [np.asarray(x) for x in pairs], pairs[-1].shape
+    cloud, cpu = axes + arrays[0].shape[-2:-1], jax.local_devices(backend="cpu")[0]
+    shapes = (cloud, np.int32), (cloud, np.float32), (axes, np.int32), (axes, np.float32)
+    results = tuple(np.empty(*shape) for shape in shapes)
 
-    def solve(*pair: np.ndarray) -> list[np.ndarray]:
-        with jax.enable_x64(pair[0].dtype == np.float64), jax.default_device(cpu):
-            return [np.asarray(x) for x in _solve(*pair)]
+    def solve(place: tuple[int, ...]) -> None:
+        with jax.enable_x64(arrays[0].dtype == np.float64), jax.default_device(cpu):
+            for result, value in zip(results, _solve(*(x[place] for x in arrays)), strict=True):
+                result[place] = value
 
-    flat = (np.asarray(x).reshape(-1, *x.shape[len(axes) :]) for x in pairs)
-    found = list(_threads().map(solve, *flat))
-    kinds = ((n,), np.int32), ((n,), np.float32), ((), np.int32), ((), np.float32)
-    return [
-        np.array([solved[k] for solved in found], dtype).reshape(axes + shape)
-        for k, (shape, dtype) in enumerate(kinds)
-    ]
+    list(_threads().map(solve, np.ndindex(axes)))  # reading the results raises the errors
+    return results
 
 
 def _on_host(*pair: Array) -> Any:
