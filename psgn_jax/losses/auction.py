@@ -281,8 +281,8 @@ def assign(
     """A bijection between a and b with a nearly minimal sum of Euclidean distances, and its gap.
 
     The solver stops after the first phase with `gap` <= tolerance. When half of the budget is
-    spent, it raises epsilon step by step, so that the auction ends. The paper does this too. The
-    result is always a bijection, and `gap` is always valid for it. It has no gradient; the module
+    spent, epsilon grows until a phase ends with a matching, which is the last one. The paper does
+    this too. The result is always a bijection, and `gap` is always valid for it. It has no gradient; the module
     `emd` has the distance and its gradient. For clouds on an accelerator it is solved on the cores
     of the host, in parallel for the pairs of a `vmap`; an exception there ends the calling
     program.

@@ -4,6 +4,7 @@ No accelerator is needed: JAX is told that its default backend is a GPU, and com
 """
 
 import pathlib
+import socket
 import subprocess
 import sys
 
@@ -61,22 +62,6 @@ done = True
 busy.join()
 assert value(x[0], b[0]) < value(a[0], b[0])
 
-# The program for a GPU has one callback and no loop.
-from jax._src.callback import pure_callback_p
-from jax._src.interpreters import mlir
-def stand_in(ctx, *arguments, **_):  # the real one needs a GPU
-    types = [mlir.aval_to_ir_type(ctx.module_context, x) for x in ctx.avals_out]
-    return mlir.custom_call("solve", result_types=types, operands=arguments).results
-mlir.register_lowering(pure_callback_p, stand_in, platform="cuda")
-loss = losses.map_pairs(configured_loss(LossConfig("emd_mean@20 + 5*chamfer_sq_mean")))
-total = jax.grad(lambda pred, gt: loss(pred, gt)[0].sum())
-more = np.concatenate([b] * 60, 1)  # 1,200 points: two tiles for a GPU
-text = jax.jit(total).trace(a, more).lower(lowering_platforms=("cuda",)).as_text()
-assert text.count("custom_call @solve") == 1
-assert text.count("stablehlo.while") <= 1, "one for the tiles of the Chamfer distance"
-text = jax.jit(gradient).trace(a, b).lower(lowering_platforms=("cuda",)).as_text()
-assert text.count("custom_call @solve") == 1 and "while" not in text
-
 def fails(*_):
     raise MemoryError("no memory for this pair")
 auction._solve = fails
@@ -89,17 +74,101 @@ else:
 """
 
 
-def start(code, *arguments):
+TWO_DEVICES = """
+mesh = jax.make_mesh((2,), ("d",), axis_types=(jax.sharding.AxisType.Auto,))
+def split(function):
+    return jax.jit(jax.shard_map(function, mesh=mesh, in_specs=jax.P("d"), out_specs=jax.P("d")))
+functions = [losses.map_pairs(losses.assign), jax.vmap(losses.assign), gradient]
+direct = [split(f)(a, b) for f in functions]
+jax.clear_caches()
+jax.default_backend = lambda: "gpu"
+for f, wanted in zip(functions, direct):
+    on_host = split(f)
+    for _ in range(20):
+        same(on_host(a, b), wanted)
+"""
+TWO_PROCESSES = """
+jax.config.update("jax_cpu_collectives_implementation", "gloo")
+jax.distributed.initialize(sys.argv[1], 2, int(sys.argv[2]))
+direct = jax.jit(gradient)(a, b)
+jax.clear_caches()
+jax.default_backend = lambda: "gpu"
+mesh = jax.make_mesh((2,), ("d",), axis_types=(jax.sharding.AxisType.Auto,))
+mine = slice(2 * jax.process_index(), 2 * jax.process_index() + 2)
+where = jax.NamedSharding(mesh, jax.P("d"))
+pair = [jax.make_array_from_process_local_data(where, x[mine]) for x in (a, b)]
+def with_sum(a, b):
+    found = gradient(a, b)
+    return found, jax.lax.psum(jnp.abs(found[0]).sum(), "d")
+split = jax.shard_map(with_sum, mesh=mesh, in_specs=jax.P("d"), out_specs=(jax.P("d"), jax.P()))
+found, total = jax.jit(split)(*pair)
+same([x.addressable_data(0) for x in found], [x[mine] for x in direct])
+np.testing.assert_allclose(total.addressable_data(0), np.abs(direct[0]).sum(), rtol=1e-6)
+"""
+TEXT_FOR_A_GPU = """
+from helpers import standin
+from jax._src.callback import pure_callback_p
+from jax._src.interpreters import mlir
+from psgn_jax import tasks
+from psgn_jax.models import networks
+from psgn_jax.training import from_config, step
+jax.default_backend = lambda: "gpu"
+def stand_in(ctx, *arguments, **_):  # the real one needs a GPU
+    types = [mlir.aval_to_ir_type(ctx.module_context, x) for x in ctx.avals_out]
+    return mlir.custom_call("solve", result_types=types, operands=arguments).results
+mlir.register_lowering(pure_callback_p, stand_in, platform="cuda")
+def text(function, *arguments):
+    return jax.jit(function).trace(*arguments).lower(lowering_platforms=("cuda",)).as_text()
+
+loss = "emd_mean@136 + 5*chamfer_sq_mean"
+config = standin.config(data__num_points=136, loss__name=loss, model__widths=(4, 6, 8))
+task = tasks.create(config)
+state = jax.eval_shape(lambda: from_config.create_state(config, task.init_params()))
+batches = standin.train_batches(config.data, batch_size=8, seed=0, start_step=0)
+batch = {k: v for k, v in next(batches).items() if k in networks.input_keys(config)}
+train_step = from_config.create_step(task, config, step.data_mesh())
+program = text(train_step, state, batch)
+assert program.count("custom_call @solve") == 1 and "while" not in program
+
+both = losses.map_pairs(configured_loss(LossConfig("emd_mean@20 + 5*chamfer_sq_mean")))
+more = np.concatenate([b] * 60, 1)  # 1,200 points: two tiles for a GPU
+program = text(jax.grad(lambda pred, gt: both(pred, gt)[0].sum()), a, more)
+assert program.count("custom_call @solve") == 1
+assert program.count("stablehlo.while") <= 1, "one for the tiles of the Chamfer distance"
+"""
+
+
+def start(code, *arguments, devices=1):
     """A process in which `code` runs; as in the tests, it compiles without optimisation."""
-    flags = ("--xla_backend_optimization_level=0", "--xla_cpu_parallel_codegen_split_count=1")
-    environment = {"JAX_PLATFORMS": "cpu", "PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin"}
+    flags = ("--xla_backend_optimization_level=0", "--xla_cpu_parallel_codegen_split_count=1",
+             f"--xla_force_host_platform_device_count={devices}")  # fmt: skip
+    path = f"{ROOT}:{ROOT / 'tests'}"
+    environment = {"JAX_PLATFORMS": "cpu", "PYTHONPATH": path, "PATH": "/usr/bin:/bin"}
     command = [sys.executable, "-c", START + PAIRS + code, *arguments]
     return subprocess.Popen(
         command, stderr=subprocess.PIPE, text=True, env=environment | {"XLA_FLAGS": " ".join(flags)}
     )
 
 
+def check(*processes):
+    for process in processes:
+        _, errors = process.communicate(timeout=900)
+        assert process.returncode == 0, errors[-3000:]
+
+
 def test_the_bits_of_a_cpu():
-    process = start(ONE_PROCESS)
-    _, errors = process.communicate(timeout=900)
-    assert process.returncode == 0, errors[-3000:]
+    check(start(ONE_PROCESS))
+
+
+def test_two_devices():
+    check(start(TWO_DEVICES, devices=2))
+
+
+def test_two_processes():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"127.0.0.1:{server.getsockname()[1]}"
+    check(*(start(TWO_PROCESSES, address, str(number)) for number in range(2)))
+
+
+def test_a_training_step_on_a_gpu_has_one_callback_and_no_loop_over_bids():
+    check(start(TEXT_FOR_A_GPU))
