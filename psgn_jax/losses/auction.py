@@ -282,10 +282,10 @@ def assign(
 
     The solver stops after the first phase with `gap` <= tolerance. When half of the budget is
     spent, epsilon grows until a phase ends with a matching, which is the last one. The paper does
-    this too. The result is always a bijection, and `gap` is always valid for it. It has no gradient; the module
-    `emd` has the distance and its gradient. For clouds on an accelerator it is solved on the cores
-    of the host, in parallel for the pairs of a `vmap`; an exception there ends the calling
-    program.
+    this too. The result is always a bijection, and `gap` is always valid for it. It has no
+    gradient; the module `emd` has the distance and its gradient. For clouds on an accelerator it is
+    solved on the cores of the host, in parallel for the pairs of a `vmap`; an exception there ends
+    the calling program.
 
     Args:
       a: [n, 3], n >= 1, a floating dtype, any unit; solved in float32.
