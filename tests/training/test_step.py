@@ -220,13 +220,7 @@ def test_leaves_of_a_checkpoint_are_checked(trained):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "kind",
-    [
-        {"loss__min_of_n": 1},
-        *(pytest.param(k, marks=pytest.mark.slow) for k in ({"loss__min_of_n": 2}, VAE)),
-    ],
-)
+@pytest.mark.parametrize("kind", [{"loss__min_of_n": 1}, {"loss__min_of_n": 2}, VAE])
 def test_eight_devices_give_the_same_numbers_as_one(kind, tmp_path):
     """Training refuses a batch that they do not divide; an evaluation then uses one device."""
     code = f"""
