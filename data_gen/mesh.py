@@ -186,7 +186,7 @@ def build_model(
     if len(used):
         # Products of edge vectors: far from the origin, products of positions would lose all
         # precision.
-        extent = float(np.ptp(used.reshape(-1, 3), axis=0).max())
+        extent = np.ptp(used.reshape(-1, 3), axis=0).max()
         cross = np.cross(used[:, 1] - used[:, 0], used[:, 2] - used[:, 0])
         flat = np.linalg.norm(cross, axis=1) <= _DEGENERATE * extent**2
         if flat.any():

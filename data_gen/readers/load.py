@@ -6,6 +6,8 @@ import posixpath
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from data_gen.frame import normalize, orient
 from data_gen.mesh import MAX_FACES, Model, UnusableModelError, build_model
 from data_gen.readers.by_trimesh import read_trimesh
@@ -57,13 +59,14 @@ def load_model(
         data = files.read(stored)
     except OSError as error:
         raise UnusableModelError(f"file {name!r} is not readable: {error}"[:200]) from error
-    arrays = read_obj(data, assets) if kind == "obj" else read_trimesh(data, kind, assets)
-    del data
-    model = build_model(
-        **arrays,
-        **about,
-        model_id=model_id,
-        warnings=assets.warnings,
-        max_faces=max_faces,
-    )
-    return normalize(orient(turn(model), up, front))
+    with np.errstate(over="ignore", invalid="ignore"):  # `normalize` refuses what overflows
+        arrays = read_obj(data, assets) if kind == "obj" else read_trimesh(data, kind, assets)
+        del data
+        model = build_model(
+            **arrays,
+            **about,
+            model_id=model_id,
+            warnings=assets.warnings,
+            max_faces=max_faces,
+        )
+        return normalize(orient(turn(model), up, front))

@@ -108,11 +108,16 @@ class Flags:
             code = exit_code_of(error) or (2 if isinstance(error, wrong_input) else None)
             if code is None:
                 raise
-            sys.stderr.write(f"error: {message_line(error)}\n")
+            sys.stderr.write(f"error: {self._with_flags(message_line(error))}\n")
             return code
         except KeyboardInterrupt:
             sys.stderr.write("stopped by Ctrl-C\n")
             return 130  # as in shells
+
+    def _with_flags(self, message: str) -> str:
+        """A message of the library, which names arguments; those that are flags get dashes."""
+        names = "|".join(map(re.escape, self.values))
+        return re.sub(rf"(?<![-\w./'\"])(?=({names})=)", "--", message)
 
     def _parse(self, argv: Sequence[str]) -> None:
         if self._config is not None:
@@ -230,6 +235,8 @@ _OURS = tuple(f"{_ROOT / name}{os.sep}" for name in ("psgn_jax", "data_gen"))
 
 
 def _is_ours_or_warns(record: python_logging.LogRecord) -> bool:
+    if record.exc_info and record.name.startswith("distributed."):
+        return False  # Dask's traceback of a lost connection, which ends in an error of ours
     return record.levelno >= python_logging.WARNING or os.path.realpath(record.pathname).startswith(
         _OURS
     )

@@ -97,7 +97,7 @@ class DataConfig:
     # Number of images of the same model in each row of an evaluation batch; otherwise the same.
     eval_views: int = dataclasses.field(default=0, metadata=DERIVED)
     # "place" = evaluations place every sample as `place` does; "keep" = unchanged.
-    eval_frame: str = dataclasses.field(default="keep", metadata={"derived": "evaluate --frame"})
+    eval_frame: str = dataclasses.field(default="keep", metadata={"derived": "frame of evaluate"})
     # Folder of the default data set, filled in by `default_data.with_default_data`.
     default_folder: str = dataclasses.field(default="", metadata={"derived": "data.path"})
 

@@ -115,7 +115,7 @@ def convert_models(
       source: root of the tree.
       destination: folder for the data set; created if missing.
       num_points: maximum number of points per sample.
-      max_views: maximum number of views per model; the first ones are used.
+      max_views: maximum number of views per model; the first ones are used (both layouts have 24).
       strict: whether to stop at the first file, model or view that cannot be read.
 
     Returns:

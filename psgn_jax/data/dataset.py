@@ -178,8 +178,8 @@ class RecordReader:
             names, present = ",".join(map(str, splits)), sorted(set().union(*splits.values()))
             raise RecordError(
                 f"data set {names!r} has no split {split!r}; it has {present}; choose one of them "
-                "(--config.data.train_split, --config.data.eval_split, --split), or render another "
-                "set with --option=fractions=0.6,0.2,0.2"
+                "(data.train_split, data.eval_split, split), or render another "
+                "set with fractions=0.6,0.2,0.2"
             )
         parts = [(path / s.file, s) for path in paths for s in splits[path].get(split, ())]
         for path, shard in dict(parts).items():

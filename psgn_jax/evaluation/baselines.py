@@ -63,7 +63,7 @@ def measure(config: Config, params: Any, lite0: Any, split: str) -> dict[str, np
       RecordError: the records are missing or damaged.
     """
     if split == config.data.train_split:
-        raise ConfigError(f"--baselines: split={split!r} is the training split; accepted: another")
+        raise ConfigError(f"split={split!r} is the training split; accepted: another")
     network = networks.build(config.model)
     n, rng = network.num_points, np.random.default_rng(0)
     describe = jax.jit(lambda image: _features(lite0, image))

@@ -57,10 +57,10 @@ def evaluate_run(
     config, workdir = run.config, run.source if run.source_kind == "workdir" else ""
     split = split or config.data.eval_split
     if frame not in FRAMES:
-        raise ConfigError(f"--frame={frame}: accepted: {', '.join(FRAMES)}")
-    asked = {"--draws": draws, f"--frame={frame}": frame != "keep", "--refine": refine}
-    for flag in filter(asked.get, asked):
-        require_points_task(config, flag)
+        raise ConfigError(f"frame={frame}: accepted: {', '.join(FRAMES)}")
+    asked = {"draws": draws, f"frame={frame}": frame != "keep", "refine": refine}
+    for option in filter(asked.get, asked):
+        require_points_task(config, option)
     refine = config.eval.refine if refine is None else refine
     config = dataclasses.replace(
         config,
@@ -93,7 +93,7 @@ def output_folder(
     default = f"{name}_{run.source}_{split}{ends}"
     if run.source_kind == "workdir":
         default = f"{run.source}/{name}_{split}_{run.checkpoint}{ends}"
-    check_folder(out or default, "--out")
+    check_folder(out or default, "out")
     return pathlib.Path(out or default)
 
 
@@ -109,7 +109,7 @@ def report_runs(
       **options: options of `evaluate_run`; `out` applies to the first network only.
     """
     for run in runs:
-        require_points_task(run.config, "--report")
+        require_points_task(run.config, "report")
     reported: list[Any] = []
     for run in runs:
         collector = report_lib.Collector(folder)
@@ -121,7 +121,7 @@ def report_runs(
     try:
         page = report_lib.write_report(folder, reported)
     except ValueError as error:
-        raise ConfigError(f"--report: {error}") from error
+        raise ConfigError(f"report={folder}: {error}") from error
     logging.info("gallery written to %s", page)
     evaluation: Evaluation = reported[0].evaluation
     return evaluation

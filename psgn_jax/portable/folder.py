@@ -226,7 +226,7 @@ def check(
     if not abs(change) <= LARGEST_CD_CHANGE:
         raise ExportError(
             f"{stored} weights change the CD by {100 * change:.2f} %, expected at most "
-            f"{100 * LARGEST_CD_CHANGE:g} %; leave {stored} out of --weights_as"
+            f"{100 * LARGEST_CD_CHANGE:g} %; leave {stored} out of weights"
         )
     return row | {"cd": cd, "cd_change": change}
 
@@ -261,12 +261,10 @@ def _describe(run: Trained, network: PortableNetwork) -> dict[str, Any]:
 
 def _check_arguments(weights: Sequence[str], data: str) -> None:
     if not weights or not set(weights) <= set(ONNX_NAMES):
-        raise ConfigError(
-            f"--weights_as={','.join(weights)}: accepted: any of {', '.join(ONNX_NAMES)}"
-        )
+        raise ConfigError(f"weights={','.join(weights)}: accepted: any of {', '.join(ONNX_NAMES)}")
     if "int8" in weights and not data:
         raise ConfigError(
-            "--weights_as=int8: accepted only with --data=RECORDS, because its error must be "
+            "weights=int8: accepted only with data=RECORDS, because its error must be "
             "measured on records"
         )
 

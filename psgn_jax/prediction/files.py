@@ -28,7 +28,7 @@ from psgn_jax.system.files import is_disk_full, write_atomic
 from psgn_jax.viewing.predictions import VERSION
 
 _LONGEST_NAME = 220
-"""File names have up to 255 bytes; results add a suffix, temporary files the process as well."""
+"""File names have up to 255 bytes; results add a suffix, temporary files 14 more."""
 _OVERLAY_SIDE = 1024
 
 

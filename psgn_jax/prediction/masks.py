@@ -34,8 +34,8 @@ SIDE = 256
 """Height and width of the photo that the mask network sees, whatever its proportions."""
 LEAST_CERTAINTY = 0.8
 """`certainty` below which the network's mask is not used; see docs/journal.md."""
-
-_DOUBTFUL_BELOW = 0.9
+DOUBTFUL_BELOW = 0.9
+"""`certainty` below which a warning says that the mask may be wrong."""
 _DOUBTFUL = "the mask network may be wrong: look at the object that the prediction has seen"
 
 # `plain`: a lossy image is searched on a copy with at most this many pixels per side.
@@ -172,7 +172,7 @@ def find_mask(
         mask, certain = enlarged(p, image.shape[:2]), certainty(p)
         if _SMALLEST <= mask.mean() <= _LARGEST:
             if accept or certain >= LEAST_CERTAINTY:
-                warnings = (_DOUBTFUL,) if certain < _DOUBTFUL_BELOW else ()
+                warnings = (_DOUBTFUL,) if certain < DOUBTFUL_BELOW else ()
                 return FoundMask(mask, f"network, {int(100 * certain)}% certain", warnings)
             # Rounded down, so that a certainty that is refused never reads like an accepted one.
             raise UncertainMaskError(

@@ -19,6 +19,7 @@ from psgn_jax.models import networks
 from psgn_jax.prediction import masks, sampling
 from psgn_jax.prediction.cloud import DECONV, FC, Prediction, colours_from_view, stray_points
 from psgn_jax.prediction.refine import largest_share, refined
+from psgn_jax.viewing.predictions import MOST_CLOUDS
 from psgn_jax.weights.leaves import checksum, named_leaves
 from psgn_jax.weights.run_folder import Trained
 
@@ -72,7 +73,7 @@ class Predictor:
             (RGBA) or [h, w] (grey), or what `photo.read_photo` has read; any size.
           mask: a path, an open file, a PIL image, or an array [h, w], bright on the object; None =
             automatic (`masks.mask_of`).
-          samples: number of clouds; more than one needs a network with a random input.
+          samples: number of clouds; up to 64; more than one needs a network with a random input.
           seed: seed of the random input. The random inputs are the same for every image.
           frame: "place" crops and scales the object (`framing.place`); "keep" keeps the framing
             (the image must be 4:3); "auto" keeps that of training renderings and places other
@@ -160,8 +161,9 @@ class Predictor:
 
     def _sample_latents(self, samples: int, seed: int) -> np.ndarray | None:
         size = self.config.model.random_size
-        if samples < 1 or (samples > 1 and not size):
-            accepted = "1 or more" if size else "1, as this network has no random input"
+        most = MOST_CLOUDS if size else 1
+        if not 1 <= samples <= most:
+            accepted = f"1 to {most}" if size else "1, as this network has no random input"
             raise ConfigError(f"samples={samples}: accepted: {accepted}")
         if not size:
             return None

@@ -357,7 +357,7 @@ STUDY = runner.Study(
     by_model=True,
     note="""* printed in the paper: other data (renderings of ShapeNet), networks and trainings. By
 category: means over samples; mean: over categories. u: a tenth of the grid's edge, the paper's
-unit; the edge is 2 radius. More views gain little here, unlike in the paper: this version predicts
+unit; the edge is 2 radius. More views gain nothing here, unlike in the paper: this version predicts
 in the frame of the first view and is not told how the camera turned between the views. The seconds
 of 3D-R2N2 include compilation for two to five views.""",
 )

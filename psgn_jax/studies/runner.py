@@ -220,18 +220,18 @@ def run(
             runs = [run for run in several if f"{run.name}:{run.seed}" == only]
             if not runs:
                 names = ", ".join(run.name for run in several)
-                raise ConfigError(f"--only={only}: accepted: CONFIG:SEED with one of {names}")
+                raise ConfigError(f"only={only}: accepted: CONFIG:SEED with one of {names}")
     places = {"": runs}
     for place in measure:
         path, _, split = place.rpartition(":")
         if not path or not split or not runs[0].config.data.path:
             raise ConfigError(
-                f"--measure={place}: accepted: FOLDER:SPLIT, such as records/authors:test, for a "
+                f"measure={place}: accepted: FOLDER:SPLIT, such as records/authors:test, for a "
                 "study that reads records"
             )
         name = f"-{pathlib.Path(path).name}-{split}"
         if name in places:
-            raise ConfigError(f"--measure={place}: accepted: folders with different names")
+            raise ConfigError(f"measure={place}: accepted: folders with different names")
         places[name] = _on_split(runs, split, path)
     for several in places.values() if data and not finished else ():
         for config in {run.config.data: run.config for run in several}.values():
@@ -353,7 +353,7 @@ def _check_data(config: Config) -> None:
         loader.eval_batches(config.data, split=config.data.eval_split, batch_size=1).close()
     except (ValueError, OSError) as error:
         places = f"{config.data.path!r}, evaluation on {', '.join(config.data.eval_folders)!r}"
-        raise ConfigError(f"--data={places}: {error}") from error
+        raise ConfigError(f"data={places}: {error}") from error
 
 
 # --- Numbers ------------------------------------------------------------------------------------

@@ -62,7 +62,7 @@ def joined(
         )
     except (RuntimeError, ValueError) as error:
         raise UserError(
-            f"--coordinator={coordinator}: process {process_id} of {num_processes} could not "
+            f"coordinator={coordinator}: process {process_id} of {num_processes} could not "
             f"connect to the others: {message_line(error)[:300]}"
         ) from error
     if not is_first():

@@ -115,7 +115,7 @@ class TrainingLog:
                     raise NonFiniteError(
                         f"the {name} is not finite at step {step}; training has stopped, and the "
                         "checkpoints are from earlier steps; try a lower optim.learning_rate or "
-                        "optim.clip_norm=1 in a new --workdir"
+                        "optim.clip_norm=1 in a new workdir"
                     )
             self.loss_sum, self.loss_count = self.loss_sum + watched[2], self.loss_count + 1
 

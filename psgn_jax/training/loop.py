@@ -211,7 +211,7 @@ def _check(config: Config, workdir: pathlib.Path, devices: int) -> None:
             raise ConfigError(
                 f"processes 0 and {index} have {', '.join(texts)}; expected the same configuration"
             )
-    check_folder(workdir, "--workdir")
+    check_folder(workdir, "workdir")
     check_paths(config)
     if config.train.batch_size % devices:
         raise ConfigError(
@@ -239,7 +239,7 @@ def _check_resumable(config: Config, checkpoint: Checkpoint, workdir: pathlib.Pa
     fatal = [f"{k}={changed[k][0]!r} (now {changed[k][1]!r})" for k in changed.keys() - MAY_CHANGE]
     if fatal:
         raise ConfigError(
-            f"--workdir={workdir} holds a run with {', '.join(sorted(fatal))}; "
+            f"workdir={workdir} holds a run with {', '.join(sorted(fatal))}; "
             "use another workdir or the same values"
         )
     for key, (old, new) in changed.items():
@@ -253,7 +253,7 @@ def _restored(
         return from_named_leaves(jax.eval_shape(create), checkpoint.leaves)
     except ValueError as error:
         raise ConfigError(
-            f"--workdir={workdir}: its newest checkpoint does not fit the network of this "
+            f"workdir={workdir}: its newest checkpoint does not fit the network of this "
             f"version: {error}"
         ) from error
 

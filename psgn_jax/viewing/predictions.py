@@ -26,7 +26,8 @@ _FIELDS = {
     "extrinsics": ("f", "34"),
     "to_view": ("f", "33"),
 }
-_LARGEST = {"k": 64, "n": 1 << 14, "h": 2048, "w": 2048, "a": 2048, "b": 2048}
+MOST_CLOUDS = 64
+_LARGEST = {"k": MOST_CLOUDS, "n": 1 << 14, "h": 2048, "w": 2048, "a": 2048, "b": 2048}
 
 
 class PredictionFileError(UserError):

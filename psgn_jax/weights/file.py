@@ -217,7 +217,7 @@ def read_sources(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
         _check_sources(rows)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ConfigError(
-            f'--sources={path}: {brief(error)}; accepted: a list of {{"source": NAME, "licences": '
+            f'sources={path}: {brief(error)}; accepted: a list of {{"source": NAME, "licences": '
             '{LICENCE: {"models": N, "holders": [...]}}}, like sources.json of a training set'
         ) from None
     return list(rows)

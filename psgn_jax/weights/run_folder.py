@@ -70,12 +70,12 @@ def open_run(
     finally:
         checkpoints.close()
     if opened is None:
-        raise CheckpointError(f"--workdir={workdir}: no checkpoint there")
+        raise CheckpointError(f"workdir={workdir}: no checkpoint there")
     trained = parse(opened.meta["config"])
     if config is None:
         logging.warning("%s; using the configuration in the checkpoint", damaged)
         config = trained
-    _check_fits(config, trained, f"--workdir={workdir}", opened.step)
+    _check_fits(config, trained, f"workdir={workdir}", opened.step)
     params = params_from_named_leaves(opened.leaves, averaged=averaged)
     scores = checkpoints.scores.get(opened.step, {})
     return Trained(config, opened.step, params, scores, str(workdir), checkpoint=checkpoint)
@@ -108,9 +108,9 @@ def load_config(workdir: str | os.PathLike[str]) -> Config:
     try:
         text = path.read_text("utf-8", errors="replace")
     except FileNotFoundError:
-        raise ConfigError(f"--workdir={workdir}: no run there ({path} does not exist)") from None
+        raise ConfigError(f"workdir={workdir}: no run there ({path} does not exist)") from None
     except OSError as error:
-        raise ConfigError(f"--workdir={workdir}: no run there ({error.strerror})") from error
+        raise ConfigError(f"workdir={workdir}: no run there ({error.strerror})") from error
     try:
         return from_json(text)
     except ConfigError as error:
@@ -150,7 +150,7 @@ def locked(workdir: str | pathlib.Path) -> Iterator[None]:
             held = stack.enter_context(claims.locked(folder / ".lock"))
         except BlockingIOError:
             raise ConfigError(
-                f"--workdir={workdir}: another training is running there; wait for it, stop it, "
+                f"workdir={workdir}: another training is running there; wait for it, stop it, "
                 "or give another folder"
             ) from None
         if held:

@@ -18,6 +18,7 @@ from psgn_jax.system.errors import UserError
 
 def test_terminal_shows_own_progress_and_others_warnings():
     code = """
+import logging as python_logging
 from absl import logging
 from psgn_jax.config import command_line
 from psgn_jax.data.sources import authors
@@ -25,6 +26,7 @@ from psgn_jax.commands import convert
 command_line.log_to_terminal()
 logging.info("of another package")
 logging.warning("their warning")
+python_logging.getLogger("distributed.utils").error("lost", exc_info=ValueError("lost"))
 exec(compile("logging.info('own%sprogress', chr(10))", convert.__file__, "exec"))
 """
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
@@ -37,6 +39,18 @@ def run(error):
         raise error
 
     return Flags("psgn anything", "").run(body, [])
+
+
+def test_arguments_that_a_message_names_are_shown_as_flags(capsys):
+    def body(_):
+        raise UserError("weights=a/seed=1: data.seed=2 and seed=3: accepted: none")
+
+    flags = Flags("psgn anything", "")
+    flags.string("weights", "", "A file.")
+    flags.integer("seed", 0, "A number.")
+    assert flags.run(body, []) == 2
+    expected = "error: --weights=a/seed=1: data.seed=2 and --seed=3: accepted: none\n"
+    assert capsys.readouterr().err == expected
 
 
 @pytest.mark.parametrize(

@@ -200,7 +200,7 @@ def test_folders_without_the_data_are_refused_by_name(dataset, tmp_path):
         RecordReader(tmp_path, "train")
     with pytest.raises(
         RecordError,
-        match=r"no split 'test'.*'train', 'validation'.*--config.data.eval_split.*fractions=",
+        match=r"no split 'test'.*'train', 'validation'.*data.eval_split.*fractions=",
     ):
         RecordReader(dataset, "test")
 

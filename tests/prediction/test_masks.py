@@ -71,6 +71,16 @@ def test_the_reason_for_asking_is_stated(monkeypatch, p, reason):
         masks.find_mask(np.zeros((10, 10, 3), np.uint8), method="network")
 
 
+@pytest.mark.parametrize(("p", "warns"), [(0.85, True), (0.95, False)])
+def test_a_doubtful_mask_is_used_with_a_warning(monkeypatch, p, warns):
+    seen = np.zeros((10, 10), np.float32)
+    seen[2:8, 2:8] = p
+    monkeypatch.setattr(masks, "probabilities", lambda image: seen)
+    found = masks.find_mask(np.zeros((10, 10, 3), np.uint8), method="network")
+    assert found.method == f"network, {100 * p:.0f}% certain"
+    assert bool(found.warnings) == warns
+
+
 def test_certainty_is_the_expected_overlap():
     p = np.array([[0.9, 0.8], [0.3, 0.0]], np.float32)
     assert masks.certainty(p) == pytest.approx(1.7 / 2.3)

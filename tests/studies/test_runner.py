@@ -114,7 +114,7 @@ def test_data_without_depth_are_refused_before_anything_is_trained(tmp_path):
 
 @pytest.mark.parametrize("only", ["rgb", "rgb:x", "depth:0"])
 def test_only_names_a_run(only, tmp_path):
-    with pytest.raises(ConfigError, match=f"--only={only}: accepted: "):
+    with pytest.raises(ConfigError, match=f"^only={only}: accepted: "):
         lib.run(STUDY, tmp_path, only=only)
 
 

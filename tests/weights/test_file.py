@@ -168,5 +168,5 @@ def test_wrong_tables_of_sources_are_refused(tmp_path):
     path = tmp_path / "s.json"
     for text in ("", "{", "[" * 200_000, "[]", "{}", '[{"source": 3}]', '[{"source": "x"}]'):
         path.write_text(text)
-        with pytest.raises(ConfigError, match="--sources="):
+        with pytest.raises(ConfigError, match=r"^sources="):
             read_sources(path)

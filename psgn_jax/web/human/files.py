@@ -85,12 +85,12 @@ def build_study(
     categories of the objects.
     """
     out = pathlib.Path(out)
-    check_folder(out, "--out")
+    check_folder(out, "out")
     reader = RecordReader(data.split(","), split)
     available = min(len(reader), MAX_CASES)
     if not 1 <= cases <= available:
         raise ConfigError(
-            f"--cases={cases}: the split has {len(reader)} records; accepted: 1 to {available}"
+            f"cases={cases}: the split has {len(reader)} records; accepted: 1 to {available}"
         )
     # The middles of equal parts of the split.
     numbers = [int((2 * i + 1) * len(reader) / (2 * cases)) for i in range(cases)]
@@ -156,7 +156,7 @@ def open_cases(study: StudyFile, data: str = "") -> list[Sample]:
     samples = [reader[case.record] for case in study.cases if case.record < len(reader)]
     if _checksum(samples) != study.id:
         raise ConfigError(
-            f"--data={data or study.data}: images or cameras differ from those of the study; "
+            f"data={data or study.data}: images or cameras differ from those of the study; "
             "expected the records from which the study was written"
         )
     return samples
@@ -172,7 +172,7 @@ def read_answers(path: str | os.PathLike[str], study: StudyFile) -> tuple[Answer
     answers = _read(
         AnswersFile,
         pathlib.Path(path),
-        "press `Save all` in the page and move human.json there, or give --answers=FILE",
+        "press `Save all` in the page and move human.json there, or give answers=FILE",
         "expected the file that the page saves",
     )
     shown = one_line(path)

@@ -78,7 +78,7 @@ def label_networks(runs: Sequence[Trained]) -> dict[str, Trained]:
         label = one_line(pathlib.Path(run.source).resolve().name)
         if label in labelled or label == PERSON:
             raise ConfigError(
-                f"--workdir={run.source}: the name {label!r} is already used; expected another one"
+                f"{run.source}: the name {label!r} is already used; expected another one"
             )
         labelled[label] = run
     return labelled
@@ -100,7 +100,7 @@ def predict(run: Trained, samples: Sequence[Sample], records: Sequence[int]) -> 
         if "depth" in config.data.inputs:
             if sample.depth is None:
                 raise ConfigError(
-                    f"--workdir={run.source}: the network needs depth, but record {record} has "
+                    f"{run.source}: the network needs depth, but record {record} has "
                     "none; expected a network with the inputs 'rgb' and 'mask'"
                 )
             batch["depth"] = resize.resize_depth(sample.depth, mask)[None]
@@ -134,7 +134,7 @@ def score(
     fewer = min(len(sample.points) for sample in kept)
     if fewer < num_points:
         raise ConfigError(
-            f"--points={num_points}: a record has {fewer} points; accepted: at most {fewer}"
+            f"points={num_points}: a record has {fewer} points; accepted: at most {fewer}"
         )
     clouds = {PERSON: [_model_points(answers[i], num_points, r)
                        for i, r in zip(rows, records, strict=True)]}  # fmt: skip
@@ -142,7 +142,7 @@ def score(
         clouds[name] = predict(run, kept, records)
         if (predicted := len(clouds[name][0])) != num_points:
             raise ConfigError(
-                f"--workdir={run.source}: predicts {predicted} points, --points={num_points}; "
+                f"{run.source}: predicts {predicted} points, points={num_points}; "
                 "expected the same number, as the EMD depends on it"
             )
     measure = jax.jit(lambda pred, gt: evaluate_pair(pred, gt, emd_tolerance=_EMD_TOLERANCE))

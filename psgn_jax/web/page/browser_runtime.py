@@ -34,7 +34,7 @@ _SECONDS = 300
 _MAX_BYTES = 64 << 20  # of one file
 _REMEDY = (
     f"run `npm pack onnxruntime-web@{VERSION}` on a machine with network access and give "
-    "--runtime=onnxruntime-web-" + VERSION + ".tgz"
+    "runtime=onnxruntime-web-" + VERSION + ".tgz"
 )
 
 
@@ -48,7 +48,7 @@ def runtime_files(given: str | os.PathLike[str] = "") -> dict[str, bytes]:
       ConfigError: the files are not available, or a checksum differs.
     """
     if given:
-        return _checked(_read(pathlib.Path(given)), f"--runtime={given}")
+        return _checked(_read(pathlib.Path(given)), f"runtime={given}")
     kept = cache_folder() / f"onnxruntime-web-{VERSION}"
     if all((kept / name).is_file() for name in FILES):
         return _checked(_read(kept), str(kept))
@@ -95,7 +95,7 @@ def _read(path: pathlib.Path) -> dict[str, bytes]:
                     content = archive.extractfile(member)
                     files[name] = content.read() if content else b""
     except (OSError, EOFError, tarfile.TarError) as error:
-        raise ConfigError(f"--runtime={path}: {error}; expected a folder or a .tgz") from None
+        raise ConfigError(f"runtime={path}: {error}; expected a folder or a .tgz") from None
     return files
 
 

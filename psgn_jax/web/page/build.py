@@ -57,7 +57,7 @@ def build_page(
         {},
     )
     network["mask_network"] = {
-        "file": MASK_NETWORK, "side": masks.SIDE, "least_certainty": masks.LEAST_CERTAINTY
+        "file": MASK_NETWORK, "side": masks.SIDE, "doubtful_below": masks.DOUBTFUL_BELOW
     }  # fmt: skip
     network["sources"] += texts["sources"]
     sizes = [row["bytes"] for row in network["files"].values()]

@@ -35,7 +35,7 @@ def server(folder: pathlib.Path, port: int = 0) -> http.server.ThreadingHTTPServ
     try:
         made = http.server.ThreadingHTTPServer(("127.0.0.1", port), _Handler)
     except (OSError, OverflowError) as error:
-        raise UserError(f"--port={port}: cannot listen there: {error}") from error
+        raise UserError(f"port={port}: cannot listen there: {error}") from error
     made.folder = folder.resolve()  # type: ignore[attr-defined]
     made.hosts = {f"{name}:{made.server_port}" for name in ("127.0.0.1", "localhost")}  # type: ignore[attr-defined]
     return made

@@ -1,5 +1,7 @@
 """The OBJ reader."""
 
+import contextlib
+
 import numpy as np
 import pytest
 from helpers.obj_text import CUBE, FACES, QUADS, png
@@ -20,6 +22,16 @@ def test_a_plain_cube(write):
     outward = model.corners().mean(1) - model.vertices.mean(0)
     assert ((outward * face_normals(model.vertices, model.faces)).sum(1) > 0).all()
     np.testing.assert_allclose(np.linalg.norm(model.vertices, axis=1).max(), 1)
+
+
+@pytest.mark.parametrize("number", ["1e154", "1e155", "1e300"])
+@pytest.mark.parametrize("line", ["v {} 0 0", "v 0 {} 0", "vt {} 0", "vn {} 0 0"])
+def test_a_number_that_overflows_is_refused_or_left_out(write, line, number):
+    """Without a warning of NumPy, which tests make an error."""
+    lines = ["v 1 0 0", "v 0 1 0", "v 0 0 1", "vt 0 0", "vn 0 0 1", line.format(number)]
+    path = write("a.obj", "\n".join([*lines, "v 0 0 0", "f 1/1/1 2/2/2 3/1/1 4/1/1"]))
+    with contextlib.suppress(UnusableModelError):
+        assert np.isfinite(load_model(path).vertices).all()
 
 
 @pytest.mark.parametrize(

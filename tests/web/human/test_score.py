@@ -124,7 +124,7 @@ def test_other_records_are_refused(study, tmp_path, records):
         write_dataset(tmp_path / name, {"validation": samples}, source="test")
         with pytest.raises(ConfigError, match="images or cameras differ from those of the study"):
             open_cases(study, str(tmp_path / name))
-    with pytest.raises(ConfigError, match="--cases=3: the split has 2 records; accepted: 1 to 2"):
+    with pytest.raises(ConfigError, match=r"^cases=3: the split has 2 records; accepted: 1 to 2"):
         build_study(str(records), tmp_path, cases=3)
     (tmp_path / "study.json").write_text('{"format": 1}')
     with pytest.raises(ConfigError, match=r"study.json: format=1: .*write the study"):
@@ -169,9 +169,9 @@ def test_the_table_is_scored_beside_networks(study, answers, tmp_path):
 
 def test_what_cannot_be_compared_is_refused(study, answers):
     samples = open_cases(study)
-    with pytest.raises(ConfigError, match="predicts 40 points, --points=1024; expected the same"):
+    with pytest.raises(ConfigError, match="predicts 40 points, points=1024; expected the same"):
         score.score(study, answers, samples, {"a": network("a")})
-    with pytest.raises(ConfigError, match=r"--points=9000: a record has \d+ points; accepted"):
+    with pytest.raises(ConfigError, match=r"^points=9000: a record has \d+ points; accepted"):
         score.score(study, answers, samples, {}, num_points=9000)
     with pytest.raises(ConfigError, match="no case has a model yet"):
         score.score(study, [answers[1], answers[1]], samples, {})

@@ -145,6 +145,20 @@ def test_the_mask_of_a_photo_is_found_as_by_python(open_page):
     assert masks.mask_iou(mask_of(page, found.shape), found) > 0.98
 
 
+def test_an_uncertain_mask_is_a_proposal_that_can_be_corrected(open_page, tmp_path):
+    chair = np.asarray(Image.open(CHAIR))
+    two = np.concatenate([chair, chair[:, ::-1]], axis=1)
+    with pytest.raises(masks.UncertainMaskError) as error:
+        masks.find_mask(two, method="network")
+    Image.fromarray(two).save(tmp_path / "two.png")
+    page = open_page()
+    give(page, tmp_path / "two.png")
+    assert masks.mask_iou(mask_of(page, two.shape[:2]), error.value.mask) > 0.75
+    assert re.search(r"points in .* It is not certain .* \(\d\d %\): correct", status(page))
+    settled(page, lambda: page.click("#invert"))
+    assert "not certain" not in status(page)
+
+
 @pytest.mark.slow
 def test_masks_from_transparency_and_from_files(open_page, predictor, tmp_path):
     rgba = write_cut_out(tmp_path)
@@ -168,6 +182,7 @@ def test_masks_from_transparency_and_from_files(open_page, predictor, tmp_path):
     np.testing.assert_allclose(clouds(page)[0], expected.points, atol=1e-4)
     # A mask for an open photo.
     give(page, tmp_path / "my chair.png")
+    settled(page, lambda: page.click("#clear"))
     assert "Draw around the object" in status(page)
     Image.new("L", (100, 400), 255).save(tmp_path / "tall.png")
     give(page, tmp_path / "tall.png", to="#mask-file")
@@ -185,6 +200,7 @@ def test_the_mask_is_drawn(open_page, predictor, tmp_path):
     image, _ = write_photo(tmp_path)
     page = open_page()
     give(page, tmp_path / "my chair.png")
+    settled(page, lambda: page.click("#clear"))
     box = page.locator("#photo").bounding_box()
     scale = box["width"] / SHAPE[1]
 

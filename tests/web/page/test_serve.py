@@ -74,7 +74,7 @@ def test_only_this_machine_reaches_it(served):
     assert served.server_address[0] == "127.0.0.1"
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
-        with pytest.raises(UserError, match=r"--port=\d+: cannot listen there"):
+        with pytest.raises(UserError, match=r"^port=\d+: cannot listen there"):
             server(served.folder, taken.getsockname()[1])
-    with pytest.raises(UserError, match="--port=70000: cannot listen there"):
+    with pytest.raises(UserError, match=r"^port=70000: cannot listen there"):
         server(served.folder, 70000)

@@ -23,8 +23,8 @@ function opaqueIn(rgba) {
   return mask;
 }
 
-/** photo: { rgb, width, height, bitmap }; maskSession: of the mask network, once a photo needs it; mask: the context of a canvas that is opaque on the object; clouds: one for each guess. */
-const page = { photo: null, mask: null, history: [], clouds: [], sample: 0, name: "" };
+/** photo: { rgb, width, height, bitmap }; maskSession: of the mask network, once a photo needs it; mask: the context of a canvas that is opaque on the object; doubt: what to say of that mask until it is changed; clouds: one for each guess. */
+const page = { photo: null, mask: null, doubt: "", history: [], clouds: [], sample: 0, name: "" };
 const viewer = new CloudView([$("cloud")]);
 
 function say(text) {
@@ -73,7 +73,7 @@ const open = guarded(async files => {
   page.name = file.name.replace(/\.[^.]*$/, "").replace(/[^\w-]+/g, "_");
   page.photo = { bitmap, width, height, rgb: withoutAlpha(rgba) };
   page.mask = contextOf(width, height);
-  page.history = [];
+  Object.assign(page, { history: [], doubt: "" });
   Object.assign($("photo"), { width, height }).style.setProperty("--ratio", width / height);
   document.body.classList.add("has-photo");
   const opaque = opaqueIn(rgba), share = sum(opaque) / opaque.length;
@@ -99,9 +99,9 @@ const openMask = guarded(async file => {
   setMask(transparent ? opaqueIn(data) : luma.map(level => level > half));
 });
 
-/** The mask that the mask network finds, like `find_mask` in Python; empty if it is not certain. */
+/** The mask that the mask network finds, like `find_mask` in Python, and its doubt. */
 async function findMask({ bitmap, width, height }) {
-  const { about, maskBytes } = await network, { side, least_certainty: least } = about.mask_network, half = side / 2;
+  const { about, maskBytes } = await network, { side, doubtful_below: least } = about.mask_network, half = side / 2;
   say("Looking for the object");
   page.maskSession ??= await startSession(maskBytes);
   const small = contextOf(side, side);
@@ -111,7 +111,7 @@ async function findMask({ bitmap, width, height }) {
   const run = async pixels => (await page.maskSession.run({ image: new ort.Tensor("uint8", pixels, [1, side, side, 3]) })).probabilities.data;
   const one = await run(rgb), other = mirrored(await run(mirrored(rgb, side, 3)), half, 1), p = one.map((v, i) => (v + other[i]) / 2);
   const inside = p.filter(v => v > 0.5), certainty = sum(inside) / (inside.length + sum(p) - sum(inside));
-  if (!(certainty >= least)) return new Uint8Array(width * height);
+  if (!(certainty >= least)) page.doubt = ` It is not certain which part is the object (${Math.floor(100 * certainty)} %): correct the mask if it is wrong.`;
   const levels = new ImageData(half, half), coarse = contextOf(half, half), large = contextOf(width, height);
   p.forEach((v, i) => { levels.data[4 * i + 3] = Math.round(255 * v); });
   coarse.putImageData(levels, 0, 0);
@@ -130,7 +130,7 @@ function setMask(mask) {
 }
 
 const maskArray = () => opaqueIn(pixelsOf(page.mask));
-const remember = () => { page.history = [...page.history, maskArray()].slice(-HISTORY); };
+const remember = () => Object.assign(page, { doubt: "", history: [...page.history, maskArray()].slice(-HISTORY) });
 const undo = () => setMask(page.history.pop() ?? maskArray());
 
 let timer = 0;
@@ -267,7 +267,7 @@ const predict = guarded(async () => {
   $("sample").max = count - 1;
   show(Math.min(page.sample, count - 1));
   const corner = mask[0] + mask[photo.width - 1] + mask.at(-photo.width) + mask.at(-1);
-  const doubt = corner === 4 ? " The mask contains all four corners: it may be inverted." : "";
+  const doubt = corner === 4 ? " The mask contains all four corners: it may be inverted." : page.doubt;
   say(`${about.num_points.toLocaleString("en")} points in ${((performance.now() - begin) / 1000).toFixed(1)} s.${doubt}`);
 });
 
