@@ -122,7 +122,7 @@ def test_a_study_trains_and_measures_on_other_records(records, tmp_path):
     (run, _) = STUDY.runs(tmp_path, data="here", eval_data="there")
     assert (run.config.data.path, run.config.data.eval_path) == ("here", "there")
     for measure, message in (
-        (["records"], "--measure=records: accepted: FOLDER:SPLIT"),
+        (["records"], r"^measure=records: accepted: FOLDER:SPLIT"),
         (["a/records:test", "b/records:test"], "accepted: folders with different names"),
     ):
         with pytest.raises(ConfigError, match=message):
