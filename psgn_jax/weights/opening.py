@@ -22,7 +22,7 @@ from psgn_jax.weights.run_folder import Trained, open_run
 FOLDER = pathlib.Path(__file__).resolve().parent
 """Folder of the files in the package."""
 
-DEFAULT = "small-5"
+DEFAULT = "small-6"
 """Name of the weights that are used if none are named."""
 
 
