@@ -4,7 +4,9 @@ import json
 import pathlib
 import zipfile
 
+import jax
 import numpy as np
+import onnxruntime
 import pytest
 
 from psgn_jax.data.dataset import RecordReader
@@ -38,6 +40,19 @@ def test_version_1_is_read(stored):
     np.testing.assert_array_equal(points.ravel(), np.arange(12, dtype=np.float32) / 12)
 
 
+def test_an_exported_network_of_version_1_runs(stored):
+    image = np.arange(48 * 64 * 3).reshape(1, 48, 64, 3).astype(np.uint8)
+    mask = np.ones((1, 48, 64), bool)
+    expected = np.load(stored / "network" / "points.npy")
+    program = jax.export.deserialize(
+        bytearray((stored / "network" / "network.stablehlo").read_bytes())
+    )
+    np.testing.assert_allclose(program.call(image, mask), expected, atol=1e-5)
+    session = onnxruntime.InferenceSession(stored / "network" / "network.onnx")
+    (points,) = session.run(None, {"image": image, "mask": mask})
+    np.testing.assert_allclose(points, expected, atol=1e-5)
+
+
 def test_a_later_version_is_refused(stored, monkeypatch):
     manifest = stored / "records" / "manifest.json"
     content = json.loads(manifest.read_text()) | {"version": 2}
@@ -51,10 +66,12 @@ def test_a_later_version_is_refused(stored, monkeypatch):
     with np.load(file) as archive:
         later = dict(archive) | {"version": np.int32(2)}
     np.savez(file, **later)
-    with pytest.raises(PredictionFileError, match=r"version 2 .* reads version 1"):
+    with pytest.raises(PredictionFileError, match=r"later version .* is 2, this one reads 1"):
         read_prediction(file, ["points"])
-    with pytest.raises(WeightsError, match="psgn_jax weights 1', expected 'psgn_jax weights 2"):
-        read_arrays(stored / "weights.safetensors", "psgn_jax weights 2")
+    with pytest.raises(WeightsError, match="a later version .* weights 1', expected 'psgn_jax"):
+        read_arrays(stored / "weights.safetensors", "psgn_jax weights 0")
+    before = sorted((stored / "run").rglob("*"))
     monkeypatch.setattr(checkpoint, "FORMAT", 0)
-    with pytest.raises(checkpoint.CheckpointError, match="the format is 1, expected 0"):
+    with pytest.raises(checkpoint.LaterVersionError, match="format is 1, this version reads 0"):
         open_run(stored / "run")
+    assert sorted((stored / "run").rglob("*")) == before

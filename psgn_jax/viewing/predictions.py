@@ -52,8 +52,8 @@ def read_prediction(path: str | os.PathLike[str], fields: Sequence[str]) -> dict
         arrays = read_npz(path, {**limits, "version": 1})
         if (version := arrays.pop("version", VERSION)) != VERSION:
             raise PredictionFileError(
-                f"{shown}: version {version} of a prediction; this version of psgn_jax reads "
-                f"version {VERSION}; predict again, or use a newer psgn_jax"
+                f"{shown} was made by a later version of psgn_jax: its version is {version}, this "
+                f"one reads {VERSION}; predict again, or use a newer psgn_jax"
             )
         for name in fields:
             if name not in arrays:

@@ -55,6 +55,10 @@ class CheckpointError(UserError):
     """There is no checkpoint that can be read, or a checkpoint cannot be written."""
 
 
+class LaterVersionError(CheckpointError):
+    """A checkpoint was written by a later version of this package; it is left as it is."""
+
+
 class Checkpoints:
     """The checkpoints in one folder.
 
@@ -137,13 +141,15 @@ class Checkpoints:
 
         Raises:
           CheckpointError: there are checkpoints but none can be read. The cause is then probably
-            the disk, a permission or a version, not damage to every checkpoint, so nothing is
-            moved.
+            the disk or a permission, not damage to every checkpoint, so nothing is moved.
+          LaterVersionError: the newest intact checkpoint was written by a later version.
         """
         unreadable: list[tuple[int, Exception]] = []
         for step in reversed(self.steps()):
             try:
                 checkpoint = self.restore(step)
+            except LaterVersionError:
+                raise
             except Exception as error:  # orbax raises many types of errors for unreadable files
                 unreadable.append((step, error))
                 continue
@@ -160,14 +166,21 @@ class Checkpoints:
         return None
 
     def restore(self, step: int) -> Checkpoint:
-        """The checkpoint of one step; raises if it cannot be read or fails its checksums."""
+        """The checkpoint of one step; raises if it cannot be read or fails its checksums.
+
+        Raises:
+          LaterVersionError: it was written by a later version.
+        """
         folder = self._directory / str(step)
         reader = _of_this_process(ocp.Checkpointer)
         try:
             items = ocp.args.Composite(meta=ocp.args.JsonRestore())
             document = without_checksum(reader.restore(folder, args=items).meta)
-            if document.get("format") != FORMAT:
-                raise ValueError(f"the format is {document.get('format')!r}, expected {FORMAT}")
+            if document["format"] > FORMAT:
+                raise LaterVersionError(
+                    f"{folder} was made by a later version of psgn_jax: its format is "
+                    f"{document['format']}, this version reads {FORMAT}; use a newer psgn_jax"
+                )
             template = {
                 name: np.zeros(leaf["shape"], leaf["dtype"])
                 for name, leaf in document["leaves"].items()

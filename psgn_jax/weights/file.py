@@ -185,11 +185,10 @@ def read_arrays(
     try:
         with safe_open(path, framework="np") as file:
             metadata = file.metadata() or {}
-            if metadata.get("format") != form:
-                raise WeightsError(
-                    f"{path}: a file of another program or version (format "
-                    f"{str(metadata.get('format'))[:40]!r}, expected {form!r})"
-                )
+            if (found := str(metadata.get("format"))[:40]) != form:
+                later = found.rpartition(" ")[0] == form.rpartition(" ")[0]
+                maker = "a later version of psgn_jax" if later else "another program"
+                raise WeightsError(f"{path}: a file of {maker}: {found!r}, expected {form!r}")
             names = sorted(file.keys())
             dtype = _common_dtype(path, {name: file.get_slice(name).get_dtype() for name in names})
             stored = {name: file.get_tensor(name) for name in names}

@@ -16,7 +16,7 @@ from psgn_jax.config.experiment import Config, ConfigError, DamagedError, flatte
 from psgn_jax.system import claims
 from psgn_jax.system.files import remove_temporaries
 from psgn_jax.system.untrusted import brief, refuse_special_files
-from psgn_jax.weights.checkpoint import Checkpoint, CheckpointError, Checkpoints
+from psgn_jax.weights.checkpoint import Checkpoint, CheckpointError, Checkpoints, LaterVersionError
 from psgn_jax.weights.leaves import params_from_named_leaves
 
 
@@ -57,7 +57,7 @@ def open_run(
 
     Raises:
       ConfigError: there is no run, or its configuration does not fit the checkpoint.
-      CheckpointError: there is no checkpoint that can be read.
+      CheckpointError: there is no checkpoint that can be read, or a later version wrote it.
     """
     config, damaged = None, None
     try:
@@ -127,6 +127,8 @@ def _best(checkpoints: Checkpoints) -> Checkpoint | None:
     if step is not None:
         try:
             return checkpoints.restore(step)
+        except LaterVersionError:
+            raise
         except Exception as error:  # orbax raises many types of errors for unreadable files
             logging.warning("the best checkpoint (step %d) is damaged: %s", step, brief(error))
     logging.warning("no best checkpoint can be used; using the last one")

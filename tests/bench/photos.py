@@ -1,13 +1,15 @@
-"""Draws the clouds that a network predicts from the model card's ten photos: docs/photos.png.
+"""Draws the clouds that a network predicts from the model card's ten photos.
 
-    python tests/bench/photos.py [--weights NAME|FILE | --workdir RUN] --out docs/photos.png
+    python tests/bench/photos.py [--weights NAME|FILE | --workdir RUN] --out docs
 
-Each photo of `--photos` (default: docs/photos) has a row: the photo; the mask that `psgn predict`
-finds, with the cloud of this mask from the camera of the photo and turned by 75 degrees about the
-vertical axis; then the given mask, `NAME_mask.png`, with its cloud. All clouds are in normal form
-and coloured by height. Also prints the method and the IoU of each mask that was found.
+`photos.png` has a row for each photo of docs/photos: the photo; the mask that `psgn predict` finds,
+with the cloud of this mask from the camera of the photo and turned by 75 degrees about the vertical
+axis; then the given mask, `NAME_mask.png`, with its cloud. `three_photos.png` and the animation
+`turning.webp` show the photos of the README, `--readme`, with their given masks. All clouds are in
+normal form and coloured by height. Also prints the method and the IoU of each mask that was found.
 """
 
+import io
 import pathlib
 import sys
 
@@ -20,6 +22,7 @@ from small_png import small_png
 from psgn_jax.commands.common import define_network_flags
 from psgn_jax.config.command_line import Flags
 from psgn_jax.data import photo
+from psgn_jax.data.camera import scale_intrinsics
 from psgn_jax.prediction import masks
 from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.system.files import write_atomic
@@ -30,6 +33,8 @@ PHOTOS = pathlib.Path(__file__).resolve().parents[2] / "docs" / "photos"
 HIGH, WIDE = 150, 200
 LARGEST = 480_000
 OUTSIDE = np.array([60, 90, 160])
+FRAMES, FRAME = 40, 90
+"""Frames of a turn, and the milliseconds of each."""
 
 
 def panel(picture):
@@ -65,25 +70,57 @@ def row(image, given, predictor):
     return pictures | masked(image, given, predictor, "given", "given"), text
 
 
+def side_by_side(image, prediction):
+    """The photo, and its cloud from the camera of the photo."""
+    high = 15 * HIGH // 12
+    clouds = spheres.by_height({"cloud": prediction.points[0]})
+    cloud = spheres.panels(vars(prediction.view), clouds, turns=(0,), height=high)["cloud"]
+    above = np.full(((high - HIGH) // 2, WIDE, 3), 255, np.uint8)
+    below = np.full((high - HIGH - len(above), WIDE, 3), 255, np.uint8)
+    return np.concatenate([np.concatenate([above, panel(image), below]), cloud], axis=1)
+
+
+def animation(predictions):
+    """A WebP of clouds beside each other, each turning about its vertical axis."""
+    size, frames = (2 * HIGH, 3 * HIGH), []
+    for i in range(FRAMES):
+        pictures = []
+        for each in predictions:
+            view, (points, colours) = each.view, spheres.by_height({"": each.points[0]})[""]
+            intrinsics = scale_intrinsics(view.intrinsics, view.image.shape[:2], size)
+            turned = spheres.turned(view.extrinsics, 360 * i / FRAMES)
+            pictures.append(spheres.render(points, colours, intrinsics, turned, size))
+        frames.append(Image.fromarray(np.concatenate(pictures, axis=1)))
+    stream = io.BytesIO()
+    options = {"duration": FRAME, "loop": 0, "quality": 70, "method": 6}
+    frames[0].save(stream, "WEBP", save_all=True, append_images=frames[1:], **options)
+    return stream.getvalue()
+
+
 def main():
-    flags = Flags("photos.py --out=FILE", __doc__)
+    flags = Flags("photos.py --out=FOLDER", __doc__)
     define_network_flags(flags)
-    flags.string("photos", str(PHOTOS), "Folder of photos and masks.")
-    flags.string("out", None, "PNG file to write.")
+    flags.string("readme", "aeroplane,car,chair", "Photos of the README.")
+    flags.string("out", None, "Folder to write to.")
     return flags.run(_main)
 
 
 def _main(flags):
     values = flags.values
     predictor = Predictor(open_network(values.workdir, values.weights, values.checkpoint))
-    rows = []
-    for path in sorted(pathlib.Path(values.photos).glob("*.jpg")):
+    out, names, rows, chosen = pathlib.Path(values.out), values.readme.split(","), [], {}
+    for path in sorted(PHOTOS.glob("*.jpg")):
         read = photo.read_photo(path)
         given = photo.read_mask(path.with_name(f"{path.stem}_mask.png"), read)
+        if path.stem in names:
+            chosen[path.stem] = read.image, predictor(read.image, given)
         pictures, text = row(read.image, given, predictor)
         rows.append((path.stem, pictures))
         print(f"{path.stem}: {text}")
-    write_atomic(values.out, small_png(spheres.sheet(rows, columns=1), LARGEST))
+    three = np.concatenate([side_by_side(*chosen[name]) for name in names], axis=1)
+    write_atomic(out / "photos.png", small_png(spheres.sheet(rows, columns=1), LARGEST))
+    write_atomic(out / "three_photos.png", small_png(Image.fromarray(three), LARGEST))
+    write_atomic(out / "turning.webp", animation([chosen[name][1] for name in names]))
 
 
 if __name__ == "__main__":

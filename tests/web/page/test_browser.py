@@ -326,6 +326,7 @@ def test_a_message_about_a_file_stays_when_the_network_arrives_later(open_page, 
 DAMAGE = {
     "half of the weights": ("network.onnx", lambda b: b[: len(b) // 2]),
     "another description": ("network.json", lambda b: b.replace(b"psgn_jax", b"other")),
+    "a later version": ("network.json", lambda b: b.replace(b"network 1", b"network 2")),
     "no description": ("network.json", lambda b: b"<!DOCTYPE html>"),
     "a graph that does not run": ("network.onnx", lambda b: b"\x08\x08" + b"\0" * (len(b) - 2)),
     "weights that are gone": ("network.onnx", None),
@@ -341,6 +342,7 @@ def test_wrong_or_damaged_weights_are_refused(name, open_page, site, serve, tmp_
     else:
         (copy / file).write_bytes(change((copy / file).read_bytes()))
     expected = {
+        "a later version": "The network was made by a later version of psgn_jax",
         "weights that are gone": "The page is incomplete: network.onnx is missing.",
         "a graph that does not run": "This browser cannot run the network",
     }.get(name, "The network's file is damaged or belongs to another page")

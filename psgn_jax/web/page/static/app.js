@@ -225,6 +225,7 @@ async function load() {
   ort.env.wasm.wasmPaths = new URL("runtime/", import.meta.url).href;
   const damaged = new Error("The network's file is damaged or belongs to another page; build the page again.");
   const about = await (await fetched("network.json")).json().catch(() => { throw damaged; });
+  if (/^psgn_jax network (?!1$)\d+$/.test(about.format)) throw new Error("The network was made by a later version of psgn_jax; build the page again.");
   const [name, row] = Object.entries(about.files ?? {}).find(([file]) => file.endsWith(".onnx")) ?? [];
   if (about.format !== "psgn_jax network 1" || !name) throw damaged;
   const [bytes, maskBytes, runtime] = await download([name, about.mask_network.file, RUNTIME], about.download_bytes);
