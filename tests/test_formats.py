@@ -68,7 +68,7 @@ def test_a_later_version_is_refused(stored, monkeypatch):
     np.savez(file, **later)
     with pytest.raises(PredictionFileError, match=r"later version .* is 2, this one reads 1"):
         read_prediction(file, ["points"])
-    with pytest.raises(WeightsError, match="a later version .* weights 1', expected 'psgn_jax"):
+    with pytest.raises(WeightsError, match=r"a later version .* weights 1', expected 'psgn_jax"):
         read_arrays(stored / "weights.safetensors", "psgn_jax weights 0")
     before = sorted((stored / "run").rglob("*"))
     monkeypatch.setattr(checkpoint, "FORMAT", 0)
