@@ -261,10 +261,12 @@ def _describe(run: Trained, network: PortableNetwork) -> dict[str, Any]:
 
 def _check_arguments(weights: Sequence[str], data: str) -> None:
     if not weights or not set(weights) <= set(ONNX_NAMES):
-        raise ConfigError(f"weights={','.join(weights)}: accepted: any of {', '.join(ONNX_NAMES)}")
+        raise ConfigError(
+            f"weights stored as {','.join(weights)}: accepted: any of {', '.join(ONNX_NAMES)}"
+        )
     if "int8" in weights and not data:
         raise ConfigError(
-            "weights=int8: accepted only with data=RECORDS, because its error must be "
+            "weights stored as int8: accepted only with data=RECORDS, because its error must be "
             "measured on records"
         )
 

@@ -225,9 +225,13 @@ def test_a_file_that_differs_is_refused(stored, factor, message):
 
 def test_wrong_arguments(tmp_path):
     run = make_run()
-    with pytest.raises(ConfigError, match=r"^weights=int8: accepted only with data=RECORDS"):
+    with pytest.raises(
+        ConfigError, match=r"^weights stored as int8: accepted only with data=RECORDS"
+    ):
         folder.write_folder(run, tmp_path, weights=("int8",))
-    with pytest.raises(ConfigError, match=r"^weights=int4: accepted: any of float32, float16"):
+    with pytest.raises(
+        ConfigError, match=r"^weights stored as int4: accepted: any of float32, float16"
+    ):
         folder.write_folder(run, tmp_path, weights=("int4",))
     broken = jax.tree.map(lambda leaf: leaf * np.nan, run.params)
     with pytest.raises(folder.ExportError, match="not finite"):
