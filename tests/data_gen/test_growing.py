@@ -33,7 +33,7 @@ def listed(names, split=lambda name: "test" if name[-1] in "37" else "train", fr
 
 def sample_of(entry):
     rng = np.random.default_rng(model_seed(0, "listed", entry.model_id) % 2**31)
-    drawn = solids.draw(solids.CATEGORIES["box"](rng), rng, image_size=(16, 24))
+    drawn = solids.draw(solids.random_solid("box", rng), rng, image_size=(16, 24))
     return schema.Sample(
         image=drawn.image, mask=drawn.mask, depth=drawn.depth, points=drawn.points[:50],
         normals=None, occupancy=None, intrinsics=drawn.intrinsics, extrinsics=drawn.extrinsics,

@@ -1,6 +1,6 @@
 """Samples for tests: analytic solids on the ground, drawn with plain numpy in milliseconds.
 
-Boxes, ellipsoids and tori of random proportions and poses, seen by the authors'
+Boxes, ellipsoids, cylinders, cones and tori of random proportions and poses, seen by the authors'
 camera (`camera.default_camera`) on their grey background, with exact depth, mask, surface points
 and normals.
 """
@@ -45,6 +45,12 @@ def _smaller_root(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
     discriminant = b * b - a * c
     root = (-b - np.sqrt(np.maximum(discriminant, 0))) / np.maximum(a, 1e-12)
     return np.where((discriminant > 0) & (root > 0), root, _MISS)
+
+
+def _disc(rng: np.random.Generator, n: int) -> np.ndarray:
+    """Uniform points [n, 2] in the unit disc."""
+    angle, radius = rng.uniform(0, 2 * np.pi, n), np.sqrt(rng.random(n))
+    return radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 def box(half: np.ndarray) -> Solid:
@@ -98,6 +104,87 @@ def ellipsoid(half: np.ndarray) -> Solid:
     return Solid("ellipsoid", 2 * float(half[2]), sample, cast)
 
 
+def _cap(origin: np.ndarray, directions: np.ndarray, height: float, radius: float) -> np.ndarray:
+    """Hits of the horizontal disc of `radius` at z = `height`."""
+    down = np.where(np.abs(directions[:, 2]) < 1e-12, 1e-12, directions[:, 2])
+    t = (height - origin[2]) / down
+    across = origin[:2] + t[:, None] * directions[:, :2]
+    hit = ((across**2).sum(axis=1) <= radius**2) & (t > 0)
+    return np.where(hit, t, _MISS)
+
+
+def cylinder(radius: float, height: float) -> Solid:
+    """A closed cylinder."""
+    up = np.array([0.0, 0, 1])
+
+    def sample(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+        on_side = rng.random(n) < height / (height + radius)
+        angle = rng.uniform(0, 2 * np.pi, n)
+        ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        top = rng.choice([-1.0, 1.0], n)
+        side = np.concatenate([radius * ring, rng.uniform(-0.5, 0.5, (n, 1)) * height], axis=1)
+        cap = np.concatenate([radius * _disc(rng, n), top[:, None] * height / 2], axis=1)
+        outward = np.concatenate([ring, np.zeros((n, 1))], axis=1)
+        return (
+            np.where(on_side[:, None], side, cap),
+            np.where(on_side[:, None], outward, top[:, None] * up),
+        )
+
+    def cast(origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        o, d = origin[:2], directions[:, :2]
+        side = _smaller_root((d * d).sum(axis=1), d @ o, np.asarray(o @ o - radius**2))
+        z = origin[2] + np.where(np.isfinite(side), side, 0) * directions[:, 2]
+        side = np.where(np.abs(z) <= height / 2, side, _MISS)
+        top = _cap(origin, directions, height / 2, radius)
+        bottom = _cap(origin, directions, -height / 2, radius)
+        t = np.minimum(side, np.minimum(top, bottom))
+        where = origin + np.where(np.isfinite(t), t, 0)[:, None] * directions
+        normals = _unit(where * [1, 1, 0])
+        normals[t == bottom] = -up
+        normals[t == top] = up
+        normals[t == side] = _unit(where * [1, 1, 0])[t == side]
+        return t, normals
+
+    return Solid("cylinder", height, sample, cast)
+
+
+def cone(radius: float, height: float) -> Solid:
+    """A closed cone, its tip up."""
+    slope = radius / height
+    slant = np.hypot(radius, height)
+
+    def sample(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+        on_side = rng.random(n) < slant / (slant + radius)
+        disc = _disc(rng, n)  # uniform points of the side are uniform on the ground as well
+        reach = np.linalg.norm(disc, axis=1)
+        z = np.where(on_side, height / 2 - reach * height, -height / 2)
+        outward = _unit(np.concatenate([_unit(disc), np.full((n, 1), slope)], axis=1))
+        normals = np.where(on_side[:, None], outward, [0.0, 0, -1])
+        return np.concatenate([radius * disc, z[:, None]], axis=1), normals
+
+    def cast(origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        # x^2 + y^2 = slope^2 (z - tip)^2 is a double cone; only its lower half counts.
+        o = origin - [0, 0, height / 2]
+        metric = np.array([1, 1, -(slope**2)])
+        a, b = (directions**2) @ metric, directions @ (metric * o)
+        c = float((o**2) @ metric)
+        root = np.sqrt(np.maximum(b * b - a * c, 0))
+        safe = np.where(np.abs(a) < 1e-12, 1e-12, a)
+        side = np.full(len(directions), _MISS)
+        for t in ((-b - root) / safe, (-b + root) / safe):
+            z = o[2] + t * directions[:, 2]
+            hit = (b * b > a * c) & (z <= 0) & (z >= -height) & (t > 0)
+            side = np.where(hit, np.minimum(side, t), side)
+        base = _cap(origin, directions, -height / 2, radius)
+        t = np.minimum(side, base)
+        where = origin + np.where(np.isfinite(t), t, 0)[:, None] * directions
+        normals = _unit(np.concatenate([_unit(where[:, :2]), np.full((len(t), 1), slope)], axis=1))
+        normals[base < side] = [0, 0, -1]
+        return t, normals
+
+    return Solid("cone", height, sample, cast)
+
+
 def torus(ring: float, tube: float) -> Solid:
     """A torus: distance `ring` from the axis to the tube's centre, `tube` its radius."""
 
@@ -140,12 +227,23 @@ def torus(ring: float, tube: float) -> Solid:
     return Solid("torus", 2 * tube, sample, cast)
 
 
-CATEGORIES: dict[str, Callable[[np.random.Generator], Solid]] = {
-    "box": lambda rng: box(rng.uniform(0.25, 1.0, 3)),
-    "ellipsoid": lambda rng: ellipsoid(rng.uniform(0.3, 1.0, 3)),
-    "torus": lambda rng: torus(1.0, rng.uniform(0.12, 0.45)),
-}
-"""Name -> a solid of random proportions; `draw` normalises its size."""
+CATEGORIES = ("box", "cone", "cylinder", "ellipsoid", "torus")
+"""Categories of the default data set."""
+
+
+def random_solid(category: str, rng: np.random.Generator) -> Solid:
+    """A solid of random proportions; `draw` normalises its size."""
+    if category == "box":
+        return box(rng.uniform(0.25, 1.0, 3))
+    if category == "ellipsoid":
+        return ellipsoid(rng.uniform(0.3, 1.0, 3))
+    if category == "cylinder":
+        return cylinder(rng.uniform(0.2, 1.0), rng.uniform(0.4, 2.0))
+    if category == "cone":
+        return cone(rng.uniform(0.3, 1.0), rng.uniform(0.5, 2.0))
+    if category == "torus":
+        return torus(1.0, rng.uniform(0.12, 0.45))
+    raise ValueError(f"category {category!r}: expected one of {list(CATEGORIES)}")
 
 
 def _window(
@@ -186,7 +284,8 @@ def draw(
     cosine, sine = np.cos(turn), np.sin(turn)
     rotation = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
     points, normals = solid.sample(rng, num_points)
-    if rng.random() < 0.3:
+    # A lying cone would have to be tilted to rest on its side.
+    if solid.category != "cone" and rng.random() < 0.3:
         rotation = rotation @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
         # Half the extent along the solid's y axis, which becomes vertical. All solids are symmetric
         # along y.
@@ -237,13 +336,13 @@ def samples(
     """`count` samples with alternating categories; the same seed gives the same samples."""
     for number in range(count):
         rng = np.random.default_rng([seed, number])
-        category = list(CATEGORIES)[number % len(CATEGORIES)]
+        category = CATEGORIES[number % len(CATEGORIES)]
         name = f"{category}-{seed}-{number:05d}"
-        yield draw(CATEGORIES[category](rng), rng, image_size=image_size, model_id=name)
+        yield draw(random_solid(category, rng), rng, image_size=image_size, model_id=name)
 
 
 def view_of(category: str, image_size: tuple[int, int], seed: int = 0) -> augment.View:
     """A random solid of a category, as the augmentations take it."""
     rng = np.random.default_rng(seed)
-    s = draw(CATEGORIES[category](rng), rng, image_size=image_size)
+    s = draw(random_solid(category, rng), rng, image_size=image_size)
     return augment.View(s.image, s.mask, s.depth, s.points, s.intrinsics, s.extrinsics)

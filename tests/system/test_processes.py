@@ -40,7 +40,7 @@ def hostile(tmp_path):
     photo[15:45, 25:55] = 60
     Image.fromarray(photo).save(folder / "photo.png")
     rng = np.random.default_rng(0)
-    box = solids.CATEGORIES["box"](rng)
+    box = solids.random_solid("box", rng)
     samples = [solids.draw(box, rng, num_points=1500) for _ in range(4)]
     splits = dict.fromkeys(("train", "validation", "test"), samples)
     write_dataset(folder / "records", splits, source="solids")
