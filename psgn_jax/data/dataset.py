@@ -179,7 +179,7 @@ class RecordReader:
             raise RecordError(
                 f"data set {names!r} has no split {split!r}; it has {present}; choose one of them "
                 "(data.train_split, data.eval_split, split), or render another "
-                "set with fractions=0.6,0.2,0.2"
+                "set with the option fractions=0.6,0.2,0.2 of its catalogue"
             )
         parts = [(path / s.file, s) for path in paths for s in splits[path].get(split, ())]
         for path, shard in dict(parts).items():
