@@ -1,6 +1,6 @@
 """Draws the model card's picture: the case of median CD of each of several sets of records.
 
-    python tests/bench/picture.py --out docs/predictions.png --data records/collections:test:lamp ...
+    python tests/bench/picture.py --out docs/predictions.png --data FOLDER:test:lamp ...
 
 `--data` is a folder of records, its split, and optionally a category: `FOLDER:SPLIT:CATEGORY`. From
 each, at most `--most` evenly spaced samples are predicted. The case with the median CD is drawn:
