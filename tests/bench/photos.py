@@ -22,7 +22,6 @@ from small_png import small_png
 from psgn_jax.commands.common import define_network_flags
 from psgn_jax.config.command_line import Flags
 from psgn_jax.data import photo
-from psgn_jax.data.camera import scale_intrinsics
 from psgn_jax.prediction import masks
 from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.system.files import write_atomic
@@ -70,26 +69,27 @@ def row(image, given, predictor):
     return pictures | masked(image, given, predictor, "given", "given"), text
 
 
+def cloud_picture(prediction, turn, high):
+    """The cloud from the camera of the photo, turned by `turn` degrees."""
+    clouds = spheres.by_height({"cloud": prediction.points[0]})
+    drawn = spheres.panels(vars(prediction.view), clouds, turns=(turn,), height=high)
+    return list(drawn.values())[-1]
+
+
 def side_by_side(image, prediction):
     """The photo, and its cloud from the camera of the photo."""
     high = 15 * HIGH // 12
-    clouds = spheres.by_height({"cloud": prediction.points[0]})
-    cloud = spheres.panels(vars(prediction.view), clouds, turns=(0,), height=high)["cloud"]
     above = np.full(((high - HIGH) // 2, WIDE, 3), 255, np.uint8)
     below = np.full((high - HIGH - len(above), WIDE, 3), 255, np.uint8)
-    return np.concatenate([np.concatenate([above, panel(image), below]), cloud], axis=1)
+    left = np.concatenate([above, panel(image), below])
+    return np.concatenate([left, cloud_picture(prediction, 0, high)], axis=1)
 
 
 def animation(predictions):
     """A WebP of clouds beside each other, each turning about its vertical axis."""
-    size, frames = (2 * HIGH, 3 * HIGH), []
-    for i in range(FRAMES):
-        pictures = []
-        for each in predictions:
-            view, (points, colours) = each.view, spheres.by_height({"": each.points[0]})[""]
-            intrinsics = scale_intrinsics(view.intrinsics, view.image.shape[:2], size)
-            turned = spheres.turned(view.extrinsics, 360 * i / FRAMES)
-            pictures.append(spheres.render(points, colours, intrinsics, turned, size))
+    frames = []
+    for turn in 360 * np.arange(FRAMES) / FRAMES:
+        pictures = [cloud_picture(each, turn, 2 * HIGH) for each in predictions]
         frames.append(Image.fromarray(np.concatenate(pictures, axis=1)))
     stream = io.BytesIO()
     options = {"duration": FRAME, "loop": 0, "quality": 70, "method": 6}
