@@ -1,7 +1,6 @@
 """Compares a network on photo-like images with the same network on plain renders.
 
-    python tests/bench/photo_like.py --packages FOLDER --meshes FOLDER --work FOLDER
-        [--weights NAME|FILE]
+    python tests/bench/photo_like.py --packages FOLDER --work FOLDER [--weights NAME|FILE]
 
 Renders the test models of the sources `furniture` and `collections` of `psgn free-set` twice: with
 the preset `authors`, and with the preset `photo`, whose cameras, light and surroundings vary more.
@@ -10,8 +9,8 @@ occluders, and masks that are eroded or dilated, ragged, and sometimes incomplet
 sets are placed by the rule for photos, and predicted and true clouds are compared in normal form,
 as `psgn predict` writes clouds of photos. The command prints the metrics of both sets, those of the
 plain set with the same disturbances, and the aligned CD of the photo-like set divided by that of
-the undisturbed plain set. The rendered sets stay in `--work`; a second call
-continues or reuses them.
+the undisturbed plain set. The rendered sets stay in `--work`; a second call continues or reuses
+them.
 """
 
 import argparse
@@ -44,13 +43,11 @@ EFFECTS = PhotoEffects(
 )
 
 
-def render(packages, meshes, work, views, workers):
+def render(packages, work, views, workers):
     """Renders both sets of each source: {preset: folders}."""
     folders = {"authors": [], "photo": []}
     for name in SOURCES:
         source = dataclasses.replace(free.SOURCES[name], views=views)
-        if source.package == free.MESHES:
-            source = dataclasses.replace(source, package="", place=str(meshes))
         models = select(source, packages)
         models = Catalogue(models.name, [each for each in models.models if each.split == "test"])
         for preset, made in folders.items():
@@ -97,17 +94,14 @@ def compare(pred, gt):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--packages", required=True, help="folder of the unpacked packages")
-    parser.add_argument("--meshes", required=True, help="folder of meshes with an index.csv")
+    parser.add_argument("--packages", required=True, help="folder of `psgn free-set --packages`")
     parser.add_argument("--work", required=True, type=pathlib.Path, help="folder of the renders")
     parser.add_argument("--weights", default="", help="file or name; default: the package's")
     parser.add_argument("--views", type=int, default=2, help="images of each model")
     parser.add_argument("--workers", type=int, default=0)
     arguments = parser.parse_args()
     logging.set_verbosity(logging.INFO)
-    folders = render(
-        arguments.packages, arguments.meshes, arguments.work, arguments.views, arguments.workers
-    )
+    folders = render(arguments.packages, arguments.work, arguments.views, arguments.workers)
     predictor = psgn_jax.load(arguments.weights)
     rows = {"plain": [], "plain, disturbed": [], "photo-like": []}
     for plain, photo in zip(folders["authors"], folders["photo"], strict=True):
