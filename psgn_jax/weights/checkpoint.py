@@ -176,7 +176,7 @@ class Checkpoints:
         try:
             items = ocp.args.Composite(meta=ocp.args.JsonRestore())
             document = without_checksum(reader.restore(folder, args=items).meta)
-            if document["format"] > FORMAT:
+            if document["format"] != FORMAT:
                 raise LaterVersionError(
                     f"{folder} was made by a later version of psgn_jax: its format is "
                     f"{document['format']}, this version reads {FORMAT}; use a newer psgn_jax"

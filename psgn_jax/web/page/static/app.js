@@ -101,7 +101,7 @@ const openMask = guarded(async file => {
 
 /** The mask that the mask network finds, like `find_mask` in Python, and its doubt. */
 async function findMask({ bitmap, width, height }) {
-  const { about, maskBytes } = await network, { side, doubtful_below: least } = about.mask_network, half = side / 2;
+  const { about, maskBytes } = await network, { side, doubtful_below: doubtful } = about.mask_network, half = side / 2;
   say("Looking for the object");
   page.maskSession ??= await startSession(maskBytes);
   const small = contextOf(side, side);
@@ -111,7 +111,7 @@ async function findMask({ bitmap, width, height }) {
   const run = async pixels => (await page.maskSession.run({ image: new ort.Tensor("uint8", pixels, [1, side, side, 3]) })).probabilities.data;
   const one = await run(rgb), other = mirrored(await run(mirrored(rgb, side, 3)), half, 1), p = one.map((v, i) => (v + other[i]) / 2);
   const inside = p.filter(v => v > 0.5), certainty = sum(inside) / (inside.length + sum(p) - sum(inside));
-  if (!(certainty >= least)) page.doubt = ` It is not certain which part is the object (${Math.floor(100 * certainty)} %): correct the mask if it is wrong.`;
+  if (!(certainty >= doubtful)) page.doubt = ` It is not certain which part is the object (${Math.floor(100 * certainty)} %): correct the mask if it is wrong.`;
   const levels = new ImageData(half, half), coarse = contextOf(half, half), large = contextOf(width, height);
   p.forEach((v, i) => { levels.data[4 * i + 3] = Math.round(255 * v); });
   coarse.putImageData(levels, 0, 0);
