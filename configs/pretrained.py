@@ -1,7 +1,7 @@
 """The recipe of the weights that come with the package.
 
-Command: python data_gen/sets/free.py --packages FOLDER --out records/free
-         python data_gen/sets/free.py --packages FOLDER --out records/others --photo=0.2
+Command: python data_gen/free_set.py --packages FOLDER --out records/free
+         python data_gen/free_set.py --packages FOLDER --out records/others --photo=0.2
              --angles=0.5 --level=0.3 --sources=furniture,collections
          psgn convert authors SRC records/authors
          python data_gen/render.py --catalogue=records --source=records/authors
@@ -12,9 +12,6 @@ Command: python data_gen/sets/free.py --packages FOLDER --out records/free
          python data_gen/render.py --config=data_gen/config.py:level --catalogue=records
              --source=records/authors --out=records/variants_level --option variants=8
              --sample=700 --seed=5 --config.views=4 --config.image.samples=2
-         psgn variants records/authors records/drawn --variants=16
-         psgn variants records/authors records/drawn_angles --variants=6 --cameras=angles --seed=5
-         psgn variants records/authors records/drawn_level --variants=4 --cameras=level --seed=6
          python -m psgn_jax.main --config=configs/pretrained.py --workdir=runs/pretrained
          psgn weights export --workdir=runs/pretrained --out=pretrained.safetensors
              --sources=records/free/sources.json
@@ -26,12 +23,12 @@ Expect: the goals on the authors' validation split are a CD of .0085 (cd_sq_radi
 trained in several shorter runs, first with models of FlightGear and TORCS, and in the last two runs
 with `collections` and `copyleft`.
 
-Data: samples from the free set, from new views of the authors' training objects and of
-variants of them with other proportions, rendered and drawn, also as seen from other heights, and
-from the authors' training batches. `records/authors*12` counts each sample of this folder 12 times.
-Only the authors' validation batches are used for evaluation (`data.eval_path`). To leave out data
-sets, list the others: `--config.data.path=records/free/furniture,records/authors`. To start from
-the weights in the package, add `--config.train.init=NAME` (`psgn weights list`).
+Data: samples from the free set, from new views of the authors' training objects and of variants of
+them with other proportions, also as seen from other heights, and from the authors' training
+batches. `records/authors*12` counts each sample of this folder 12 times. Only the authors'
+validation batches are used for evaluation (`data.eval_path`). To leave out data sets, list the
+others: `--config.data.path=records/free/furniture,records/authors`. To start from the weights in
+the package, add `--config.train.init=NAME` (`psgn weights list`).
 
 Photos: 30 % of the samples from the authors' angle are cropped and placed like photos
 (`data.place`), as are all samples from other angles. All samples are scaled and shifted a little,
@@ -70,9 +67,6 @@ OTHERS = (
     "records/views*2",
     "records/variants*5",
     "records/variants_level*3",
-    "records/drawn",
-    "records/drawn_angles",
-    "records/drawn_level",
     "records/others/photo/furniture*4",
     "records/others/photo/collections*4",
     "records/others/angles/furniture*3",

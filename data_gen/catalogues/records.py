@@ -52,12 +52,12 @@ def records(source: str | os.PathLike[str]) -> Catalogue:
             name, category, split, functools.partial(_load, source, split, index),
             functools.partial(_load_variant, source, split, index),
         )
-        for name, (category, split, index) in first_records(source).items()
+        for name, (category, split, index) in _first_records(source).items()
     ]  # fmt: skip
     return Catalogue("records", entries)
 
 
-def first_records(source: str) -> dict[str, tuple[str, str, int]]:
+def _first_records(source: str) -> dict[str, tuple[str, str, int]]:
     """Category, split and index of the first record of each model, by name; see `records`."""
     splits = load_manifest(source).splits()
     splits.pop(DUPLICATES, None)
@@ -68,7 +68,7 @@ def first_records(source: str) -> dict[str, tuple[str, str, int]]:
         )
     found: dict[str, tuple[str, str, int]] = {}
     for split in (s for s in SPLITS if s in splits):
-        stream = reader(source, split)
+        stream = _reader(source, split)
         for index in range(len(stream)):
             stored = stream.stored(index, ())
             name = stored.model_id
@@ -83,29 +83,28 @@ def first_records(source: str) -> dict[str, tuple[str, str, int]]:
 
 
 @functools.lru_cache(maxsize=4)
-def reader(source: str, split: str) -> RecordReader:
+def _reader(source: str, split: str) -> RecordReader:
     """The records of a split; the last four readers are kept."""
     return RecordReader(source, split)
 
 
 def _load(source: str, split: str, index: int) -> Model:
-    return surfels(reader(source, split)[index])
+    return surfels(_reader(source, split)[index])
 
 
 def _load_variant(source: str, split: str, index: int, name: str, deviation: float) -> Model:
-    sample = dataclasses.replace(reader(source, split)[index], model_id=name)
-    return surfels(sample, lambda points: variation(points, name, deviation)(points))
+    sample = dataclasses.replace(_reader(source, split)[index], model_id=name)
+    return surfels(sample, lambda points: _varied(points, name, deviation))
 
 
-def variation(points: np.ndarray, name: str, deviation: float) -> Change:
-    """Other proportions of a model (`proportions`), which keep the origin on its vertical axis.
+def _varied(points: np.ndarray, name: str, deviation: float) -> np.ndarray:
+    """Points [n, 3] with other proportions (`proportions`), the farthest at distance 1.
 
-    The farthest of `points` [n, 3] is then at distance 1.
+    The origin stays on the vertical axis of the object.
     """
     change, _ = random_proportions(points, name, deviation)
-    middle = change(np.zeros((1, 3))) * [1, 1, 0]
-    radius = np.linalg.norm(change(points) - middle, axis=1).max()
-    return lambda others: (change(others) - middle) / radius
+    moved = change(points) - change(np.zeros((1, 3))) * [1, 1, 0]
+    return moved / np.linalg.norm(moved, axis=1).max()
 
 
 def surfels(sample: Sample, change: Change | None = None) -> Model:
@@ -118,10 +117,12 @@ def surfels(sample: Sample, change: Change | None = None) -> Model:
     Raises:
       UnusableModelError: there are too few different points.
     """
-    points = distinct_points(sample)
+    points = np.unique(sample.points.astype(np.float64), axis=0)
+    if len(points) < _FEWEST:
+        raise UnusableModelError(f"{len(points)} different points, expected {_FEWEST} or more")
     colours = np.full((len(points), 4), 255, np.uint8)
-    colours[:, :3], _ = appearance(sample, points)
-    corners, normals = rectangles(points if change is None else change(points))
+    colours[:, :3] = _colours(sample, points)
+    corners, normals = _rectangles(points if change is None else change(points))
     first = 4 * np.arange(len(corners))[:, None]
     faces = np.concatenate([first + corner for corner in (0, 1, 2, 0, 2, 3)], axis=1).reshape(-1, 3)
     material, uv = palette(colours.repeat(2, axis=0))
@@ -136,19 +137,7 @@ def surfels(sample: Sample, change: Change | None = None) -> Model:
     )
 
 
-def distinct_points(sample: Sample) -> np.ndarray:
-    """The different points of a sample, float64 [n, 3].
-
-    Raises:
-      UnusableModelError: there are too few.
-    """
-    points = np.unique(sample.points.astype(np.float64), axis=0)
-    if len(points) < _FEWEST:
-        raise UnusableModelError(f"{len(points)} different points, expected {_FEWEST} or more")
-    return points
-
-
-def rectangles(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _rectangles(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The corners [n, 4, 3] of the surfels of points [n, 3], in order, and their unit normals."""
     distance, nearest = scipy.spatial.cKDTree(points).query(points, k=_NEIGHBOURS + 1)
     around = points[nearest] - points[nearest].mean(axis=1, keepdims=True)
@@ -175,14 +164,12 @@ def _smoothed(normals: np.ndarray, nearest: np.ndarray) -> np.ndarray:
     return unit_vectors(around.sum(axis=1))
 
 
-def appearance(sample: Sample, points: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """The colours of points [n, 3], and where they are from.
+def _colours(sample: Sample, points: np.ndarray) -> np.ndarray:
+    """The colours of points [n, 3], uint8 [n, 3].
 
-    Returns:
-      Colours, uint8 [n, 3], and for each point the index of the visible point that has this colour
-      in the image. Without depth, or if no point is visible, all are grey, and the indices None.
+    Without depth, or if no point is visible, all are grey.
     """
-    grey = np.full((len(points), 3), 150, np.uint8), None
+    grey = np.full((len(points), 3), 150, np.uint8)
     if sample.depth is None:
         return grey
     inside = points @ sample.extrinsics[:, :3].T + sample.extrinsics[:, 3]
@@ -196,5 +183,4 @@ def appearance(sample: Sample, points: np.ndarray) -> tuple[np.ndarray, np.ndarr
     if not shown.any():
         return grey
     _, nearest = scipy.spatial.cKDTree(points[shown]).query(points)
-    origin = np.flatnonzero(shown)[nearest]
-    return sample.image[rows, columns][origin], origin
+    return sample.image[rows, columns][shown][nearest]

@@ -29,7 +29,6 @@ COMMANDS: Mapping[str, str] = {
     "inspect": "check a folder of records and show some samples",
     "render": "render meshes or procedural models to records",
     "free-set": "render a training set from free packages of meshes",
-    "variants": "draw variants of the objects in records, for training",
     "view": "show predictions on a web page, with clouds that can be rotated",
     "spheres": "draw predictions as pictures or turntable films",
     "study": "run an experiment of the paper",
@@ -40,8 +39,7 @@ _ELSEWHERE = {
     "train": "psgn_jax.main",
     "inspect": "psgn_jax.commands.inspect_records",
     "render": "data_gen.render",
-    "free-set": "data_gen.sets.free",
-    "variants": "data_gen.sets.variants",
+    "free-set": "data_gen.free_set",
 }
 
 

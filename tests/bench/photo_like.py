@@ -24,10 +24,9 @@ from absl import logging
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 import psgn_jax
-from data_gen import job
+from data_gen import free_set, job
 from data_gen.catalogues.entry import Catalogue
-from data_gen.sets import free
-from data_gen.sets.free import select
+from data_gen.free_set import select
 from psgn_jax.config.data import PhotoEffects
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.framing import normal_form
@@ -47,12 +46,12 @@ def render(packages, work, views, workers):
     """Renders both sets of each source: {preset: folders}."""
     folders = {"authors": [], "photo": []}
     for name in SOURCES:
-        source = dataclasses.replace(free.SOURCES[name], views=views)
+        source = dataclasses.replace(free_set.SOURCES[name], views=views)
         models = select(source, packages)
         models = Catalogue(models.name, [each for each in models.models if each.split == "test"])
         for preset, made in folders.items():
-            part = free.Part(source, preset, f"{preset}/{name}", views)
-            options = free.settings_of(part, workers=workers)
+            part = free_set.Part(source, preset, f"{preset}/{name}", views)
+            options = free_set.settings_of(part, workers=workers)
             job.render_catalogue(models, work / part.folder, options)
             made.append(work / part.folder)
     return folders

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from helpers.commands import psgn_each
 
+from data_gen import free_set
 from data_gen.catalogues.by_name import open_catalogue
-from data_gen.sets import free
 
 # --- Choice, splits, table --------------------------------------------------------------------
 
@@ -27,49 +27,49 @@ from data_gen.sets import free
     ],
 )  # fmt: skip
 def test_families_of_near_duplicates(names, family):
-    assert {free.family_of(n) for n in names} == {family}
+    assert {free_set.family_of(n) for n in names} == {family}
 
 
 def small(name="chairs", **changes):
     values = {
         "catalogue": "procedural", "views": 2, "place": "chair=30,lamp=10",
-        "licences": (free.Licence("CC0-1.0", "^lamp", "L"), free.Licence("MIT", "", "M")),
+        "licences": (free_set.Licence("CC0-1.0", "^lamp", "L"), free_set.Licence("MIT", "", "M")),
         **changes,
     }  # fmt: skip
-    return free.Source(name, **values)
+    return free_set.Source(name, **values)
 
 
 def test_a_larger_part_holds_a_smaller_one():
-    whole = free.select(small(), "")
+    whole = free_set.select(small(), "")
     assert len(whole.models) == 40
-    parts = [{e.model_id for e in free.select(small(), "", f).models} for f in (0, 0.1, 0.5)]
+    parts = [{e.model_id for e in free_set.select(small(), "", f).models} for f in (0, 0.1, 0.5)]
     assert [len(p) for p in parts] == [3, 4, 20]
     assert parts[0] < parts[1] < parts[2]
-    rest = free.select(small(exclude="^lamp", families=True), "")
+    rest = free_set.select(small(exclude="^lamp", families=True), "")
     assert len(rest.models) == 30
     # All chairs are in one family and therefore in one split, unlike in the catalogue's own splits.
     assert len({e.split for e in rest.models}) == 1
-    assert len({e.split for e in free.select(small(), "").models}) == 3
+    assert len({e.split for e in free_set.select(small(), "").models}) == 3
     with pytest.raises(ValueError, match="no model is left"):
-        free.select(small(exclude=""".*"""), "")
+        free_set.select(small(exclude=""".*"""), "")
 
 
 def test_missing_packages_are_said_with_the_commands(tmp_path):
-    known = list(free.SOURCES.values())
-    lines = free.missing(known, tmp_path)
+    known = list(free_set.SOURCES.values())
+    lines = free_set.missing(known, tmp_path)
     assert "apt-get download sweethome3d-furniture" in lines
     assert f"dpkg-deb -x sweethome3d-furniture_*.deb {tmp_path / 'sweethome3d-furniture'}" in lines
     for source in known:
-        if source.package != free.MESHES:
+        if source.package != free_set.MESHES:
             path = pathlib.Path(source.path(tmp_path))
             path.parent.mkdir(parents=True, exist_ok=True)
             path.touch()
-    assert free.missing([s for s in known if s.package != free.MESHES], tmp_path) == []
+    assert free_set.missing([s for s in known if s.package != free_set.MESHES], tmp_path) == []
 
 
 def test_all_packages_have_licences_with_holders():
-    for source in free.SOURCES.values():
-        if source.package != free.MESHES:
+    for source in free_set.SOURCES.values():
+        if source.package != free_set.MESHES:
             (first,) = source.licences_of(["anything"], "")
             assert first.name
             assert all(x.holders for x in source.licences if x.name != "see the package")
@@ -97,29 +97,29 @@ def meshes(tmp_path):
 
 
 def test_meshes_are_divided_by_the_licence_in_their_index(meshes):
-    collections, copyleft = (free.SOURCES[name] for name in ("collections", "copyleft"))
-    models = free.select(collections, meshes).models
+    collections, copyleft = (free_set.SOURCES[name] for name in ("collections", "copyleft"))
+    models = free_set.select(collections, meshes).models
     assert [e.model_id for e in models] == ["a/chair-1.obj", "a/chair-2.obj"]
     assert len({e.split for e in models}) == 1  # near duplicates
     assert models[0].category == "chair"
     assert models[0].load().parameters["licence"] == "CC0-1.0"
-    assert [e.model_id for e in free.select(copyleft, meshes).models] == ["b/rock.obj"]
+    assert [e.model_id for e in free_set.select(copyleft, meshes).models] == ["b/rock.obj"]
     good = {"status": "ok", "reason": "", "split": "train", "samples": 1}
     lines = {"collections": [{**good, "model_id": e.model_id} for e in models]}
-    text = free.write_table(meshes, free.plan([collections]), str(meshes), lines)
+    text = free_set.write_table(meshes, free_set.plan([collections]), str(meshes), lines)
     assert "| collections | meshes | 2 | 2 | 0 | CC-BY-3.0 (1); CC0-1.0 (1) | Ann |" in text
 
 
 def test_missing_meshes_are_said_with_their_repositories(meshes):
-    chosen = [free.SOURCES["collections"]]
-    assert free.missing(chosen, meshes) == []
+    chosen = [free_set.SOURCES["collections"]]
+    assert free_set.missing(chosen, meshes) == []
     (meshes / "meshes/a/chair-2.obj").unlink()
     (meshes / "meshes/b/rock.obj").unlink()
-    (line,) = free.missing(chosen, meshes)
+    (line,) = free_set.missing(chosen, meshes)
     assert line.startswith("git clone https://github.com/ann/things && git -C things checkout abc")
     assert line.endswith(f"# 1 files of {meshes / 'meshes/a'}")
     (meshes / "meshes/index.csv").unlink()
-    (line,) = free.missing(chosen, meshes)
+    (line,) = free_set.missing(chosen, meshes)
     assert "an index of your own meshes, with the columns file, category, licence" in line
 
 
@@ -140,34 +140,34 @@ def test_a_grey_mesh_gets_a_material_and_a_damaged_index_is_named(meshes):
 
 def test_a_share_of_the_views_goes_to_another_preset():
     chosen = [small(views=8), small("more", views=3)]
-    assert [(p.folder, p.preset, p.views) for p in free.plan(chosen, {"photo": 0.25})] == [
+    assert [(p.folder, p.preset, p.views) for p in free_set.plan(chosen, {"photo": 0.25})] == [
         ("chairs", "authors", 6), ("photo/chairs", "photo", 2),
         ("more", "authors", 2), ("photo/more", "photo", 1),
     ]  # fmt: skip
-    assert [p.folder for p in free.plan(chosen, {"photo": 1})] == ["photo/chairs", "photo/more"]
-    assert [p.folder for p in free.plan(chosen)] == ["chairs", "more"]
-    both = free.plan(chosen, {"photo": 0.25, "angles": 0.5})
+    assert [p.folder for p in free_set.plan(chosen, {"photo": 1})] == ["photo/chairs", "photo/more"]
+    assert [p.folder for p in free_set.plan(chosen)] == ["chairs", "more"]
+    both = free_set.plan(chosen, {"photo": 0.25, "angles": 0.5})
     assert [(p.folder, p.views) for p in both] == [
         ("chairs", 2), ("photo/chairs", 2), ("angles/chairs", 4),
         ("photo/more", 1), ("angles/more", 2),
     ]  # fmt: skip
-    assert len({free.settings_of(p).seed for p in both}) == 3
-    (level,) = free.plan([small(views=3)], {"level": 1})
+    assert len({free_set.settings_of(p).seed for p in both}) == 3
+    (level,) = free_set.plan([small(views=3)], {"level": 1})
     assert (level.folder, level.views) == ("level/chairs", 3)
-    assert free.settings_of(level).camera.elevation == (-8, 10)
-    halves = free.plan([small(views=3)], {"photo": 0.5, "angles": 0.5})
+    assert free_set.settings_of(level).camera.elevation == (-8, 10)
+    halves = free_set.plan([small(views=3)], {"photo": 0.5, "angles": 0.5})
     assert [(p.folder, p.views) for p in halves] == [("photo/chairs", 2), ("angles/chairs", 1)]
     with pytest.raises(ValueError, match=r"--photo=0\.6, --angles=0\.5: expected a sum"):
-        free.plan(chosen, {"photo": 0.6, "angles": 0.5})
+        free_set.plan(chosen, {"photo": 0.6, "angles": 0.5})
 
 
 def test_the_table(tmp_path):
     documents = tmp_path / "thing/usr/share/doc/thing"
     documents.mkdir(parents=True)
-    (documents / "copyright").write_text("All of it is free.")
+    (documents / "copyright").write_text("All of it is free_set.")
     with gzip.open(documents / "changelog.Debian.gz", "wb") as out:
         out.write(b"thing (1:2.3-4) unstable; urgency=low\n")
-    parts = free.plan([small(package="thing")], {"photo": 0.5})
+    parts = free_set.plan([small(package="thing")], {"photo": 0.5})
     good = {"status": "ok", "reason": "", "split": "train"}
     bad = {"status": "refused", "split": "train", "samples": 0}
     first = [
@@ -177,14 +177,14 @@ def test_the_table(tmp_path):
     ]  # fmt: skip
     second = [{**good, "model_id": "chair-1", "samples": 1}]
     lines = {"chairs": first, "photo/chairs": second}
-    text = free.write_table(tmp_path, parts, str(tmp_path), lines)
+    text = free_set.write_table(tmp_path, parts, str(tmp_path), lines)
     assert "| chairs | thing 1:2.3-4 | 2 | 5 | 2 | CC0-1.0 (1); MIT (1) |" in text
     assert "chairs: 2 x file ... has N bytes" in text
     (row,) = json.loads((tmp_path / "sources.json").read_text())
     assert row["licences"]["MIT"] == {"models": 1, "holders": ["M"]}
     assert row["folders"] == ["chairs", "photo/chairs"]
     assert (tmp_path / "SOURCES.md").read_text() == text
-    assert (tmp_path / "licences/thing.txt").read_text() == "All of it is free."
+    assert (tmp_path / "licences/thing.txt").read_text() == "All of it is free_set."
 
 
 # --- The command ------------------------------------------------------------------------------

@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-import scipy.ndimage
 from helpers import drawn_solids as solids
 
 from data_gen import engine, settings
@@ -13,10 +12,8 @@ from data_gen.catalogues.records import surfels
 from data_gen.engine import Variant, has_mitsuba
 from data_gen.mesh import UnusableModelError, face_areas
 from data_gen.render_model import Context, render_model
-from data_gen.sets import variants
 from psgn_jax.data.codec import decode
-from psgn_jax.data.dataset import RecordReader, write_dataset
-from psgn_jax.data.schema import validate
+from psgn_jax.data.dataset import write_dataset
 
 HALF = np.array([0.3, 0.45, 0.25])
 
@@ -145,72 +142,3 @@ def test_variants_replace_their_models(tmp_path):
     np.testing.assert_array_equal(again.vertices, models[1].vertices)
     with pytest.raises(UnusableModelError, match="in a vertical plane, expected a volume"):
         entries[3].load()
-
-
-@pytest.mark.parametrize("preset", variants.CAMERAS)
-def test_quick_variants_keep_image_points_and_camera_together(preset):
-    surface = variants.Surface.of(box_sample())
-    seen = [surface.variant(f"box~{n}", 0.25, np.random.default_rng(n), preset) for n in range(6)]
-    moved = np.ptp([drawn.extrinsics for drawn in seen], axis=0).max() > 0.1
-    assert moved == (preset != "authors")
-    for drawn in seen:
-        validate(drawn)
-        inside = drawn.points @ drawn.extrinsics[:, :3].T + drawn.extrinsics[:, 3]
-        column, row = ((inside @ drawn.intrinsics[:2].T) / inside[:, 2:]).T.astype(int)
-        near = scipy.ndimage.binary_dilation(drawn.mask, iterations=2)
-        assert near[row, column].mean() > 0.999  # and the mask is covered by the points
-        spots = np.zeros_like(drawn.mask)
-        spots[row, column] = True
-        spots = scipy.ndimage.binary_dilation(spots, iterations=3)
-        assert spots[drawn.mask].mean() > 0.99
-        holes = scipy.ndimage.binary_fill_holes(drawn.mask) & ~drawn.mask
-        assert holes.sum() < 0.001 * drawn.mask.sum()
-        assert 0.95 < np.linalg.norm(drawn.points, axis=1).max() <= 1.0001
-        assert (drawn.image[~drawn.mask] == 191).all()
-    extents = np.array([np.ptp(drawn.points, axis=0) for drawn in seen])
-    assert (extents.std(axis=0) > 0.02).all()
-
-
-def test_a_variant_without_change_shows_the_image(monkeypatch):
-    monkeypatch.setattr(variants, "_TURN", 0.0)
-    monkeypatch.setattr(variants, "_LIGHT_DEVIATION", 0.0)
-    sample = box_sample()
-    rng = np.random.default_rng(0)  # its first number is above .5: a small turn
-    drawn = variants.Surface.of(sample).variant("box", 0.0, rng)
-    both = drawn.mask & sample.mask
-    assert both.sum() / (drawn.mask | sample.mask).sum() > 0.9
-    difference = np.abs(drawn.image[both].astype(int) - sample.image[both])
-    assert np.median(difference) <= 2
-
-
-def test_quick_variants_of_records_without_depth_have_light_and_shade():
-    sample = dataclasses.replace(box_sample(), depth=None, category="box")
-    drawn = variants.Surface.of(sample).variant("box", 0.25, np.random.default_rng(0))
-    assert np.ptp(drawn.image[drawn.mask]) > 20
-    assert drawn.category == "box"
-
-
-def test_quick_variants_continue_and_leave_damaged_models_out(tmp_path, capsys):
-    samples = [box_sample(2000, "a"), box_sample(50, "few"), box_sample(2000, "b")]
-    splits = {"train": samples, "validation": [box_sample(200, "c")]}
-    write_dataset(tmp_path / "src", splits, source="solids")
-    arguments = [str(tmp_path / "src"), str(tmp_path / "dst")]
-    for wrong, message in (
-        ("--variants=0", "--variants=0"),
-        ("--cameras=photo", "one of <authors|angles|level>"),
-    ):
-        assert variants.main([*arguments, wrong]) == 2
-        assert message in capsys.readouterr().err
-    arguments.append("--variants=3")
-    assert variants.main(arguments) == 1
-    assert "50 different points, expected 100 or more" in capsys.readouterr().err
-    reader = RecordReader(tmp_path / "dst", "train")
-    names = [reader[i].model_id for i in range(len(reader))]
-    assert names == [f"{name} variant {n}" for name in "ab" for n in range(3)]
-    before = [reader[i].image.tobytes() for i in range(6)]
-    assert variants.main(arguments) == 1
-    again = RecordReader(tmp_path / "dst", "train")
-    assert [again[i].image.tobytes() for i in range(6)] == before
-    for other, named in (("--seed=1", "seed: 0"), ("--cameras=level", "cameras: 'authors'")):
-        assert variants.main([*arguments, other]) == 2
-        assert f"other settings ({named} before" in capsys.readouterr().err

@@ -6,8 +6,8 @@ import pytest
 from data_gen.catalogues import proportions
 from data_gen.catalogues.by_name import open_catalogue, parse_options
 from data_gen.catalogues.entry import original_name
+from data_gen.free_set import Licence, Source, select
 from data_gen.mesh import UnusableModelError, face_normals
-from data_gen.sets.free import Licence, Source, select
 
 BOX = np.array([(x, y, z) for x in (0, 1) for y in (0, 2) for z in (0, 3)], float)
 SIDES = ["1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"]

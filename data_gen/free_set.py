@@ -1,6 +1,6 @@
 """Renders a training set from free packages only.
 
-    python data_gen/sets/free.py --packages FOLDER --out records/free
+    python data_gen/free_set.py --packages FOLDER --out records/free
 
 FOLDER contains Debian packages, each unpacked in a folder with its name, and a folder `meshes` with
 a file `index.csv` (`data_gen.catalogues.indexed`). The source `collections` has the models of the
@@ -38,8 +38,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-if __package__ in (None, ""):  # run as a file: `data_gen` is two folders above
-    sys.path[0] = str(pathlib.Path(__file__).resolve().parents[2])
+if __package__ in (None, ""):  # run as a file: `data_gen` is one folder above
+    sys.path[0] = str(pathlib.Path(__file__).resolve().parents[1])
 
 from absl import logging
 

@@ -1,1 +1,0 @@
-"""Training sets that combine several sources, rendered by one command."""
