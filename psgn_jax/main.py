@@ -16,6 +16,8 @@ import pathlib
 import sys
 from collections.abc import Sequence
 
+from absl import logging
+
 from psgn_jax.commands.common import define_group_flags, keep_compiled
 from psgn_jax.config.command_line import HELP, Flags
 from psgn_jax.config.experiment import Config, check_paths, parse
@@ -61,7 +63,9 @@ def _main(flags: Flags) -> int:
     from psgn_jax.commands.default_data import with_default_data
     from psgn_jax.training.loop import train
 
-    with joined(values.coordinator, values.num_processes, values.process_id):
+    with joined(values.coordinator, values.num_processes, values.process_id) as first:
+        if not first:
+            logging.set_verbosity(logging.WARNING)
         outcome = train(with_default_data(given), workdir)
     return 128 + outcome.stopped_by if outcome.stopped_by else 0
 

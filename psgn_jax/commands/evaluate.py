@@ -12,6 +12,8 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from absl import logging
+
 from psgn_jax import tasks
 from psgn_jax.commands.common import (
     define_group_flags,
@@ -124,7 +126,9 @@ def _main(flags: Flags) -> None:
     if values.report is not None:
         check_folder(values.report, "--report")
     options: dict[str, Any] = {n: values[n].value for n in _OPTIONS}
-    with group.joined(values.coordinator, values.num_processes, values.process_id):
+    with group.joined(values.coordinator, values.num_processes, values.process_id) as first:
+        if not first:
+            logging.set_verbosity(logging.WARNING)
         if values.report and group.index_and_count()[1] > 1:
             raise ConfigError(f"--report={values.report}: accepted only with one process")
         opening = {"checkpoint": values.checkpoint, "data": values.data}
@@ -138,6 +142,5 @@ def _main(flags: Flags) -> None:
             result = report_runs(values.report, runs, tasks.create, **options)
         else:
             result = evaluate_run(runs[0], tasks.create, **options)
-        first = group.is_first()
     if first:
         sys.stdout.write(table.text(result))

@@ -39,7 +39,7 @@ from psgn_jax.losses.farthest_points import farthest_points
 from psgn_jax.models.voxels import GRID_EDGE, GRID_ORIGIN
 from psgn_jax.studies import figures, runner
 from psgn_jax.system.files import write_atomic
-from psgn_jax.training.from_config import create_state, create_step
+from psgn_jax.training.from_config import create_training
 from psgn_jax.training.step import data_mesh, put_batch
 from psgn_jax.viewing import spheres
 from psgn_jax.weights.run_folder import load_config, open_run
@@ -161,7 +161,8 @@ def step_seconds(run: runner.Run) -> float:
     """
     config = run.config
     task, mesh = tasks.create(config, run.folder), data_mesh()
-    step, took = create_step(task, config, mesh), []
+    create, step = create_training(config, task, mesh)
+    took = []
     for count in (1, config.voxels.max_views):
         shape = (config.train.batch_size, count, *config.data.image_size)
         batch = {
@@ -170,7 +171,7 @@ def step_seconds(run: runner.Run) -> float:
             "occupancy": np.zeros((shape[0], 32, 32, 32), np.bool_),
         }
         device_batch = put_batch(batch, mesh, task.keys)
-        current, times = jax.jit(lambda: create_state(config, task.init_params()))(), []
+        current, times = jax.jit(create)(), []
         for _ in range(4):
             began = time.monotonic()
             current, _ = jax.block_until_ready(step(current, device_batch))

@@ -18,7 +18,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from absl import logging
 
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import exit_code_of
@@ -35,11 +34,11 @@ _COUNTS = ("OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
 @contextlib.contextmanager
 def joined(
     coordinator: str | None = None, num_processes: int | None = None, process_id: int | None = None
-) -> Iterator[None]:
+) -> Iterator[bool]:
     """Context in which this process is connected with the others; JAX must not be used before.
 
-    With a single process it does nothing. With several, an error inside ends this process, and the
-    others end when they miss it.
+    Its value is whether this process is the first one. With a single process it does nothing. With
+    several, an error inside ends this process, and the others end when they miss it.
 
     Args:
       coordinator: HOST:PORT of the first process; None = from the environment.
@@ -52,7 +51,7 @@ def joined(
     launched = any(os.environ.get(name, "1") != "1" for name in _COUNTS)
     launched |= "JAX_COORDINATOR_ADDRESS" in os.environ
     if not coordinator and not process_id and (num_processes or 1) == 1 and not launched:
-        yield
+        yield True
         return
     import jax  # imported here because only few processes are several
 
@@ -65,10 +64,8 @@ def joined(
             f"coordinator={coordinator}: process {process_id} of {num_processes} could not "
             f"connect to the others: {message_line(error)[:300]}"
         ) from error
-    if not is_first():
-        logging.set_verbosity(logging.WARNING)  # the first process logs for all
     try:
-        yield
+        yield is_first()
     except BaseException as error:
         _end_with(error)
     jax.distributed.shutdown()

@@ -1,4 +1,4 @@
-"""The optimiser, the first state and the training step of a configuration."""
+"""The first state, the training step and the optimiser of a configuration."""
 
 import functools
 from collections.abc import Callable
@@ -16,19 +16,19 @@ from psgn_jax.tasks.task import Task
 from psgn_jax.training.step import TrainState, make_train_step
 
 
-def create_state(config: Config, params: Any) -> TrainState:
-    """The state before the first step."""
-    opt_state = optimizer(config.optim, config.train.steps).init(params)
-    return TrainState(jnp.int32(0), params, opt_state, params if config.optim.ema_decay else ())
+def create_training(
+    config: Config, task: Task, mesh: Mesh
+) -> tuple[Callable[[], TrainState], Callable[..., Any]]:
+    """() -> the state before the first step, and the step (`step.make_train_step`)."""
+    optim, train = config.optim, config.train
+    tx, rate = optimizer(optim, train.steps), schedule(optim, train.steps)
+    columns = functools.partial(task.random_columns, batch_size=train.batch_size, train=True)
 
+    def create() -> TrainState:
+        params = task.init_params()
+        return TrainState(jnp.int32(0), params, tx.init(params), params if optim.ema_decay else ())
 
-def create_step(task: Task, config: Config, mesh: Mesh) -> Callable[..., Any]:
-    """`step.make_train_step` for a task."""
-    optim, steps = config.optim, config.train.steps
-    size = config.train.batch_size
-    columns = functools.partial(task.random_columns, batch_size=size, train=True)
-    tx, rate = optimizer(optim, steps), schedule(optim, steps)
-    return make_train_step(task.objective, columns, tx, rate, optim.ema_decay, mesh)
+    return create, make_train_step(task.objective, columns, tx, rate, optim.ema_decay, mesh)
 
 
 def schedule(config: OptimConfig, steps: int) -> optax.Schedule:

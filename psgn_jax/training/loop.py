@@ -32,7 +32,7 @@ from psgn_jax.data.workers import check_main_guard
 from psgn_jax.system import group
 from psgn_jax.system.files import check_folder, write_atomic
 from psgn_jax.system.signals import Stopped, StopSignal
-from psgn_jax.training.from_config import create_state, create_step
+from psgn_jax.training.from_config import create_training
 from psgn_jax.training.log import MetricsWriter, TrainingLog
 from psgn_jax.training.step import TrainState, data_mesh, eval_params, put_batch, put_replicated
 from psgn_jax.weights.checkpoint import Checkpoint, Checkpoints
@@ -97,11 +97,11 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     workdir, mesh, plan, first = pathlib.Path(workdir), data_mesh(), config.train, group.is_first()
     _check(config, workdir, mesh.size)
     task = tasks.create(config, workdir)
-    train_step = create_step(task, config, mesh)
+    create, train_step = create_training(config, task, mesh)
     sizes = _num_samples(config.data)
-    # A wrong `train.init` is reported before there is a folder.
-    new = not (workdir / "checkpoints").exists()
-    init = _initial(config, task) if new else None
+    initial = functools.cache(lambda: _initial(config, task))
+    if not (workdir / "checkpoints").exists():
+        initial()  # a wrong `train.init` is reported before there is a folder
     with contextlib.ExitStack() as stack:
         if first:
             stack.enter_context(locked(workdir))
@@ -112,15 +112,8 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
             stored = checkpoints.restore_newest()
         stack.callback(checkpoints.close)
 
-        def create() -> TrainState:
-            return create_state(config, task.init_params())
-
-        if stored:
-            _check_resumable(config, stored, workdir)
-            state, init = _restored(create, stored, workdir), None
-        else:
-            init = init or _initial(config, task)
-            state = _started(create, init)
+        init = None if stored else initial()
+        state = _resumed(config, create, stored, workdir) if stored else _started(create, init)
         state = put_replicated(state, mesh)
         start = step = saved = stored.step if stored else 0
         _describe(task.title, state, sizes, mesh.size, workdir, start)
@@ -232,8 +225,13 @@ def _num_samples(data: DataConfig) -> dict[str, int]:
     return sizes
 
 
-def _check_resumable(config: Config, checkpoint: Checkpoint, workdir: pathlib.Path) -> None:
-    """Raises `ConfigError` if the run was trained with another configuration."""
+def _resumed(
+    config: Config,
+    create: Callable[[], TrainState],
+    checkpoint: Checkpoint,
+    workdir: pathlib.Path,
+) -> TrainState:
+    """The state in a checkpoint; raises `ConfigError` if its configuration or network differs."""
     before, now = flatten(parse(checkpoint.meta["config"])), flatten(config)
     changed = {key: (before[key], now[key]) for key in now if before[key] != now[key]}
     fatal = [f"{k}={changed[k][0]!r} (now {changed[k][1]!r})" for k in changed.keys() - MAY_CHANGE]
@@ -244,11 +242,6 @@ def _check_resumable(config: Config, checkpoint: Checkpoint, workdir: pathlib.Pa
         )
     for key, (old, new) in changed.items():
         logging.info("resuming with %s=%r instead of %r", key, new, old)
-
-
-def _restored(
-    create: Callable[[], TrainState], checkpoint: Checkpoint, workdir: pathlib.Path
-) -> TrainState:
     try:
         return from_named_leaves(jax.eval_shape(create), checkpoint.leaves)
     except ValueError as error:

@@ -55,10 +55,6 @@ class CheckpointError(UserError):
     """There is no checkpoint that can be read, or a checkpoint cannot be written."""
 
 
-class LaterVersionError(CheckpointError):
-    """A checkpoint was written by a later version of this package; it is left as it is."""
-
-
 class Checkpoints:
     """The checkpoints in one folder.
 
@@ -134,25 +130,32 @@ class Checkpoints:
             self._directory.mkdir(parents=True, exist_ok=True)
             self._saver.save(self._directory / str(step), args=items)
 
-    def restore_newest(self) -> Checkpoint | None:
+    def restore_newest(self, *, best_first: bool = False) -> Checkpoint | None:
         """The newest intact checkpoint, or None if there are none at all.
 
-        Damaged checkpoints are skipped with a warning, and moved to `damaged/` unless read-only.
+        With `best_first` it is the best one if that is intact. Damaged checkpoints are skipped with
+        a warning, and moved to `damaged/` unless read-only.
 
         Raises:
-          CheckpointError: there are checkpoints but none can be read. The cause is then probably
-            the disk or a permission, not damage to every checkpoint, so nothing is moved.
-          LaterVersionError: the newest intact checkpoint was written by a later version.
+          CheckpointError: (a) There are checkpoints but none can be read. The cause is then
+            probably the disk or a permission, not damage to every checkpoint, so nothing is moved.
+            (b) The checkpoint was written by a later version of this package.
         """
+        steps, best = self.steps()[::-1], self.best_step()
+        if best_first:
+            steps.sort(key=lambda step: step != best)
         unreadable: list[tuple[int, Exception]] = []
-        for step in reversed(self.steps()):
+        for step in steps:
             try:
-                checkpoint = self.restore(step)
-            except LaterVersionError:
-                raise
+                version, checkpoint = self._read(step)
             except Exception as error:  # orbax raises many types of errors for unreadable files
                 unreadable.append((step, error))
                 continue
+            if checkpoint is None:
+                raise CheckpointError(
+                    f"{self._directory / str(step)} was made by a later version of psgn_jax: its "
+                    f"format is {version}, this version reads {FORMAT}; use a newer psgn_jax"
+                )
             for newer, why in unreadable:
                 self._set_aside(newer, why)
             return checkpoint
@@ -165,11 +168,10 @@ class Checkpoints:
             )
         return None
 
-    def restore(self, step: int) -> Checkpoint:
-        """The checkpoint of one step; raises if it cannot be read or fails its checksums.
+    def _read(self, step: int) -> tuple[int, Checkpoint | None]:
+        """The format of a checkpoint, and the checkpoint if the format is `FORMAT`.
 
-        Raises:
-          LaterVersionError: it was written by a later version.
+        Raises if it cannot be read or fails its checksums.
         """
         folder = self._directory / str(step)
         reader = _of_this_process(ocp.Checkpointer)
@@ -177,10 +179,7 @@ class Checkpoints:
             items = ocp.args.Composite(meta=ocp.args.JsonRestore())
             document = without_checksum(reader.restore(folder, args=items).meta)
             if document["format"] != FORMAT:
-                raise LaterVersionError(
-                    f"{folder} was made by a later version of psgn_jax: its format is "
-                    f"{document['format']}, this version reads {FORMAT}; use a newer psgn_jax"
-                )
+                return document["format"], None
             template = {
                 name: np.zeros(leaf["shape"], leaf["dtype"])
                 for name, leaf in document["leaves"].items()
@@ -193,7 +192,7 @@ class Checkpoints:
         for name, leaf in leaves.items():
             if _checksum(leaf) != document["leaves"][name]["crc32"]:
                 raise ValueError(f"the checksum of {name} does not match")
-        return Checkpoint(step, leaves, document["meta"])
+        return FORMAT, Checkpoint(step, leaves, document["meta"])
 
     def wait(self) -> None:
         """Waits until the last save is complete, then deletes checkpoints that are not kept."""

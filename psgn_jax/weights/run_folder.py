@@ -15,8 +15,8 @@ from absl import logging
 from psgn_jax.config.experiment import Config, ConfigError, DamagedError, flatten, from_json, parse
 from psgn_jax.system import claims
 from psgn_jax.system.files import remove_temporaries
-from psgn_jax.system.untrusted import brief, refuse_special_files
-from psgn_jax.weights.checkpoint import Checkpoint, CheckpointError, Checkpoints, LaterVersionError
+from psgn_jax.system.untrusted import refuse_special_files
+from psgn_jax.weights.checkpoint import CheckpointError, Checkpoints
 from psgn_jax.weights.leaves import params_from_named_leaves
 
 
@@ -66,11 +66,13 @@ def open_run(
         damaged = error
     checkpoints = Checkpoints(pathlib.Path(workdir) / "checkpoints", read_only=True)
     try:
-        opened = _best(checkpoints) if checkpoint == "best" else checkpoints.restore_newest()
+        opened = checkpoints.restore_newest(best_first=checkpoint == "best")
     finally:
         checkpoints.close()
     if opened is None:
         raise CheckpointError(f"workdir={workdir}: no checkpoint there")
+    if checkpoint == "best" and opened.step != checkpoints.best_step():
+        logging.warning("no best checkpoint can be used; using the last one")
     trained = parse(opened.meta["config"])
     if config is None:
         logging.warning("%s; using the configuration in the checkpoint", damaged)
@@ -120,19 +122,6 @@ def load_config(workdir: str | os.PathLike[str]) -> Config:
 def _refuse_pipes(workdir: str | os.PathLike[str]) -> None:
     names = ("config.json", "metrics.jsonl", ".lock", "checkpoints")
     refuse_special_files(*(os.path.join(workdir, name) for name in names))
-
-
-def _best(checkpoints: Checkpoints) -> Checkpoint | None:
-    step = checkpoints.best_step()
-    if step is not None:
-        try:
-            return checkpoints.restore(step)
-        except LaterVersionError:
-            raise
-        except Exception as error:  # orbax raises many types of errors for unreadable files
-            logging.warning("the best checkpoint (step %d) is damaged: %s", step, brief(error))
-    logging.warning("no best checkpoint can be used; using the last one")
-    return checkpoints.restore_newest()
 
 
 @contextlib.contextmanager

@@ -67,7 +67,7 @@ def measure_steps(tiny):
     from psgn_jax.config import parse
     from psgn_jax.config.experiment import LossConfig
     from psgn_jax.models import networks
-    from psgn_jax.training.from_config import create_state, create_step
+    from psgn_jax.training.from_config import create_training
     from psgn_jax.training.step import data_mesh, put_batch, put_replicated
 
     mesh = data_mesh()
@@ -84,17 +84,14 @@ def measure_steps(tiny):
         full_name = loss.format(networks.build(config.model).num_points)
         config = dataclasses.replace(config, loss=LossConfig(name=full_name))
         task = tasks.create(config, "")
-        step = create_step(task, config, mesh)
+        create, step = create_training(config, task, mesh)
         arrays = {
             "image": rng.integers(0, 256, (batch, *size, 3), np.uint8),
             "mask": rng.random((batch, *size)) < 0.3,
             "points": surfaces(rng, batch, data["num_points"]),
         }
         on_device = put_batch(arrays, mesh, task.keys)
-        state = put_replicated(
-            jax.jit(lambda c=config, t=task: create_state(c, t.init_params()))(), mesh
-        )
-        held = [state]
+        held = [put_replicated(jax.jit(create)(), mesh)]
 
         def run(step=step, held=held, on_device=on_device):
             held[0], metrics = step(held[0], on_device)

@@ -123,10 +123,10 @@ def text(function, *arguments):
 loss = "emd_mean@136 + 5*chamfer_sq_mean"
 config = standin.config(data__num_points=136, loss__name=loss, model__widths=(4, 6, 8))
 task = tasks.create(config)
-state = jax.eval_shape(lambda: from_config.create_state(config, task.init_params()))
+create, train_step = from_config.create_training(config, task, step.data_mesh())
+state = jax.eval_shape(create)
 batches = standin.train_batches(config.data, batch_size=8, seed=0, start_step=0)
 batch = {k: v for k, v in next(batches).items() if k in networks.input_keys(config)}
-train_step = from_config.create_step(task, config, step.data_mesh())
 program = text(train_step, state, batch)
 assert program.count("custom_call @solve") == 1 and "while" not in program
 

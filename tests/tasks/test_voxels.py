@@ -252,14 +252,15 @@ def test_a_step_of_3d_r2n2_takes_any_number_of_views(data, tmp_path, count, monk
     monkeypatch.setattr(step, "compiler_options", lambda: None)
     settings = config(data, task="views")
     task = tasks.create(settings, tmp_path)
-    before = jax.eval_shape(lambda: from_config.create_state(settings, task.init_params()))
+    mesh = step.data_mesh(jax.devices()[:1])
+    create, train_step = from_config.create_training(settings, task, mesh)
+    before = jax.eval_shape(create)
     batch = {
         "image": jax.ShapeDtypeStruct((2, count, 16, 32, 3), np.uint8),
         "mask": jax.ShapeDtypeStruct((2, count, 16, 32), np.bool_),
         "occupancy": jax.ShapeDtypeStruct((2, 32, 32, 32), np.bool_),
     }
     assert set(batch) == set(task.keys)
-    train_step = from_config.create_step(task, settings, step.data_mesh(jax.devices()[:1]))
     after, metrics = jax.eval_shape(train_step, before, batch)
     assert jax.tree.map(lambda leaf: leaf.shape, after) == jax.tree.map(
         lambda leaf: leaf.shape, before

@@ -32,11 +32,8 @@ QUICK = {"xla_backend_optimization_level": 0}
 def compiled(config, devices):
     """The function that creates the state, the training step (both compiled once), and the mesh."""
     mesh = step.data_mesh(list(devices) if devices else None)
-    task = tasks.create(config)
-    create = jax.jit(
-        lambda: from_config.create_state(config, task.init_params()), compiler_options=QUICK
-    )
-    return create, from_config.create_step(task, config, mesh), mesh
+    create, train_step = from_config.create_training(config, tasks.create(config), mesh)
+    return jax.jit(create, compiler_options=QUICK), train_step, mesh
 
 
 def run(config, steps, devices=None):
