@@ -22,6 +22,9 @@ for f in wanted:
         np.testing.assert_allclose(jax.jit(batched)(a, b), wanted[f], rtol=1e-5)
         found = jax.jit(jax.grad(lambda x: batched(x, b).sum()))(a)
         np.testing.assert_allclose(found, gradients[f], rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(jax.vmap(f)(a, b), wanted[f], rtol=1e-5)  # without jit
+    found = jax.grad(lambda x: jax.vmap(f)(x, b).sum())(a)
+    np.testing.assert_allclose(found, gradients[f], rtol=1e-4, atol=1e-6)
 """
 
 
