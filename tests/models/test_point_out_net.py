@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from psgn_jax.config.experiment import ModelConfig
-from psgn_jax.models import layers
+from psgn_jax.models import layers, onednn
 from psgn_jax.models.cpu_convolution import plain_convolutions
 from psgn_jax.models.networks import build, scaled_widths
 
@@ -369,3 +369,27 @@ def test_wrong_arrays():
     for wrong in (r[:1], r[:, :3], r[:, None, :3]):
         with pytest.raises(ValueError, match=r"r is of the shape .*\(2, 'draws', 4\)"):
             trace(random, x, wrong)
+
+
+@pytest.mark.parametrize("library", ["onednn", "xla"])
+def test_what_a_network_needs_for_jax_export_and_forward_mode(library, monkeypatch):
+    """With oneDNN both fail with the messages that docs/export.md quotes; `xla` is the remedy."""
+    if library == "onednn" and onednn.library()[0] is None:
+        pytest.skip("oneDNN is not installed")
+    monkeypatch.setenv("PSGN_CONVOLUTIONS", library)
+    config = tiny_config()
+    network, params = initialised(config)
+    x, _ = arguments(config)
+    predict = jax.jit(lambda x: network.apply({"params": params}, x))
+    export = jax.export.export(predict)
+    if library == "onednn":
+        with pytest.raises(NotImplementedError, match="serialization of host_callbacks is not yet"):
+            export(x)
+        with pytest.raises(TypeError, match=r"forward-mode autodiff \(jvp\) to a custom_vjp"):
+            jax.jvp(predict, (x,), (x,))
+        return
+    points, moved = jax.jvp(predict, (x,), (x,))
+    again = jax.export.deserialize(export(x).serialize()).call(x)
+    np.testing.assert_allclose(again, points, rtol=1e-5, atol=1e-6)
+    by_reverse = jax.grad(lambda x: predict(x).sum())(x)
+    np.testing.assert_allclose(moved.sum(), (by_reverse * x).sum(), rtol=1e-4)
