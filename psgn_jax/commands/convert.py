@@ -1,8 +1,8 @@
 """Converts published data sets to records.
 
     psgn convert authors SRC DST
-    psgn convert r2n2 SRC DST [--views 24] [--points 16384] [--strict]
-    psgn convert occnet SRC DST [--views 24] [--points 16384] [--strict]
+    psgn convert r2n2 SRC DST [--views N] [--points 16384] [--strict]
+    psgn convert occnet SRC DST [--views N] [--points 16384] [--strict]
 
 - `authors`: SRC is a folder with the authors' batch files (`*.gz`). Files 48 and 49 are the split
   `test`, names that begin with `f` are `validation`. Training samples whose shape is that of a
@@ -36,7 +36,7 @@ _MOST_VIEWS = max(layout.NUM_VIEWS for layout in LAYOUTS.values())
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command; returns its exit code."""
     flags = Flags("psgn convert LAYOUT SRC DST", __doc__)
-    flags.integer("views", _MOST_VIEWS, "Views per model, at most.", lower_bound=1,
+    flags.integer("views", None, "Views per model; by default all.", lower_bound=1,
                   upper_bound=_MOST_VIEWS)  # fmt: skip
     flags.integer("points", shapenet.NUM_POINTS, "Points per sample, at most.", lower_bound=1,
                   upper_bound=_MOST_POINTS)  # fmt: skip

@@ -105,7 +105,7 @@ def convert_models(
     destination: str | pathlib.Path,
     *,
     num_points: int = shapenet.NUM_POINTS,
-    max_views: int = shapenet.NUM_VIEWS,
+    max_views: int | None = None,
     strict: bool = False,
 ) -> tuple[Manifest, list[str]]:
     """Converts a folder tree of ShapeNet models; one model is in memory at a time.
@@ -115,19 +115,25 @@ def convert_models(
       source: root of the tree.
       destination: folder for the data set; created if missing.
       num_points: maximum number of points per sample.
-      max_views: maximum number of views per model; the first ones are used (both layouts have 24).
+      max_views: number of views per model; the first ones are used. None: all of the layout.
       strict: whether to stop at the first file, model or view that cannot be read.
 
     Returns:
       The manifest, and a message for everything that was left out.
 
     Raises:
-      ValueError: `source` does not have the layout, or nothing in it can be read; with `strict`
-        also if anything in it cannot be read.
+      ValueError: `source` does not have the layout, or nothing in it can be read; the layout has
+        fewer views; with `strict` also if anything in it cannot be read.
       OtherSettingsError: `destination` contains a data set from another source.
     """
     source, destination = pathlib.Path(source), pathlib.Path(destination)
     reader: Any = LAYOUTS[layout]
+    if max_views is None:
+        max_views = reader.NUM_VIEWS
+    elif not 1 <= max_views <= reader.NUM_VIEWS:
+        raise ValueError(
+            f"max_views: got {max_views}, expected 1 to {reader.NUM_VIEWS}, the views of {layout}"
+        )
     models, messages = reader.models(source)
     for message in messages:
         logging.error("%s", one_line(message))
@@ -136,7 +142,7 @@ def convert_models(
 
     def read(split: str, synset: str, name: str) -> Iterator[ConvertedRecord]:
         view_of = reader.open_model(source, synset, name, num_points)
-        for view in range(min(max_views, reader.NUM_VIEWS)):
+        for view in range(max_views):
             try:
                 sample = view_of(view)
                 yield split, encode(sample), sample

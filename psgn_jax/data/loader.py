@@ -40,7 +40,6 @@ class WorkerError(UserError):
 
 
 _CAUSES = {
-    1: f"its messages are above; {workers.MAIN_GUARD}",
     -signal.SIGKILL: "it was killed, perhaps for lack of memory",
     -signal.SIGBUS: "there is not enough shared memory (/dev/shm) for the batches; set "
     "data.num_workers=0, or give more of it (docker run --shm-size=1g)",

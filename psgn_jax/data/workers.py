@@ -20,11 +20,6 @@ from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 from typing import TypeVar
 
-MAIN_GUARD = (
-    'a script with data.num_workers > 0 must train inside `if __name__ == "__main__":`, because '
-    "each worker process imports it"
-)
-
 T = TypeVar("T")
 
 _started: weakref.WeakSet[BaseProcess] = weakref.WeakSet()
@@ -50,7 +45,10 @@ def start_sheltered(start: Callable[[], T]) -> T:
 def check_main_guard() -> None:
     """Ends a worker process that trains because it imports the main script, with a message."""
     if getattr(multiprocessing.current_process(), "_inheriting", False):
-        sys.exit(f"error: {MAIN_GUARD}")
+        sys.exit(
+            "error: a script with data.num_workers > 0 must train inside "
+            '`if __name__ == "__main__":`, because each worker process imports it'
+        )
 
 
 def end_with_parent(*_: int) -> None:

@@ -104,8 +104,9 @@ def test_a_script_without_the_guard_says_what_it_needs(start):
     process, log = start(1, SCRIPT.replace('if __name__ == "__main__":', "if True:"))
     assert process.wait(60) == 1
     text = log.read_text()
-    assert 'if __name__ == "__main__":' in text
+    assert text.startswith("error: a script with data.num_workers > 0 must train inside ")
     assert "bootstrapping" not in text
-    assert text.splitlines()[-1].startswith(
-        "psgn_jax.data.loader.WorkerError: data.num_workers=1: a"
+    assert text.splitlines()[-1] == (
+        "psgn_jax.data.loader.WorkerError: data.num_workers=1: a worker process ended with exit "
+        "code 1; its messages are above"
     )
