@@ -76,6 +76,39 @@ def test_arguments_and_exit_codes_are_those_of_the_command():
     assert "the default data set" in next(line for line in lines if "quickstart" in line)
 
 
+def test_an_unknown_user_without_a_home_trains_and_predicts(tmp_path):
+    """As in `docker run -u 12345`, where nothing sets HOME."""
+    (tmp_path / "nobody.py").write_text("""
+import os, pwd
+def getpwuid(uid):
+    raise KeyError(f"getpwuid(): uid not found: {uid}")
+pwd.getpwuid = getpwuid
+os.environ.pop("HOME", None)
+for name in ("LOGNAME", "USER", "LNAME", "USERNAME", "PSGN_CACHE"):
+    os.environ.pop(name, None)
+""")
+    small = ("--config.train.steps=1", "--config.data.image_size=(16,32)", "--config=debug",
+             "--config.model.widths=(8,8,8)", "--config.model.deconv_level=1",
+             f"--config.data.path={write_solids(tmp_path / 'data')}")  # fmt: skip
+    run, out = tmp_path / "run", tmp_path / "out"
+    train, predict, default = psgn_each(
+        ["train", *small, f"--workdir={run}"],
+        ["predict", ROOT / "docs" / "photos" / "cup.jpg", f"--workdir={run}", f"--out={out}"],
+        ["train", "--config=debug", f"--workdir={tmp_path / 'none'}"],
+        imports=["nobody", "psgn_jax.training.loop", "psgn_jax.prediction.files"],
+        PYTHONPATH=f"{ROOT}:{tmp_path}",
+    )
+    assert train.returncode == 0, train.stderr
+    assert predict.returncode == 0, predict.stderr
+    assert (out / "cup.ply").is_file()
+    # The default data set would be rendered into the cache.
+    assert default.returncode == 2
+    assert default.stderr.splitlines()[-1] == (
+        "error: this user has no home folder; name a folder for the cache in the environment "
+        "variable PSGN_CACHE"
+    )
+
+
 def test_a_configuration_is_a_path_or_a_name():
     assert config_files.path_of("configs/debug.py") == "configs/debug.py"
     assert config_files.path_of("debug") == str(ROOT / "configs" / "debug.py")

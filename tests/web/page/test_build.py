@@ -5,6 +5,7 @@ import subprocess
 import tarfile
 
 import pytest
+from helpers.commands import psgn
 
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.web.page import browser_runtime as lib
@@ -101,3 +102,13 @@ def test_the_folder_is_complete_and_small(site):
     }
     without_network = [path for path in site.rglob("*") if path.suffix != ".onnx"]
     assert sum(path.stat().st_size for path in without_network if path.is_file()) < 15_000_000
+
+
+def test_the_default_page_warns_of_nothing_and_stays_small(tmp_path, runtime):
+    pytest.importorskip("onnx")
+    pytest.importorskip("onnxruntime")
+    done = psgn("page", f"--out={tmp_path}", f"--runtime={runtime}")
+    assert (done.returncode, done.stderr) == (0, "")
+    size = sum(path.stat().st_size for path in tmp_path.rglob("*") if path.is_file())
+    assert done.stdout == f"{tmp_path}: {size / 1e6:.1f} MB\n"
+    assert size < 22e6
