@@ -18,7 +18,7 @@ from psgn_jax.config import recipes as config_files
 
 def get_config() -> ml_collections.ConfigDict:
     config = config_files.load("voxels_volume")
-    config.task = "refine"
+    config.task = "refiner"
     config.voxels.from_cd = "runs/cd"
     config.optim.learning_rate = 1e-3
     return config

@@ -9,12 +9,14 @@ float32 file differ by more than 1e-4, or if any file changes the mean CD (measu
 
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 from psgn_jax.commands.common import define_network_flags, keep_compiled
 from psgn_jax.config.command_line import Flags
 from psgn_jax.portable.folder import require_packages, write_folder
 from psgn_jax.system.files import check_folder
 from psgn_jax.weights.opening import open_network
+from psgn_jax.weights.run_folder import Trained
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -31,12 +33,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     return flags.run(_main, argv)
 
 
-def _main(flags: Flags) -> None:
-    values = flags.values
+def open_to_export(values: Any) -> Trained:
+    """Opens the network that the flags name, after checks of what an export needs."""
     require_packages()
     check_folder(values.out, "--out")
     keep_compiled()
-    network = open_network(values.workdir, values.weights, values.checkpoint)
+    return open_network(values.workdir, values.weights, values.checkpoint)
+
+
+def _main(flags: Flags) -> None:
+    values = flags.values
+    network = open_to_export(values)
     options = {name: values[name].value for name in ("stablehlo", "data", "split")}
     write_folder(network, values.out, weights=values.weights_as, **options)
     sys.stdout.write(f"{values.out}: see README.md there\n")

@@ -12,13 +12,11 @@ import pathlib
 import sys
 from collections.abc import Sequence
 
-from psgn_jax.commands.common import define_network_flags, keep_compiled
+from psgn_jax.commands.common import define_network_flags
+from psgn_jax.commands.export import open_to_export
 from psgn_jax.config.command_line import Flags
-from psgn_jax.portable.folder import require_packages
-from psgn_jax.system.files import check_folder
 from psgn_jax.web.page.build import build_page
 from psgn_jax.web.page.serve import server
-from psgn_jax.weights.opening import open_network
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -39,10 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _main(flags: Flags) -> None:
     values = flags.values
-    require_packages()
-    check_folder(values.out, "--out")
-    keep_compiled()
-    network = open_network(values.workdir, values.weights, values.checkpoint)
+    network = open_to_export(values)
     options = {name: getattr(values, name) for name in ("runtime", "data", "split")}
     size = build_page(network, values.out, weights=values.weights_as, **options)
     sys.stdout.write(f"{values.out}: {size / 1e6:.1f} MB\n")

@@ -39,7 +39,7 @@ from psgn_jax.system.untrusted import parse_json, with_checksum, without_checksu
 # Decay rates of Adam and of the parameter average. At 1 the mean would never change.
 Decay = Annotated[float, Bounds(low=0, high=1, open_high=True)]
 Factor = Annotated[float, Bounds(low=0, high=100, open_low=True)]
-Task = Literal["points", "refine", "volume", "views"]
+Task = Literal["points", "refiner", "volume", "views"]
 Version = Literal["vanilla", "two_branch", "hourglass", "lite0"]
 
 
@@ -200,15 +200,15 @@ class VoxelConfig:
     The description of each field begins with the task that reads it.
     """
 
-    # "refine": folder of a run trained by CD, whose clouds are an input. At least one of `from_cd`
+    # "refiner": folder of a run trained by CD, whose clouds are an input. At least one of `from_cd`
     # and `from_emd` is required. When the refiner starts for the first time, it copies the best
     # checkpoint of that run into its own folder; the copy does not change later.
     from_cd: str = ""
-    from_emd: str = ""  # "refine": likewise, of a run trained by EMD.
-    # "refine": folder of a run of the task "volume", whose prediction is an input as well; "" =
+    from_emd: str = ""  # "refiner": likewise, of a run trained by EMD.
+    # "refiner": folder of a run of the task "volume", whose prediction is an input as well; "" =
     # no such input.
     from_volume: str = ""
-    widths: tuple[Size, Size, Size, Size, Size] = (16,) * 5  # "refine": of the hidden layers.
+    widths: tuple[Size, Size, Size, Size, Size] = (16,) * 5  # "refiner": of the hidden layers.
     width_multiplier: Factor = 1.0  # "views": factor of all widths.
     # "views": largest number of views of each model in a training batch; the number is drawn for
     # each batch, at least 1.
@@ -235,7 +235,7 @@ class Config:
     train: TrainConfig = dataclasses.field(default_factory=TrainConfig)
     eval: EvalConfig = dataclasses.field(default_factory=EvalConfig)
     # "points" predicts a cloud from an image. The others use the solid volumes of the records:
-    # "refine" predicts a volume from the clouds of trained networks; "volume" predicts the volume
+    # "refiner" predicts a volume from the clouds of trained networks; "volume" predicts the volume
     # of the object (a number) from an image; "views" is 3D-R2N2, a volume from one or more images.
     task: Task = "points"
     voxels: VoxelConfig = dataclasses.field(default_factory=VoxelConfig)
@@ -356,7 +356,7 @@ def _check_together(config: Config) -> None:
           for name in ("stretch", "place", "reframe_scale", "reframe_shift")),
         ("loss.l2", on_volumes and loss.l2 != "none", f"'none' with task={task!r}"),
         ("eval.refine", on_volumes and config.eval.refine, f"False with task={task!r}"),
-        ("voxels.from_cd", task == "refine" and not (voxels.from_cd or voxels.from_emd),
+        ("voxels.from_cd", task == "refiner" and not (voxels.from_cd or voxels.from_emd),
          "the folder of a trained run (or voxels.from_emd)"),
         ("data.image_size",
          task == "volume" and any(side % model.divisor for side in data.image_size),

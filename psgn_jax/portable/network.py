@@ -29,7 +29,7 @@ PLATFORMS = ("cpu", "cuda", "rocm", "tpu")
 """Platforms of the StableHLO program."""
 
 
-class Input(NamedTuple):
+class InputSpec(NamedTuple):
     """An input of the network; a size in `shape` is a number or the name of a symbolic size."""
 
     name: str
@@ -41,7 +41,7 @@ class ExportError(UserError):
     """A network cannot be exported, or an exported file gives wrong results."""
 
 
-def symbolic(inputs: Sequence[Input]) -> list[jax.ShapeDtypeStruct]:
+def symbolic(inputs: Sequence[InputSpec]) -> list[jax.ShapeDtypeStruct]:
     """Arguments to trace a function for any number of images and draws."""
     batch, draws = jax_export.symbolic_shape("batch, draws")
     sizes: dict[int | str, object] = {"batch": batch, "draws": draws}
@@ -74,12 +74,12 @@ class PortableNetwork:
         self.config: Config = dataclasses.replace(run.config, model=model)
         self.params, self.num_points = run.params, networks.build(model).num_points
         height, width = run.config.data.image_size
-        self.inputs: tuple[Input, ...] = (
-            Input("image", "uint8", ("batch", height, width, 3)),
-            Input("mask", "bool", ("batch", height, width)),
+        self.inputs: tuple[InputSpec, ...] = (
+            InputSpec("image", "uint8", ("batch", height, width, 3)),
+            InputSpec("mask", "bool", ("batch", height, width)),
         )
         if model.random_size:
-            self.inputs += (Input("r", "float32", ("batch", "draws", model.random_size)),)
+            self.inputs += (InputSpec("r", "float32", ("batch", "draws", model.random_size)),)
 
     def __call__(self, image: Any, mask: Any, r: Any = None) -> jax.Array:
         """Predicts `points`, with XLA's own convolutions on every platform."""

@@ -19,7 +19,7 @@ from jax.extend.core import Literal
 from onnx import TensorProto, helper, numpy_helper
 
 from psgn_jax.models.cpu_convolution import plain_convolutions
-from psgn_jax.portable.network import ExportError, Input, symbolic
+from psgn_jax.portable.network import ExportError, InputSpec, symbolic
 
 OPSET, IR_VERSION = 17, 8
 """Versions that onnxruntime has supported since 1.12 (2022), in browsers too."""
@@ -51,7 +51,7 @@ _Value = _Tensor | np.ndarray
 
 def to_onnx(
     function: Callable[..., Any],
-    inputs: Sequence[Input],
+    inputs: Sequence[InputSpec],
     output: str,
     stored: str,
     texts: Mapping[str, str],
@@ -99,7 +99,7 @@ def to_onnx(
 class _Graph:
     """The nodes and constants of the graph."""
 
-    def __init__(self, inputs: Sequence[Input], stored: str):
+    def __init__(self, inputs: Sequence[InputSpec], stored: str):
         self.stored = stored
         self.nodes: list[onnx.NodeProto] = []
         self.constants: list[onnx.TensorProto] = []

@@ -107,7 +107,7 @@ def configs(base: Config, folder: Callable[[str], str]) -> dict[str, runner.Over
     half = max(1, base.train.steps // 2)
     emd = {"loss.name": "emd_mean", "loss.emd_tolerance": 0.02, "train.steps": half}
     head = {
-        "task": "refine",
+        "task": "refiner",
         "voxels.widths": (8,) * 5,
         "train.steps": half,
         "train.batch_size": 8,
@@ -200,7 +200,7 @@ _distances = jax.jit(functools.partial(evaluate_pair, emd_tolerance=0.01))
 
 def cloud_of(volume: np.ndarray, number: int) -> np.ndarray:
     """A cloud [1024, 3], by farthest point sampling of the surface of the occupied cells."""
-    solid = shapenet.Solid(volume, np.array(GRID_ORIGIN), GRID_EDGE / len(volume))
+    solid = shapenet.WorldGrid(volume, np.array(GRID_ORIGIN), GRID_EDGE / len(volume))
     points = shapenet.surface_points(solid, CANDIDATES, np.random.default_rng([0, number]))
     return np.asarray(_sampled(points.astype(np.float32), NUM_POINTS))
 

@@ -273,18 +273,18 @@ def _write(
     study: Study, folder: pathlib.Path, place: str, runs: Sequence[Run], results: Results
 ) -> str:
     """Writes tables, numbers and figure; returns the tables as text."""
-    entries = summarise(results, study)
-    tables = [*_tables(entries, study), *study.tables(results), *_costs(runs)]
+    summaries = summarise(results, study)
+    tables = [*_tables(summaries, study), *study.tables(results), *_costs(runs)]
     about = results[runs[0].name][0].about
     note = f"{about}{'. ' if about else ''}{_ERRORS} {study.note}".strip() + "\n"
     document = {
         "about": about,
         "steps": {run.name: run.config.train.steps for run in runs},
-        "results": [finite_or_none(entry._asdict()) for entry in entries],
+        "results": [finite_or_none(summary._asdict()) for summary in summaries],
     }
     contents: dict[str, str | bytes] = {
         ".md": "\n".join([*map(markdown, tables), note]),
-        ".csv": csv_of(Entry._fields, entries),
+        ".csv": csv_of(Summary._fields, summaries),
         ".json": json.dumps(document, indent=1) + "\n",
         ".png": figures.png(study.figure(results)),
     }
@@ -359,7 +359,7 @@ def _check_data(config: Config) -> None:
 # --- Numbers ------------------------------------------------------------------------------------
 
 
-class Entry(NamedTuple):
+class Summary(NamedTuple):
     """A number of the results: the mean of a metric, or of its difference of two configurations."""
 
     configuration: str
@@ -389,19 +389,19 @@ _SMALLER_IS_BETTER = (
 """How the names of metrics begin."""
 
 
-def summarise(results: Results, study: Study) -> list[Entry]:
+def summarise(results: Results, study: Study) -> list[Summary]:
     """The means of all metrics of the table, then the differences of `Study.pairs`."""
     values = {metric: _values(results, metric, by_model=study.by_model) for metric in study.metrics}
-    entries = [
-        _entry(name, "", metric, array)
+    summaries = [
+        _summary(name, "", metric, array)
         for metric, arrays in values.items()
         for name, array in arrays.items()
     ]
     for one, other in study.pairs:
         for metric, arrays in values.items():
             if one in arrays and other in arrays:
-                entries.append(_entry(one, other, metric, arrays[one] - arrays[other]))
-    return entries
+                summaries.append(_summary(one, other, metric, arrays[one] - arrays[other]))
+    return summaries
 
 
 def _values(results: Results, metric: str, *, by_model: bool) -> dict[str, np.ndarray]:
@@ -426,7 +426,7 @@ def _values(results: Results, metric: str, *, by_model: bool) -> dict[str, np.nd
     return arrays
 
 
-def _entry(name: str, minus: str, metric: str, array: np.ndarray) -> Entry:
+def _summary(name: str, minus: str, metric: str, array: np.ndarray) -> Summary:
     seeds, samples = array.shape
     each, better = array.mean(axis=0), math.nan
     if minus and samples and metric.startswith(_LARGER_IS_BETTER):
@@ -435,7 +435,7 @@ def _entry(name: str, minus: str, metric: str, array: np.ndarray) -> Entry:
         better = float(np.mean(each < 0))
     mean = float(array.mean()) if array.size else math.nan
     errors = standard_error(each), standard_error(array.mean(axis=1) if samples else each)
-    return Entry(name, minus, metric, mean, *errors, better, samples, seeds)
+    return Summary(name, minus, metric, mean, *errors, better, samples, seeds)
 
 
 def standard_error(values: np.ndarray) -> float:
@@ -451,9 +451,9 @@ def squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 # --- Tables -------------------------------------------------------------------------------------
 
 
-def _tables(entries: Sequence[Entry], study: Study) -> list[Lines]:
+def _tables(summaries: Sequence[Summary], study: Study) -> list[Lines]:
     """The means, with a column for each configuration, and the differences."""
-    means = {(e.metric, e.configuration): e for e in entries if not e.minus}
+    means = {(e.metric, e.configuration): e for e in summaries if not e.minus}
     names = list(dict.fromkeys(name for _, name in means))
     lines = [["", *names]]
     for metric, title in study.metrics.items():
@@ -463,7 +463,7 @@ def _tables(entries: Sequence[Entry], study: Study) -> list[Lines]:
     if len(names) >= len(lines):
         lines = [list(column) for column in zip(*lines, strict=True)]
     changes = [["difference", "", "mean", "first better on"]]
-    for e in entries:
+    for e in summaries:
         if e.minus:
             title = study.metrics[e.metric]
             cell = _cell(title, e, sign=True)
@@ -472,16 +472,16 @@ def _tables(entries: Sequence[Entry], study: Study) -> list[Lines]:
     return [lines, changes] if len(changes) > 1 else [lines]
 
 
-def _cell(title: str, entry: Entry | None, *, sign: bool = False) -> str:
+def _cell(title: str, summary: Summary | None, *, sign: bool = False) -> str:
     """Mean and errors: in per cent if the title ends with "[%]", otherwise with four digits."""
-    if entry is None:
+    if summary is None:
         return ""
     scale = 100 if title.endswith("[%]") else 1
-    text = f"{scale * entry.mean:{'+' if sign else ''}.4g}"
-    if not math.isnan(entry.error_samples):
-        text += f" +- {scale * entry.error_samples:.2g}"
-    if not math.isnan(entry.error_seeds):
-        text += f" +- {scale * entry.error_seeds:.2g}"
+    text = f"{scale * summary.mean:{'+' if sign else ''}.4g}"
+    if not math.isnan(summary.error_samples):
+        text += f" +- {scale * summary.error_samples:.2g}"
+    if not math.isnan(summary.error_seeds):
+        text += f" +- {scale * summary.error_seeds:.2g}"
     return text
 
 

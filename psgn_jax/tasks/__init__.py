@@ -11,7 +11,7 @@ from psgn_jax.tasks.voxels import views_task, volume_task
 
 TASKS = {
     "points": points_task,
-    "refine": refiner_task,
+    "refiner": refiner_task,
     "volume": volume_task,
     "views": views_task,
 }

@@ -1,4 +1,4 @@
-"""The task "refine": maps the clouds of trained networks to a solid volume.
+"""The task "refiner": maps the clouds of trained networks to a solid volume.
 
 Source: paper, implementation details, "Post processing". For comparison, the IoU of each cloud's
 splat without the refiner is measured too; its threshold is chosen in the same way as that of the

@@ -1,4 +1,4 @@
-"""The tasks on solid volumes: "volume" and "views"; "refine" is in `tasks.refiner`.
+"""The tasks on solid volumes: "volume" and "views"; "refiner" is in `tasks.refiner`.
 
 The ground truth is the occupancy in the records, a 32^3 grid in the frame of the image. IoU is
 defined in `losses.iou`. A cell counts as occupied if its probability reaches a threshold. Of the

@@ -172,7 +172,7 @@ def points_run(data, tmp_path_factory):
 @pytest.fixture(scope="module")
 def refined(data, points_run, tmp_path_factory):
     workdir = tmp_path_factory.mktemp("refine") / "run"
-    settings = config(data, task="refine", voxels__from_cd=str(points_run))
+    settings = config(data, task="refiner", voxels__from_cd=str(points_run))
     return settings, workdir, train(settings, workdir)
 
 
@@ -217,11 +217,11 @@ def test_the_source_is_copied_and_evaluation_repeats_training(refined, points_ru
 
 def test_sources_that_do_not_fit(data, points_run, refined, tmp_path):
     def load(**changes):
-        refiner.open_source(config(data, task="refine", **changes), tmp_path, "from_cd")
+        refiner.open_source(config(data, task="refiner", **changes), tmp_path, "from_cd")
 
     with pytest.raises(ConfigError, match=r"voxels.from_cd='/no/such': no run there"):
         load(voxels__from_cd="/no/such")
-    with pytest.raises(ConfigError, match="is a run of the task 'refine'; accepted: 'points'"):
+    with pytest.raises(ConfigError, match="is a run of the task 'refiner'; accepted: 'points'"):
         load(voxels__from_cd=str(refined[1]))
     with pytest.raises(ConfigError, match=r"data.image_size=\(32, 32\): accepted: \(16, 32\)"):
         load(voxels__from_cd=str(points_run), data__image_size=(32, 32))
@@ -238,10 +238,10 @@ def test_all_inputs_of_a_refiner_and_going_on(data, points_run, tmp_path):
         "voxels__from_emd": str(points_run),
         "voxels__from_volume": str(tmp_path / "volume"),
     }
-    whole = train(config(data, task="refine", **sources), tmp_path / "whole")
+    whole = train(config(data, task="refiner", **sources), tmp_path / "whole")
     assert whole.state.params["conv0"]["kernel"].shape[-2] == 3
-    train(config(data, task="refine", train__steps=1, **sources), tmp_path / "parts")
-    parts = train(config(data, task="refine", **sources), tmp_path / "parts")
+    train(config(data, task="refiner", train__steps=1, **sources), tmp_path / "parts")
+    parts = train(config(data, task="refiner", **sources), tmp_path / "parts")
     jax.tree.map(np.testing.assert_array_equal, whole.state.params, parts.state.params)
     assert set(entries(tmp_path / "whole", "eval")[0]) >= {"iou_splat_cd", "iou_splat_emd"}
 

@@ -105,7 +105,7 @@ def open_model(
         a row is lost, all later views would get the camera of another view.
     """
     rendering, metadata, voxels = input_files(source, synset, name)
-    solid = shapenet.solid_of(binvox.read(voxels))
+    solid = shapenet.world_grid(binvox.read(voxels))
     origin, unit = shapenet.place(shapenet.corners(solid), voxels)
     rng = np.random.default_rng(zlib.crc32(f"{synset}/{name}".encode()))
     points = shapenet.surface_points(solid, num_points, rng)

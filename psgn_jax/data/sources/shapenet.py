@@ -42,7 +42,7 @@ _LARGEST = 1e4  # of a model's coordinates and of 1 / radius
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Solid:
+class WorldGrid:
     """An occupancy grid in the world.
 
     Attributes:
@@ -107,22 +107,22 @@ def place(points: np.ndarray, path: pathlib.Path) -> tuple[np.ndarray, float]:
     return origin, unit
 
 
-def solid_of(grid: Binvox) -> Solid:
+def world_grid(grid: Binvox) -> WorldGrid:
     """Transforms the binvox of a ShapeNet model to the world."""
     cells = grid.solid.transpose(0, 2, 1)[:, ::-1]
     x, y, z = grid.translate
     low = np.array([x, -(z + grid.scale), y])
-    return Solid(cells, low, grid.scale / len(cells))
+    return WorldGrid(cells, low, grid.scale / len(cells))
 
 
-def corners(solid: Solid) -> np.ndarray:
+def corners(solid: WorldGrid) -> np.ndarray:
     """Corners of all occupied cells in the world, [n, 3]."""
     cells = np.argwhere(solid.cells)
     steps = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(-1, 3)
     return np.unique((cells[:, None] + steps).reshape(-1, 3), axis=0) * solid.edge + solid.low
 
 
-def surface_points(solid: Solid, count: int, rng: np.random.Generator) -> np.ndarray:
+def surface_points(solid: WorldGrid, count: int, rng: np.random.Generator) -> np.ndarray:
     """Uniformly distributed points on the faces between occupied and empty cells, in the world.
 
     Faces on the border of the grid are included. The surface consists of steps and is therefore
@@ -143,7 +143,9 @@ def surface_points(solid: Solid, count: int, rng: np.random.Generator) -> np.nda
     return (chosen[:, :3] + offset) * solid.edge + solid.low
 
 
-def turned_occupancy(solid: Solid, origin: np.ndarray, unit: float, turn: np.ndarray) -> np.ndarray:
+def turned_occupancy(
+    solid: WorldGrid, origin: np.ndarray, unit: float, turn: np.ndarray
+) -> np.ndarray:
     """Resamples the volume to the schema's grid in the frame of a view, bool [32, 32, 32].
 
     A cell is divided into 4^3 parts. A part counts if its centre is in an occupied cell of `solid`.
@@ -181,7 +183,7 @@ def drawn_mask(pixels: np.ndarray, depth: np.ndarray, shape: tuple[int, ...]) ->
     return ndimage.binary_closing(np.pad(hit, 1), np.ones((3, 3)))[1:-1, 1:-1]
 
 
-def grid_extra(solid: Solid, origin: np.ndarray, unit: float, turn: np.ndarray) -> str:
+def grid_extra(solid: WorldGrid, origin: np.ndarray, unit: float, turn: np.ndarray) -> str:
     """The volume in its original grid, for comparisons there, as the text of `Sample.extra`.
 
     JSON: `grid` is the base64 of the deflated bits of `cells` [n, n, n]. `grid_size` is n.
@@ -248,7 +250,7 @@ class Model:
     name: str
     points: np.ndarray
     normals: np.ndarray | None
-    solid: Solid | None
+    solid: WorldGrid | None
     origin: np.ndarray
     unit: float
 

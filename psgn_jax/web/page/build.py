@@ -9,7 +9,7 @@ import numpy as np
 
 from psgn_jax.models.mask_net import MaskNet
 from psgn_jax.portable.folder import write_network
-from psgn_jax.portable.network import Input
+from psgn_jax.portable.network import InputSpec
 from psgn_jax.prediction import masks
 from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing.page import CLOUD_SCRIPT
@@ -51,7 +51,7 @@ def build_page(
     params, texts = read_mask_network()
     files[MASK_NETWORK] = to_onnx(
         lambda image: MaskNet().apply({"params": params}, image / np.float32(255)),
-        [Input("image", "uint8", (1, masks.SIDE, masks.SIDE, 3))],
+        [InputSpec("image", "uint8", (1, masks.SIDE, masks.SIDE, 3))],
         "probabilities",
         "float16",
         {},
