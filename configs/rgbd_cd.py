@@ -9,7 +9,7 @@ measured at this size. A smaller network, trained with EMD + 5 CD, had .0104 wit
 without after 1,000 steps (docs/experiments.md).
 
 The recipe is that of `authors.py`. All records with depth can be used
-(`--config.data.path=RECORDS`). The depth channels are described in `models.inputs.stack_channels`.
+(`--config.data.path=RECORDS`). `models.networks.stack_channels` describes the depth channels.
 A smaller comparison of RGB and RGB-D for two CPU cores is `psgn study completion`.
 
 Source: paper, section "3D Shape Completion from RGBD Images", which gives no separate recipe.

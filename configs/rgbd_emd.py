@@ -8,7 +8,7 @@ Expect: a lower emd_radius than those of `authors_emd.py` and `rgbd_cd.py`; not 
 
 The recipe is that of `authors_emd.py`, including the 1,024 ground-truth points. All records with
 depth can be used (`--config.data.path=RECORDS`). The depth channels are described in
-`models.inputs.stack_channels`.
+`models.networks.stack_channels`.
 
 Source: paper, section "3D Shape Completion from RGBD Images", which gives no separate recipe.
 """

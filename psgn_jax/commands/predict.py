@@ -15,7 +15,8 @@ from collections.abc import Sequence
 from psgn_jax.commands.common import define_network_flags, keep_compiled
 from psgn_jax.config.command_line import Flags
 from psgn_jax.config.experiment import ConfigError
-from psgn_jax.prediction import formats, masks
+from psgn_jax.prediction import masks
+from psgn_jax.prediction.cloud import DEFAULT_FORMATS, FORMATS
 from psgn_jax.prediction.files import predict_files
 from psgn_jax.prediction.predictor import NORMAL_FORMS, Predictor
 from psgn_jax.system.files import check_folder
@@ -62,17 +63,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     flags.integer("samples", 1, "Number of clouds per image.")
     flags.integer("seed", 0, "Seed of the random input.")
-    flags.list(
-        "formats", list(formats.DEFAULT_FORMATS), "Formats of the clouds: ply, xyz, obj, npz, glb."
-    )
+    flags.list("formats", list(DEFAULT_FORMATS), "Formats of the clouds: ply, xyz, obj, npz, glb.")
     return flags.run(_main, argv)
 
 
 def _main(flags: Flags) -> int:
     values = flags.values
-    if not values.formats or not set(values.formats) <= set(formats.FORMATS):
+    if not values.formats or not set(values.formats) <= set(FORMATS):
         raise ConfigError(
-            f"--formats={','.join(values.formats)}: accepted: any of {', '.join(formats.FORMATS)}"
+            f"--formats={','.join(values.formats)}: accepted: any of {', '.join(FORMATS)}"
         )
     check_folder(values.out, "--out")
 

@@ -49,7 +49,7 @@ def has_deconv_branch(version: str) -> bool:
 
 
 CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 2})
-"""Number of channels of each input, see `models.inputs.stack_channels`."""
+"""Number of channels of each input, see `models.networks.stack_channels`."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -41,7 +41,6 @@ from psgn_jax.evaluation.table import aligned
 from psgn_jax.losses.batches import map_pairs
 from psgn_jax.losses.chamfer import chamfer_sq_mean, nearest_both
 from psgn_jax.models import efficientnet, networks
-from psgn_jax.models.inputs import network_inputs
 from psgn_jax.prediction.refine import refined
 
 ROWS = ("floor", "network", "refined", "oracle", "retrieval", "cluster", "fixed cloud", "shuffled")
@@ -72,7 +71,7 @@ def measure(config: Config, params: Any, lite0: Any, split: str) -> dict[str, np
         parts = []
         for number, batch in enumerate(_batches(config, split, count, wanted)):
             keep = batch["valid"]
-            rows = [batch["points"], np.asarray(describe(network_inputs(("rgb",), batch)))]
+            rows = [batch["points"], np.asarray(describe(networks.network_inputs(("rgb",), batch)))]
             rows += [np.asarray(predict(batch, number))] if predict else []
             parts.append([row[keep] for row in rows])
         return [np.concatenate(part) for part in zip(*parts, strict=True)]

@@ -41,7 +41,7 @@ def plain_convolutions() -> Iterator[None]:
 
 
 def convolve(x: Array, kernel: Array, stride: int, *, transposed: bool) -> Array | None:
-    """The functions of `convolution`, where there is a faster way than XLA's; otherwise None."""
+    """The convolutions of `layers`, where there is a faster way than XLA's; otherwise None."""
     if kernel.shape[-2] != x.shape[-1]:
         return _convolve_depthwise(x, kernel, stride) if _on_cpu() else None
     if not _uses_onednn():

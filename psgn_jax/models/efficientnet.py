@@ -14,7 +14,6 @@ from jax import lax
 
 from psgn_jax.array_types import Array, Float
 from psgn_jax.models import layers
-from psgn_jax.models.convolution import convolve_depthwise
 from psgn_jax.models.point_out_net import Bottleneck
 
 NAME = "lite0"
@@ -69,7 +68,7 @@ class Depthwise(nn.Module):
         shape = (self.kernel_size, self.kernel_size, 1, x.shape[-1])
         kernel = self.param("kernel", layers.RELU, shape, jnp.float32)
         bias = self.param("bias", nn.initializers.zeros_init(), (x.shape[-1],), jnp.float32)
-        return convolve_depthwise(x, kernel, self.stride) + bias[None, None, None]
+        return layers.convolve(x, kernel, self.stride) + bias[None, None, None]
 
 
 class Block(nn.Module):

@@ -1,5 +1,9 @@
 """Layers of the networks (convolution, transposed convolution, dense) and their initial values.
 
+The convolutions are XLA's, unless `cpu_convolution` has a faster way on a CPU; results agree up to
+rounding, so that checkpoints do not depend on what computes. Who copies a network leaves out
+`cpu_convolution`.
+
 Every layer has float32 parameters named `kernel` and `bias`. It casts input, kernel and bias to its
 `dtype`, in which it also computes.
 
@@ -25,9 +29,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from flax import linen as nn
+from jax import lax
 
 from psgn_jax.array_types import Array, Float, PRNGKey
-from psgn_jax.models.convolution import convolve, convolve_transposed
+from psgn_jax.models import cpu_convolution
 
 Initializer = Callable[[PRNGKey, Sequence[int], Any], jax.Array]
 
@@ -38,6 +43,34 @@ SUMMED: Initializer = nn.initializers.variance_scaling(1.0, "fan_in", "truncated
 # batches (mean -.002, .008, .324; standard deviations .33, .33, .26), in the project's frame.
 CLOUD_CENTRE = (0.0, 0.0, 0.32)
 CLOUD_SPREAD = 0.3
+
+_LAYOUT: dict[int, Any] = {4: ("NHWC", "HWIO", "NHWC"), 5: ("NDHWC", "DHWIO", "NDHWC")}
+
+
+def convolve(
+    x: Float[Array, "b *size c_in"], kernel: Float[Array, "*taps c_group c_out"], stride: int = 1
+) -> Float[Array, "b *out c_out"]:
+    """Convolution (cross-correlation) of images or volumes, SAME padding of TensorFlow.
+
+    The output has `ceil(size / stride)` cells along each axis. A kernel for fewer channels than x
+    has is applied to groups of channels: one for each, with one channel.
+    """
+    if (y := cpu_convolution.convolve(x, kernel, stride, transposed=False)) is not None:
+        return y
+    strides, layout = (stride,) * (x.ndim - 2), _LAYOUT[x.ndim]
+    groups = x.shape[-1] // kernel.shape[-2]
+    return lax.conv_general_dilated(
+        x, kernel, strides, "SAME", dimension_numbers=layout, feature_group_count=groups
+    )
+
+
+def convolve_transposed(
+    x: Float[Array, "b h w c_in"], kernel: Float[Array, "kh kw c_in c_out"], stride: int = 2
+) -> Float[Array, "b ho wo c_out"]:
+    """Transposed convolution of images, SAME padding: the output is `stride` times as large."""
+    if (y := cpu_convolution.convolve(x, kernel, stride, transposed=True)) is not None:
+        return y
+    return lax.conv_transpose(x, kernel, (stride,) * 2, "SAME", dimension_numbers=_LAYOUT[4])
 
 
 class Conv(nn.Module):

@@ -270,7 +270,7 @@ class PointOutNet(nn.Module):
         """Predicts the clouds of a batch.
 
         Args:
-          x: images, as returned by `inputs.stack_channels`.
+          x: images, as returned by `networks.stack_channels`.
           r: standard normal numbers: [b, random_size], or [b, draws, random_size] for several
             clouds per image, for which the encoder runs once. None if and only if `random_size` is
             0.

@@ -1,6 +1,6 @@
 """Predicts clouds for image files and writes the results as files.
 
-For each image NAME.*, the files are: the cloud as PLY, XYZ, OBJ and NPZ (`prediction.formats`); the
+For each image NAME.*, the files are: the cloud as PLY, XYZ, OBJ and NPZ (`prediction.cloud`); the
 framed view of the object as `NAME_view.png`; and `NAME.json` with camera, configuration, checkpoint
 and times. Of a photo whose mask is not certain, they are the proposed mask, `NAME_mask.png`, and
 the photo in blue outside it, `NAME_overlay.png`.
@@ -19,9 +19,8 @@ from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError, to_dict
 from psgn_jax.data import photo
-from psgn_jax.prediction import formats as formats_lib
 from psgn_jax.prediction import masks
-from psgn_jax.prediction.cloud import FC, Prediction
+from psgn_jax.prediction.cloud import DEFAULT_FORMATS, FC, Prediction
 from psgn_jax.prediction.predictor import Clock, Predictor
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import is_disk_full, write_atomic
@@ -41,7 +40,7 @@ def predict_files(
     mask_from: str = "auto",
     invert_mask: bool | None = None,
     accept_mask: bool = False,
-    formats: Sequence[str] = formats_lib.DEFAULT_FORMATS,
+    formats: Sequence[str] = DEFAULT_FORMATS,
     **options: Any,
 ) -> Iterator[tuple[pathlib.Path, Prediction | Exception]]:
     """Predicts clouds for files and folders of images, one by one, and writes them to `out`.
@@ -58,7 +57,7 @@ def predict_files(
       invert_mask: the same.
       accept_mask: the same.
       **options: further arguments of `Predictor.__call__`.
-      formats: of the clouds, some of `formats.FORMATS`.
+      formats: of the clouds, some of `cloud.FORMATS`.
 
     Yields:
       The path of each image, with its prediction or the error.

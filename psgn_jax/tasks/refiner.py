@@ -23,7 +23,6 @@ from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config, ConfigError, to_dict, to_json
 from psgn_jax.losses.iou import iou_sweep, soft_iou_loss
 from psgn_jax.models import networks, voxels
-from psgn_jax.models.inputs import network_inputs
 from psgn_jax.system.files import write_atomic
 from psgn_jax.tasks.task import Batch, Task
 from psgn_jax.tasks.voxels import GRID, apply, voxel_task
@@ -105,7 +104,7 @@ def refiner_task(config: Config, workdir: pathlib.Path) -> Task:
         splats = jax.vmap(lambda *one: voxels.splat_clouds(one))(*predicted)
         volumes = None
         if volume_net is not None:
-            seen = network_inputs(config.data.inputs, batch)
+            seen = networks.network_inputs(config.data.inputs, batch)
             volumes = apply(volume_net, frozen["from_volume"], seen)
         return apply(model, params, splats, volumes), splats
 

@@ -22,7 +22,6 @@ from psgn_jax.evaluation.results import Evaluation, at_thresholds
 from psgn_jax.evaluation.split import compile_measure, evaluate_split
 from psgn_jax.losses.iou import iou_sweep
 from psgn_jax.models import networks, r2n2, voxels
-from psgn_jax.models.inputs import network_inputs
 from psgn_jax.tasks.task import Batch, Task, no_columns
 
 GRID = (OCCUPANCY_SIZE,) * 3
@@ -85,7 +84,7 @@ def volume_task(config: Config, workdir: pathlib.Path) -> Task:
         return model.init(networks.init_key(config), image)["params"]
 
     def errors(params: Any, batch: Batch) -> tuple[Array, Array]:
-        pred = apply(model, params, network_inputs(config.data.inputs, batch))
+        pred = apply(model, params, networks.network_inputs(config.data.inputs, batch))
         return pred, pred - jax.vmap(voxels.log_volume)(batch["occupancy"])
 
     def objective(params: Any, batch: Batch, step: Array) -> tuple[Array, dict[str, Array]]:
@@ -119,12 +118,12 @@ def views_task(config: Config, workdir: pathlib.Path) -> Task:
         return model.init(networks.init_key(config), views)["params"]
 
     def objective(params: Any, batch: Batch, step: Array) -> tuple[Array, dict[str, Array]]:
-        logits = apply(model, params, network_inputs(config.data.inputs, batch))
+        logits = apply(model, params, networks.network_inputs(config.data.inputs, batch))
         value = jax.vmap(r2n2.voxel_cross_entropy)(logits, batch["occupancy"]).mean()
         return value, {"loss_step": value}
 
     def measure(params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
-        seen, metrics, volumes = network_inputs(config.data.inputs, batch), {}, []
+        seen, metrics, volumes = networks.network_inputs(config.data.inputs, batch), {}, []
         for count, name in names.items():
             volumes.append(r2n2.occupancy(apply(model, params, seen[:, :count])))
             metrics[name] = jax.vmap(iou_sweep)(volumes[-1], batch["occupancy"])

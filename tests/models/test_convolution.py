@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from psgn_jax.models import cpu_convolution, onednn
-from psgn_jax.models.convolution import convolve, convolve_depthwise, convolve_transposed
+from psgn_jax.models.layers import convolve, convolve_transposed
 
 NEEDS_ONEDNN = pytest.mark.skipif(onednn.library()[0] is None, reason="oneDNN is not installed")
 
@@ -145,7 +145,7 @@ def test_depthwise_is_one_convolution_for_each_channel(size, taps, stride):
 
     @jax.jit
     def all_three(x, kernel, dy):
-        y, vjp = jax.vjp(lambda x, kernel: convolve_depthwise(x, kernel, stride), x, kernel)
+        y, vjp = jax.vjp(lambda x, kernel: convolve(x, kernel, stride), x, kernel)
         return y, *vjp(dy)
 
     single = [
@@ -232,7 +232,7 @@ def test_threads():
 
 ENDING = """
 import jax, jax.numpy as jnp
-from psgn_jax.models.convolution import convolve
+from psgn_jax.models.layers import convolve
 x, kernel = jnp.ones((8, 96, 128, 8)), jnp.ones((3, 3, 8, 8))
 @jax.jit
 def many(x):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from psgn_jax.models.inputs import stack_channels
+from psgn_jax.models.networks import stack_channels
 
 
 @pytest.fixture

@@ -24,7 +24,7 @@ pytest.importorskip("onnxruntime")
 
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data.dataset import write_dataset
-from psgn_jax.models.convolution import convolve
+from psgn_jax.models.layers import convolve
 from psgn_jax.portable import folder, onnx_file
 from psgn_jax.portable.network import Input, PortableNetwork
 from psgn_jax.prediction.predictor import Predictor
