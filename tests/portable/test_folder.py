@@ -26,7 +26,7 @@ from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.models.layers import convolve
 from psgn_jax.portable import folder, onnx_file
-from psgn_jax.portable.network import Input, PortableNetwork
+from psgn_jax.portable.network import InputSpec, PortableNetwork
 from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.weights.file import write_weights
 from psgn_jax.weights.run_folder import Trained
@@ -112,8 +112,8 @@ def any_network(x, r):
 
 def test_a_new_network_needs_no_code_for_its_file():
     inputs = [
-        Input("x", "float32", ("batch", 8, 6, 4)),
-        Input("r", "float32", ("batch", "draws", 60)),
+        InputSpec("x", "float32", ("batch", 8, 6, 4)),
+        InputSpec("r", "float32", ("batch", "draws", 60)),
     ]
     run = folder.session(onnx_file.to_onnx(any_network, inputs, "y", "float32", {}))
     rng = np.random.default_rng(0)
