@@ -81,7 +81,6 @@ def build(cls: type[T], node: Any, prefix: str = "") -> T:
     """Builds a dataclass from a mapping; missing keys get their defaults.
 
     Args:
-      cls: the dataclass.
       node: an `ml_collections.ConfigDict` or a mapping; lists are accepted as tuples.
       prefix: prefix of the field names in messages, such as "model.".
 

@@ -162,7 +162,6 @@ def reframe(
     this way.
 
     Args:
-      view: the sample.
       rng: source of the random numbers; how many are drawn does not depend on the other arguments.
       place_share: probability of the placement by the rule.
       scale_deviation: standard deviation of the logarithm of the scale about the object's middle.
@@ -242,7 +241,6 @@ def augment(
     Its random numbers are drawn after the existing ones, so that these stay the same.
 
     Args:
-      view: the sample.
       cfg: the section `data` of the configuration, which describes each augmentation.
       rng: source of the random numbers of mirroring, width, crop and colours.
       photo_seeds: seeds of the effects and the framing of photos.

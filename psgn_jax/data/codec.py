@@ -283,7 +283,6 @@ def encode(
     """Encodes one sample as the bytes of a record.
 
     Args:
-      sample: a valid sample.
       points: the lattice of `sample.points`, in the same order; it is stored exactly.
       depth: the codes from which `sample.depth` was computed; they are stored exactly.
       point_bits: resolution of the lattice if `points` is None.

@@ -1,9 +1,6 @@
 """Converts published data sets to records, shard by shard (`data.shards`).
 
-A file, a model or a view of a model that cannot be read is reported and left out; with `strict` it
-stops the conversion. A conversion that is started again keeps the complete shards and continues
-after them. Shards from which something was left out are converted again. If nothing was left out
-and the source is the same, nothing changes.
+`commands.convert` says what is left out, and what a further call converts again.
 """
 
 import contextlib
@@ -112,8 +109,6 @@ def convert_models(
 
     Args:
       layout: "r2n2" or "occnet"; the modules of these names describe the layouts.
-      source: root of the tree.
-      destination: folder for the data set; created if missing.
       num_points: maximum number of points per sample.
       max_views: number of views per model; the first ones are used. None: all of the layout.
       strict: whether to stop at the first file, model or view that cannot be read.

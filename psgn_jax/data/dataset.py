@@ -127,9 +127,6 @@ def write_dataset(
     """Writes a data set; one sample is in memory at a time.
 
     Args:
-      folder: folder for the data set; created if missing.
-      splits: samples of each split.
-      source: name of the source, for the manifest.
       records_per_shard: maximum number of records per file.
 
     Raises:

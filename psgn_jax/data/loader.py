@@ -151,7 +151,6 @@ def train_batches(
     the factor N. Each epoch has its own order. Augmentations are those of the configuration.
 
     Args:
-      cfg: the section `data` of the configuration.
       batch_size: size B of the global batch.
       seed: seed of the order, the choice of points and the augmentations.
       start_step: first step; earlier steps are not replayed.
@@ -202,8 +201,6 @@ def eval_batches(
     The batches are made by threads, because starting processes would take longer than most splits.
 
     Args:
-      cfg: the section `data` of the configuration.
-      split: name of the split.
       batch_size: size B; the last batch is padded to it with copies of the last sample.
       seed: seed of the choice of points.
       visible_tolerance: see `data.visibility`; 0 = no visibility.

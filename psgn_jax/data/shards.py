@@ -187,9 +187,6 @@ def write(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int] = (0
     """Writes the data set of a job, or continues it.
 
     Args:
-      folder: folder of the data set, created if missing.
-      job: what it contains.
-      make: makes the samples.
       part: (i, n): the i-th of n parts of the work, i from 0.
 
     Raises:

@@ -86,7 +86,6 @@ def by_visibility(
 
     Args:
       distance_sq: of every true point to the nearest predicted one, unit^2.
-      visible: class of every true point.
       threshold: largest distance of a point that counts as recalled, in the unit.
 
     Returns:

@@ -117,7 +117,6 @@ def at_thresholds(
     """Replaces the sweeps [samples, thresholds] of an evaluation by the values at one threshold.
 
     Args:
-      measured: the evaluation with sweeps.
       chosen: `{"threshold_of_iou": .4, ...}` from an earlier evaluation. A threshold that is
         missing there is chosen here: the one with the best mean over the samples.
       best: name of the metric for which `one_minus_iou` is added.

@@ -152,10 +152,8 @@ def random_input(
     "Generation of Multiple Plausible Shapes".
 
     Args:
-      config: configuration of the run.
       step: number of the training step, or of the batch of an evaluation.
       batch_size: B, over all devices and processes.
-      train: whether the input is for training.
     """
     if not config.model.random_size:
         return None

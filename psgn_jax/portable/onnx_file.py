@@ -61,11 +61,9 @@ def to_onnx(
     Args:
       function: maps arrays to one array, whose sizes may depend on symbolic sizes of the inputs.
       inputs: the names, types and shapes of the arrays.
-      output: the name of the result.
       stored: the type in which kernels are stored; arithmetic is float32 in every case. "float16"
         halves the size of the file. "int8" reduces it to a quarter: integers with one scale for
         each output channel. Runtimes convert both to float32 once, at loading.
-      texts: metadata.
 
     Raises:
       ExportError: the function contains a primitive that is not converted here.

@@ -53,10 +53,8 @@ def predict_files(
         have been read, so that wrong files are reported before a network is compiled.
       mask: file of the mask (for one image), or folder of masks. There the mask of `NAME.jpg` is
         `NAME_mask.*`, or another file `NAME.*`. None = automatic (`masks.mask_of`).
-      mask_from: see `Predictor.__call__`.
-      invert_mask: the same.
-      accept_mask: the same.
-      **options: further arguments of `Predictor.__call__`.
+      mask_from, invert_mask, accept_mask: see `Predictor.__call__`.
+      **options: its further arguments.
       formats: of the clouds, some of `cloud.FORMATS`.
 
     Yields:

@@ -69,7 +69,6 @@ def claim(folder: pathlib.Path, part: tuple[int, int]) -> Iterator[None]:
     """Context that claims a part of the work in a folder; at its end, an empty folder is removed.
 
     Args:
-      folder: created if missing.
       part: (i, n): number i, counted from 0, of the n parts.
 
     Raises:

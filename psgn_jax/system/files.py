@@ -66,7 +66,6 @@ def check_folder(folder: str | os.PathLike[str], name: str) -> None:
     Missing folders are created and removed again.
 
     Args:
-      folder: the folder.
       name: name of the flag or argument, for the message.
 
     Raises:

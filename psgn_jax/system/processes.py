@@ -24,9 +24,6 @@ def environment(**changes: str) -> dict[str, str]:
     """The environment of a child process: this one's, with an import path of absolute folders.
 
     It holds for Python processes at any depth, also for those that libraries start.
-
-    Args:
-      **changes: further variables.
     """
     given = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     paths = [str(ROOT), *(path for path in given if os.path.isabs(path))]

@@ -32,10 +32,9 @@ _KINDS = (
 
 
 def parse_json(text: str | bytes, *, max_depth: int = MAX_DEPTH) -> Any:
-    """The value of a JSON text.
+    """The value of a JSON text; bytes are UTF-8.
 
     Args:
-      text: the text; bytes are UTF-8.
       max_depth: largest depth of nested brackets. Deeper values would cause a `RecursionError`,
         here or where the value is shown or compared.
 
@@ -79,7 +78,6 @@ def read_npz(path: str | os.PathLike[str], limits: Mapping[str, int]) -> dict[st
     The size of an array is checked before it is inflated, so a small file cannot take much memory.
 
     Args:
-      path: the file.
       limits: names of the arrays, each with its largest number of elements. Arrays that are not in
         the file are missing from the result.
 

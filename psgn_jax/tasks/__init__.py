@@ -20,10 +20,6 @@ TASKS = {
 def create(config: Config, workdir: str | os.PathLike[str] = "") -> Task:
     """Creates the task of a configuration.
 
-    Args:
-      config: configuration of the run.
-      workdir: folder of the run.
-
     Raises:
       ConfigError: the loss does not fit the network, or a run that `voxels.from_cd`, `from_emd` or
         `from_volume` names is missing.

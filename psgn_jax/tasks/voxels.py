@@ -46,7 +46,6 @@ def voxel_task(
     """A task on solid volumes; arguments that are not listed are those of `Task`.
 
     Args:
-      config: configuration of the run.
       measure: (params, batch) -> predictions and metrics [B] or, if a threshold is to be chosen,
         [B, thresholds].
       best: name of the IoU that decides which checkpoint is the best; "" = none.

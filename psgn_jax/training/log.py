@@ -45,7 +45,6 @@ class TrainingLog:
     Args:
       plan: length of the training and steps between lines.
       writer: gets the lines; None = only the terminal does.
-      start: step at which the run starts or resumes.
       losses: sum and number of the losses before `start` that belong to the next line.
 
     Attributes:

@@ -81,7 +81,6 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
 
     Args:
       config: a `Config`, or a mapping for `config.parse`.
-      workdir: folder of the run.
 
     Raises:
       ConfigError: raised before compilation if (a) the configuration is wrong, (b) it differs from

@@ -86,7 +86,6 @@ def render(
       extrinsics: [3, 4], from the project's frame to the camera's.
       size: (height, width) of the picture.
       radius: radius of the spheres, unit of the frame.
-      shadow: whether to draw the shadow.
 
     Returns:
       uint8 [height, width, 3].
@@ -193,7 +192,6 @@ def turntable(
     """Writes an animation of a cloud that rotates about the vertical axis, 12.5 frames a second.
 
     Args:
-      path: file to write, ending in `.gif`.
       size: (height, width).
 
     Raises:

@@ -142,9 +142,7 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
     """The trained parameters, with random ones for the layers in `train.init_skip`.
 
     Args:
-      config: configuration of the new training.
       drawn: random parameters (or their shapes) of the new network, a nested dict.
-      trained: parameters of the trained network.
 
     Returns:
       A tree like `drawn`: NumPy arrays for trained layers, the leaves of `drawn` for the others.

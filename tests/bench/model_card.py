@@ -1,42 +1,161 @@
-"""Writes the figures and pictures of docs/model_card.md for a file of weights.
+"""Writes the figures and pictures of docs/model_card.md for a network.
 
-    python tests/bench/model_card.py --weights FILE --data records/authors \\
-        [--data records/free/furniture:test ...] --out docs
+    python tests/bench/model_card.py --out docs --photos
+    python tests/bench/model_card.py --out docs --data records/authors --data records/free:test ...
+    python tests/bench/model_card.py --out docs --median FOLDER:SPLIT:CATEGORY ...
 
-Every `--data` is a folder of records, with the split after a colon (default: validation). Each is
-evaluated twice: with the images as they are (`--frame=keep` of `psgn evaluate`) and with the object
-placed in them (`--frame=place`). The metrics are means over all samples. For each frame, a sheet
-shows the first `--cases` cases of the first folder, in the order of the records.
+`--photos`: `photos.png` has a row for each photo of docs/photos: the photo; the mask that `psgn
+predict` finds, with the cloud of this mask from the camera of the photo and turned by 75 degrees
+about the vertical axis; then the given mask, `NAME_mask.png`, with its cloud. `three_photos.png`
+and the animation `turning.webp` show the photos of the README, `--readme`, with their given masks.
+All clouds are in normal form. The method and the IoU of each mask that was found are printed.
 
-The command replaces the text between `<!-- begin NAME -->` and `<!-- end NAME -->` (weights,
-sources, figures) of docs/model_card.md, and writes it with the sheets into `--out`. A sheet has at
-most 400 kB.
+`--data`: folders of records, each with the split after a colon (default: validation), are
+evaluated with the images as they are (`--frame=keep` of `psgn evaluate`) and with the object placed
+in them (`--frame=place`). The metrics are means over all samples. For each frame,
+`model_card_FRAME.png` shows the first `--cases` cases of the first folder. The text between
+`<!-- begin NAME -->` and `<!-- end NAME -->` (weights, sources, figures) of the card is replaced.
+
+`--median`: `predictions.png` shows the case of median CD of each set, of at most `--most` evenly
+spaced samples: image, prediction and truth from the camera, prediction and truth from the side.
+
+All clouds are coloured by height.
 """
 
 import argparse
+import io
 import pathlib
 import re
 import sys
 import tempfile
 
 import numpy as np
+from PIL import Image
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
-from small_png import small_png
-
+import psgn_jax
 from psgn_jax import tasks
 from psgn_jax.commands.evaluate import open_with_records
 from psgn_jax.commands.weights import describe
+from psgn_jax.data import photo
+from psgn_jax.data.dataset import RecordReader
 from psgn_jax.evaluation import table
 from psgn_jax.evaluation.report import Collector
 from psgn_jax.evaluation.run import FRAMES, evaluate_run
+from psgn_jax.losses import chamfer_sq_mean
+from psgn_jax.prediction import masks
 from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing import spheres
 from psgn_jax.weights.file import read_weights
 from psgn_jax.weights.opening import weights_path
 
-CARD = pathlib.Path(__file__).resolve().parents[2] / "docs" / "model_card.md"
-LARGEST_SHEET = 400_000
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+
+def small_png(picture, largest):
+    """A PNG of at most `largest` bytes, with as many colours as fit; white stays white."""
+    white = (np.asarray(picture) == 255).all(axis=2)
+    for colours in (255, 127, 63, 31, 15):
+        palette = picture.quantize(colours)
+        drawn = picture.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG)
+        indices = np.where(white, colours, np.asarray(drawn)).astype(np.uint8)
+        small = Image.fromarray(indices, "P")
+        small.putpalette([*drawn.getpalette()[: 3 * colours], 255, 255, 255])
+        stream = io.BytesIO()
+        small.save(stream, "PNG", optimize=True)
+        if stream.tell() <= largest:
+            return stream.getvalue()
+    raise SystemExit(f"the picture has {stream.tell()} bytes: draw fewer cases")
+
+
+# --- Photos -------------------------------------------------------------------------------------
+
+HIGH, WIDE = 150, 200
+OUTSIDE = np.array([60, 90, 160])
+STEPS, MILLISECONDS = 40, 90
+"""Pictures of a turn, and the time of each."""
+
+
+def panel(picture):
+    """A picture that fits into a panel, on white."""
+    framed, small = Image.new("RGB", (WIDE, HIGH), "white"), Image.fromarray(picture)
+    small.thumbnail((WIDE, HIGH), Image.Resampling.LANCZOS)
+    framed.paste(small, ((WIDE - small.width) // 2, (HIGH - small.height) // 2))
+    return np.asarray(framed)
+
+
+def masked(image, mask, predictor, which, title):
+    """The image with the part outside the mask in blue, and the cloud from two sides."""
+    grey = image.mean(axis=2, keepdims=True)
+    blue = np.where(mask[..., None], image, 0.25 * grey + OUTSIDE).astype(np.uint8)
+    prediction = predictor(image, mask)
+    clouds = spheres.by_height({f"cloud, {which} mask": prediction.points[0]})
+    pictures = spheres.panels(vars(prediction.view), clouds, height=HIGH)
+    return {title: panel(blue), **dict(list(pictures.items())[1:])}
+
+
+def row(image, given, predictor):
+    """The pictures of a photo by title, and the label of the mask that was found."""
+    pictures = {"photo": panel(image)}
+    try:
+        found = masks.find_mask(image)
+    except photo.PhotoError:
+        text = "no object found"
+        empty = np.full((HIGH, WIDE, 3), 255, np.uint8)
+        pictures |= {text: panel(image), " ": empty, "  ": empty}
+    else:
+        text = f"{found.method}, IoU {masks.mask_iou(found.mask, given):.2f}"
+        pictures |= masked(image, found.mask, predictor, "found", f"found: {text}")
+    return pictures | masked(image, given, predictor, "given", "given"), text
+
+
+def cloud_picture(prediction, turn, high):
+    """The cloud from the camera of the photo, turned by `turn` degrees."""
+    clouds = spheres.by_height({"cloud": prediction.points[0]})
+    drawn = spheres.panels(vars(prediction.view), clouds, turns=(turn,), height=high)
+    return list(drawn.values())[-1]
+
+
+def side_by_side(image, prediction):
+    """The photo, and its cloud from the camera of the photo."""
+    high = 15 * HIGH // 12
+    above = np.full(((high - HIGH) // 2, WIDE, 3), 255, np.uint8)
+    below = np.full((high - HIGH - len(above), WIDE, 3), 255, np.uint8)
+    left = np.concatenate([above, panel(image), below])
+    return np.concatenate([left, cloud_picture(prediction, 0, high)], axis=1)
+
+
+def animation(predictions):
+    """A WebP of clouds beside each other, each turning about its vertical axis."""
+    frames = []
+    for turn in 360 * np.arange(STEPS) / STEPS:
+        pictures = [cloud_picture(each, turn, 2 * HIGH) for each in predictions]
+        frames.append(Image.fromarray(np.concatenate(pictures, axis=1)))
+    stream = io.BytesIO()
+    options = {"duration": MILLISECONDS, "loop": 0, "quality": 70, "method": 6}
+    frames[0].save(stream, "WEBP", save_all=True, append_images=frames[1:], **options)
+    return stream.getvalue()
+
+
+def draw_photos(predictor, out, names):
+    """Writes `photos.png`, `three_photos.png` and `turning.webp`."""
+    rows, chosen = [], {}
+    for path in sorted((ROOT / "docs" / "photos").glob("*.jpg")):
+        read = photo.read_photo(path)
+        given = photo.read_mask(path.with_name(f"{path.stem}_mask.png"), read)
+        if path.stem in names:
+            chosen[path.stem] = read.image, predictor(read.image, given)
+        pictures, text = row(read.image, given, predictor)
+        rows.append((path.stem, pictures))
+        print(f"{path.stem}: {text}")
+    three = np.concatenate([side_by_side(*chosen[name]) for name in names], axis=1)
+    write_atomic(out / "photos.png", small_png(spheres.sheet(rows, columns=1), 480_000))
+    write_atomic(out / "three_photos.png", small_png(Image.fromarray(three), 480_000))
+    write_atomic(out / "turning.webp", animation([chosen[name][1] for name in names]))
+
+
+# --- Records ------------------------------------------------------------------------------------
+
 METRICS = (
     "cd_sq_radius2",
     "cd_l1_radius",
@@ -48,7 +167,7 @@ METRICS = (
 TITLES = {"keep": "as framed", "place": "placed"}
 
 
-def row(data, frame, evaluation):
+def cells_of(data, frame, evaluation):
     """Cells of a row: data set and split, framing, number of samples, means of the metrics."""
     folder, _, split = data.partition(":")
     cells = [f"{pathlib.Path(folder).name}, {split or 'validation'}", TITLES[frame]]
@@ -68,8 +187,7 @@ def sheet(evaluation, collector, cases):
         clouds = spheres.by_height({f"{error:.4f}": case["pred"], "truth": case["points"]})
         label = f"{evaluation.names[i].record} {evaluation.names[i].category}"[:22]
         drawn.append((label, spheres.panels(case, clouds, (0,), height=84)))
-    picture = spheres.sheet(drawn, columns=4)
-    return small_png(picture, LARGEST_SHEET)
+    return small_png(spheres.sheet(drawn, columns=4), 400_000)
 
 
 def sources(weights):
@@ -109,33 +227,83 @@ def evaluate(weights, data, frame, folder):
     return evaluation, collector
 
 
+def write_card(weights, sets, out, cases):
+    """Writes the card with its sheets."""
+    rows = []
+    with tempfile.TemporaryDirectory() as name:
+        for data in sets:
+            for frame in FRAMES:
+                evaluation, collector = evaluate(weights, data, frame, pathlib.Path(name))
+                rows.append(cells_of(data, frame, evaluation))
+                if data == sets[0]:
+                    content = sheet(evaluation, collector, cases)
+                    write_atomic(out / f"model_card_{frame}.png", content)
+    head = ["data", "framing", "samples", *(table.header(evaluation, name) for name in METRICS)]
+    path = weights_path(weights)
+    read = read_weights(path)
+    blocks = {
+        "weights": f"```\n{describe(read, path)}```",
+        "sources": sources(read),
+        "figures": table.markdown([head, *rows]),
+    }
+    text = (ROOT / "docs" / "model_card.md").read_text(encoding="utf-8")
+    write_atomic(out / "model_card.md", filled(text, blocks))
+
+
+def median_case(predictor, data, most):
+    """The case with the median CD: its sample, the prediction, as many true points, the CD."""
+    folder, split, *category = data.split(":")
+    reader = RecordReader(folder, split)
+    samples = (reader[i] for i in range(len(reader)))
+    chosen = [s for s in samples if not category or s.category == category[0]]
+    cases = []
+    for sample in chosen[:: -(-len(chosen) // most)]:
+        points = predictor(sample.image, sample.mask, frame="keep", normal_form="no").points[0]
+        order = np.random.default_rng(0).permutation(len(sample.points))
+        error = float(chamfer_sq_mean(points, sample.points[order[:4096]]))
+        cases.append((error, sample, points, sample.points[order[: len(points)]]))
+    return sorted(cases, key=lambda case: case[0])[len(cases) // 2]
+
+
+def draw(sample, points, truth):
+    """One row of the picture."""
+    clouds = spheres.by_height({"prediction": points, "truth": truth})
+    panels = spheres.panels(vars(sample), clouds, height=168)
+    return np.concatenate(list(panels.values()), axis=1)
+
+
+def draw_median_cases(predictor, sets, out, most):
+    """Writes `predictions.png`."""
+    rows = []
+    for data in sets:
+        error, *case = median_case(predictor, data, most)
+        print(f"{data}: {case[0].model_id}, view {case[0].view}, CD squared {error:.4f}")
+        rows.append(draw(*case))
+    Image.fromarray(np.concatenate(rows)).quantize(256).save(
+        out / "predictions.png", "PNG", optimize=True
+    )
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--weights", default="", help="file or name; default: the package's")
-    parser.add_argument("--data", action="append", required=True, metavar="RECORDS[:SPLIT]")
     parser.add_argument("--out", type=pathlib.Path, required=True)
+    parser.add_argument("--photos", action="store_true", help="draw the photos")
+    parser.add_argument("--readme", default="aeroplane,car,chair", help="photos of the README")
+    parser.add_argument("--data", action="append", metavar="RECORDS[:SPLIT]")
     parser.add_argument("--cases", type=int, default=64)
+    parser.add_argument("--median", nargs="+", metavar="FOLDER:SPLIT[:CATEGORY]")
+    parser.add_argument("--most", type=int, default=100, help="largest number of samples of each")
     arguments = parser.parse_args()
-    path = weights_path(arguments.weights)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    rows = []
-    with tempfile.TemporaryDirectory() as name:
-        for data in arguments.data:
-            for frame in FRAMES:
-                evaluation, collector = evaluate(arguments.weights, data, frame, pathlib.Path(name))
-                rows.append(row(data, frame, evaluation))
-                if data == arguments.data[0]:
-                    content = sheet(evaluation, collector, arguments.cases)
-                    write_atomic(arguments.out / f"model_card_{frame}.png", content)
-    head = ["data", "framing", "samples", *(table.header(evaluation, name) for name in METRICS)]
-    weights = read_weights(path)
-    blocks = {
-        "weights": f"```\n{describe(weights, path)}```",
-        "sources": sources(weights),
-        "figures": table.markdown([head, *rows]),
-    }
-    text = filled(CARD.read_text(encoding="utf-8"), blocks)
-    write_atomic(arguments.out / CARD.name, text)
+    if arguments.photos:
+        predictor = psgn_jax.load(arguments.weights)
+        draw_photos(predictor, arguments.out, arguments.readme.split(","))
+    if arguments.data:
+        write_card(arguments.weights, arguments.data, arguments.out, arguments.cases)
+    if arguments.median:
+        predictor = psgn_jax.load(arguments.weights)
+        draw_median_cases(predictor, arguments.median, arguments.out, arguments.most)
 
 
 if __name__ == "__main__":

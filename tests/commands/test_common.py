@@ -90,6 +90,16 @@ def test_wrong_arguments_end_in_one_line_before_a_network_is_made(tmp_path):
     predict = ["predict", f"--workdir={tmp_path}", f"--out={tmp_path}"]
     cases = (
         (["train", "--config=debug", "--config.data.path=tests", f"--workdir={file}"], file),
+        *(
+            (["train", "--config=debug", f"--workdir={tmp_path / 'run'}", wrong], message)
+            for wrong, message in {
+                "--config.train.stps=3": "train.stps",
+                "--config.train.steps=many": "many",
+                "--config.data.path=/no/such": "data.path='/no/such' does not exist",
+                "--nonsense": "nonsense",
+                "stray": "unexpected argument 'stray'",
+            }.items()
+        ),
         (["evaluate", "--workdir=run", f"--report={file}"], file),
         (["evaluate", f"--workdir={file}"], file),
         (["predict", "docs/renders.png", "--workdir=run", f"--out={file}"], file),
@@ -105,6 +115,7 @@ def test_wrong_arguments_end_in_one_line_before_a_network_is_made(tmp_path):
         (line,) = done.stderr.splitlines()
         assert line.startswith("error: ")
         assert str(message) in line
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_second_start_reads_compiled_programs_without_a_word(tmp_path):

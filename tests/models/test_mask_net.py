@@ -25,7 +25,7 @@ def test_the_onnx_file_gives_the_same_probabilities(params, rng):
     pytest.importorskip("onnxruntime")
     onnx_file = pytest.importorskip("psgn_jax.portable.onnx_file")
     from psgn_jax.portable.folder import session
-    from psgn_jax.portable.network import Input
+    from psgn_jax.portable.network import InputSpec
 
     image = rng.integers(0, 256, (1, 96, 96, 3), dtype=np.uint8)
     stored = jax.tree.map(lambda x: x.astype(np.float16).astype(np.float32), params)
@@ -36,6 +36,6 @@ def test_the_onnx_file_gives_the_same_probabilities(params, rng):
     expected = np.asarray(jax.jit(run)(image, stored))
     assert expected.shape == (1, 48, 48)
     assert ((expected > 0) & (expected < 1)).all()
-    inputs = [Input("image", "uint8", image.shape)]
+    inputs = [InputSpec("image", "uint8", image.shape)]
     content = onnx_file.to_onnx(run, inputs, "probabilities", "float16", {})
     np.testing.assert_allclose(session(content)({"image": image}), expected, atol=1e-3)

@@ -185,8 +185,7 @@ def test_stray_points_are_found_and_left_out(tmp_path):
     assert not stray_points(np.zeros((3, 3), np.float32)).any()
     cloud = prediction(points[None], np.zeros((1, 302, 3), np.uint8), stray=stray[None])
     cloud.save(tmp_path / "a.xyz")
-    assert len((tmp_path / "a.xyz").read_text().splitlines()) == 300
-    np.testing.assert_array_equal(cloud.to_trimesh().vertices, body)
+    np.testing.assert_allclose(np.loadtxt(tmp_path / "a.xyz"), body, atol=1e-6)
     cloud.save(tmp_path / "a.npz")
     assert np.load(tmp_path / "a.npz")["points"].shape == (1, 302, 3)
 

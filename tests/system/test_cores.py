@@ -1,20 +1,10 @@
 """The number of cores and the compiler's options follow the machine."""
 
-import os
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from psgn_jax.system import cores
-
-
-def test_num_cores_is_that_of_the_affinity(monkeypatch):
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {1, 5, 6}, raising=False)
-    assert cores.num_cores() == 3
-    monkeypatch.delattr(os, "sched_getaffinity")
-    monkeypatch.setattr(os, "cpu_count", lambda: None)
-    assert cores.num_cores() == 1
 
 
 def test_xla_knows_the_option(monkeypatch, rng):

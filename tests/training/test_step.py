@@ -20,7 +20,6 @@ from psgn_jax.losses.min_of_n import min_of_n
 from psgn_jax.models import networks
 from psgn_jax.tasks import points
 from psgn_jax.training import from_config, step
-from psgn_jax.weights.leaves import from_named_leaves, named_leaves, params_from_named_leaves
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 # Loss, L2 term and gradient norm of the first two steps.
@@ -200,20 +199,6 @@ def test_schedules():
         OptimConfig(learning_rate=2.0, schedule="cosine", warmup_steps=10, final_fraction=0.1), 110
     )
     np.testing.assert_allclose([cosine(5), cosine(10), cosine(60), cosine(110)], [1, 2, 1.1, 0.2])
-
-
-def test_leaves_of_a_checkpoint_are_checked(trained):
-    final, _ = trained
-    leaves = named_leaves(final)
-    assert jax.tree.structure(from_named_leaves(final, leaves)) == jax.tree.structure(final)
-    with pytest.raises(ValueError, match="is missing"):
-        from_named_leaves(final, {k: v for k, v in leaves.items() if k != "step"})
-    with pytest.raises(ValueError, match="is not expected"):
-        from_named_leaves(final, leaves | {"params.more.kernel": np.zeros(2)})
-    with pytest.raises(ValueError, match=r"leaf step is float32\[2\]"):
-        from_named_leaves(final, leaves | {"step": np.zeros(2, np.float32)})
-    params = params_from_named_leaves(leaves)
-    jax.tree.map(np.testing.assert_array_equal, params, dict(final.ema))
 
 
 @pytest.mark.slow

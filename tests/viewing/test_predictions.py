@@ -81,10 +81,17 @@ def hostile(folder):
         member.write(header(1 << 28))
         for _ in range(300):
             member.write(bytes(1 << 20))
-    with zipfile.ZipFile(folder / "claims.npz", "w") as archive:
-        archive.writestr("points.npy", header(10**12))
+    for name, data in {
+        "claims.npz": header(10**12), "negative.npz": header(-1), "no_array.npz": b"hello",
+    }.items():  # fmt: skip
+        with zipfile.ZipFile(folder / name, "w") as archive:
+            archive.writestr("points.npy", data)
+    np.savez(folder / "strings.npz", **arrays(points=np.array(["abc"])))
     return {
         "claims.npz": r"points is float32 \[1, 1000000000000, 3\] in [0-9]+ bytes",
+        "negative.npz": r"points is float32 \[1, -1, 3\] in [0-9]+ bytes",
+        "no_array.npz": "damaged, or not a prediction",
+        "strings.npz": r"points is <U3 \[1\] in 140 bytes",
         "text.npz": "is not a prediction: expected a file NAME.npz",
         "pipe.npz": "it is a named pipe, expected a file",
         ".": "it is a folder, expected a file",

@@ -249,8 +249,6 @@ def sample_union(solids: Sequence[ConvexHull], count: int, seed: int) -> Float[n
     the first solid are kept.
 
     Args:
-      solids: at least one.
-      count: number of points.
       seed: the same seed gives the same points.
 
     Raises:
