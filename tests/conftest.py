@@ -24,7 +24,7 @@ import pytest
 from jaxtyping import config as jaxtyping_config
 from jaxtyping import install_import_hook
 
-from psgn_jax.system.quiet import quiet_orbax
+from psgn_jax.system.processes import quiet_orbax
 
 jax.config.update("jax_numpy_rank_promotion", "raise")
 gc.disable()  # until the tests are collected

@@ -24,10 +24,6 @@ from psgn_jax.system.files import cache_folder
 from psgn_jax.system.memory import keep_freed_memory
 
 
-def _no_data(_: str) -> str:
-    return ""
-
-
 def _usual(_: str) -> str:
     """The authors' records in their usual folder, or the default data set."""
     if pathlib.Path("records/authors").is_dir():
@@ -74,7 +70,7 @@ def _views(_: str) -> str:
 
 
 STUDIES: dict[str, Callable[[str], str]] = {
-    "mean_shape": _no_data,
+    "mean_shape": lambda _: "",
     "networks": _usual,
     "branches": _usual,
     "losses": _usual,

@@ -90,7 +90,7 @@ def build(cls: type[T], node: Any, prefix: str = "") -> T:
     if hasattr(node, "to_dict"):
         node = node.to_dict()
     if not isinstance(node, Mapping):
-        raise wrong(prefix.rstrip("."), node, f"a section with {_listed(_keys(cls))}")
+        raise wrong(prefix.rstrip("."), node, f"a section with {', '.join(_keys(cls))}")
     keys = _keys(cls)
     for key in node:
         if key in keys:
@@ -100,7 +100,7 @@ def build(cls: type[T], node: Any, prefix: str = "") -> T:
             if field.name == key:
                 raise ConfigError(f"{path} follows from {field.metadata['derived']}; remove it")
         raise ConfigError(
-            f"{path} is not a field; {suggestion(str(key), keys)}accepted: {_listed(keys)}"
+            f"{path} is not a field; {suggestion(str(key), keys)}accepted: {', '.join(keys)}"
         )
     hints = typing.get_type_hints(cls, include_extras=True)
     return cls(**{key: _convert(hints[key], value, prefix + key) for key, value in node.items()})
@@ -166,7 +166,7 @@ def _convert(hint: Any, value: Any, path: str) -> Any:
     if origin is Literal:
         if not isinstance(value, str) or value not in args:
             hint_text = suggestion(value, args) if isinstance(value, str) else ""
-            raise wrong(path, value, _listed(map(repr, args)), hint_text)
+            raise wrong(path, value, ", ".join(map(repr, args)), hint_text)
         return value
     if origin is tuple:
         return _convert_tuple(args, value, path)
@@ -206,7 +206,3 @@ def _convert_tuple(args: tuple[Any, ...], value: Any, path: str) -> tuple[Any, .
 
 def _keys(cls: Any) -> list[str]:
     return [f.name for f in dataclasses.fields(cls) if not f.metadata.get("derived")]
-
-
-def _listed(names: typing.Iterable[str]) -> str:
-    return ", ".join(names)

@@ -163,9 +163,9 @@ def session(content: bytes) -> Callable[[Arrays], np.ndarray]:
     return lambda arrays: np.asarray(loaded.run(None, dict(arrays))[0])
 
 
-def drawn_inputs(network: PortableNetwork, count: int = 8) -> dict[str, np.ndarray]:
+def drawn_inputs(network: PortableNetwork) -> dict[str, np.ndarray]:
     """Random images whose masks are ellipses; always the same ones."""
-    rng = np.random.default_rng(0)
+    rng, count = np.random.default_rng(0), 8
     height, width = network.config.data.image_size
     rows, columns = np.mgrid[:height, :width] / np.array([height, width]).reshape(2, 1, 1) - 0.5
     radii = rng.uniform(0.15, 0.4, (count, 2, 1, 1))

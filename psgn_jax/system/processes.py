@@ -1,15 +1,15 @@
-"""Child processes that cannot import from the current folder.
+"""Settings of a command's process, and child processes that cannot import from the current folder.
 
 Python puts the current folder first on the import path of `python -m` and `python -c`. Files from
 others are data, so a `numpy.py` beside a mesh must not run in the children of a command.
 """
 
 import io
+import logging
 import os
 import pathlib
 import sys
-
-from psgn_jax.system.quiet import quiet_orbax
+from typing import Any
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 """The folder that contains the packages `psgn_jax` and `data_gen`."""
@@ -54,3 +54,32 @@ def start_command() -> None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def quiet_orbax() -> None:
+    """Suppresses messages about errors that are raised as well; only commands call this.
+
+    It changes the loggers and `sys.unraisablehook` of this process. If a checkpoint cannot be read
+    or written, `weights.checkpoint` raises an error. Orbax's threads log it too, with a stack
+    trace. If one array fails, orbax closes its event loop while operations on other arrays are
+    pending. When such an operation ends, Python prints an exception, "Event loop is closed". If an
+    operation has failed before the loop was closed, asyncio logs that its exception was never
+    retrieved.
+    """
+    for name in ("absl", "asyncio"):
+        logging.getLogger(name).addFilter(_is_news)  # adding it again has no effect
+    before = sys.unraisablehook
+
+    def ignore_closed_loops(unraisable: Any) -> None:
+        if str(unraisable.exc_value) != "Event loop is closed":
+            before(unraisable)
+
+    sys.unraisablehook = ignore_closed_loops
+
+
+def _is_news(record: logging.LogRecord) -> bool:
+    message = record.getMessage()
+    of_tensorstore = "tensorstore_spec" in message or "OCDBT database" in message
+    if of_tensorstore and "exception was never retrieved" in message:
+        return False
+    return not (record.exc_info and f"{os.sep}orbax{os.sep}" in record.pathname)

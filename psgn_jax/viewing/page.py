@@ -80,9 +80,9 @@ def case_of(name: str, arrays: Mapping[str, np.ndarray]) -> Case:
     )
 
 
-def document_of(cases: Sequence[Case], title: str = "psgn_jax") -> str:
+def document_of(cases: Sequence[Case]) -> str:
     """One page, as a text of HTML."""
-    return _page(title, [to_json(_encode(case)) for case in cases], [])
+    return _page("psgn_jax", [to_json(_encode(case)) for case in cases], [])
 
 
 def _page(title: str, cases: Sequence[str], pages: Sequence[Mapping[str, str]]) -> str:

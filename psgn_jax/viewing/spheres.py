@@ -181,27 +181,13 @@ def thinned(truth: np.ndarray, pred: np.ndarray) -> np.ndarray:
     return truth[:: max(1, len(truth) // max(1, len(pred)))]
 
 
-def turntable(
-    points: np.ndarray,
-    colours: np.ndarray,
-    path: str | pathlib.Path,
-    *,
-    frames: int = 36,
-    size: tuple[int, int] = (240, 320),
-) -> None:
-    """Writes an animation of a cloud that rotates about the vertical axis, 12.5 frames a second.
-
-    Args:
-      size: (height, width).
-
-    Raises:
-      ValueError: another suffix.
-    """
-    check_turntable(path)
+def turntable(points: np.ndarray, colours: np.ndarray, path: str | pathlib.Path) -> None:
+    """Writes a GIF of a cloud that rotates about the vertical axis, 12.5 frames a second."""
+    size = 240, 320
     intrinsics, extrinsics = camera.default_camera(size)
     pictures = [
-        render(points, colours, intrinsics, turned(extrinsics, 360 * i / frames), size)
-        for i in range(frames)
+        render(points, colours, intrinsics, turned(extrinsics, angle), size)
+        for angle in range(0, 360, 10)
     ]
     first, *others = [Image.fromarray(picture).quantize(128) for picture in pictures]
     buffer = io.BytesIO()
@@ -220,12 +206,6 @@ def write_picture(picture: Image.Image, path: str | pathlib.Path) -> None:
     buffer = io.BytesIO()
     picture.save(buffer, Image.registered_extensions()[pathlib.Path(path).suffix.lower()])
     write_atomic(path, buffer.getvalue(), sync=False)
-
-
-def check_turntable(path: str | pathlib.Path) -> None:
-    """Raises the errors of `turntable` for this path, before anything is drawn."""
-    if pathlib.Path(path).suffix.lower() != ".gif":
-        raise ValueError(f"turntable {path}: accepted: a name that ends with .gif")
 
 
 def _ramp(stops: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -91,5 +91,5 @@ def test_the_command_on_predictions(rng, tmp_path, capsys):
     np.savez(file, **arrays | {"seen": np.zeros((1, 50), bool)})
     assert red()[1] < by_photo / 10
     assert spheres_command.main([str(tmp_path / "no.npz"), f"--out={out}"]) == 2
-    with pytest.raises(ValueError, match=r"ends with \.gif"):
-        spheres.turntable(points[0], arrays["colours"][0], "turn.avi")
+    assert spheres_command.main([str(file), f"--out={out}", "--turntable=turn.avi"]) == 2
+    assert "ends with .gif" in capsys.readouterr().err

@@ -99,7 +99,7 @@ def test_a_damaged_checkpoint_prints_nothing_but_the_warning(tmp_path):
     for path in (tmp_path / "2" / "state").rglob("d/*"):
         path.write_bytes(path.read_bytes()[::-1])
     code = (
-        "import sys; from psgn_jax.system.quiet import quiet_orbax; quiet_orbax();"
+        "import sys; from psgn_jax.system.processes import quiet_orbax; quiet_orbax();"
         "from psgn_jax.weights.checkpoint import Checkpoints;"
         "print(Checkpoints(sys.argv[1], read_only=True).restore_newest().step)"
     )
