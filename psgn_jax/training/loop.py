@@ -17,7 +17,6 @@ import numpy as np
 from absl import logging
 
 from psgn_jax import tasks
-from psgn_jax.config.data import DataConfig
 from psgn_jax.config.experiment import (
     Config,
     ConfigError,
@@ -94,10 +93,9 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     check_main_guard()
     config = config if isinstance(config, Config) else parse(config)
     workdir, mesh, plan, first = pathlib.Path(workdir), data_mesh(), config.train, group.is_first()
-    _check(config, workdir, mesh.size)
+    sizes = _checked(config, workdir, mesh.size)
     task = tasks.create(config, workdir)
     create, train_step = create_training(config, task, mesh)
-    sizes = _num_samples(config.data)
     initial = functools.cache(lambda: _initial(config, task))
     if not (workdir / "checkpoints").exists():
         initial()  # a wrong `train.init` is reported before there is a folder
@@ -110,7 +108,6 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
             )
             stored = checkpoints.restore_newest()
         stack.callback(checkpoints.close)
-
         init = None if stored else initial()
         state = _resumed(config, create, stored, workdir) if stored else _started(create, init)
         state = put_replicated(state, mesh)
@@ -194,8 +191,8 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     return Outcome(state, stop.signal)
 
 
-def _check(config: Config, workdir: pathlib.Path, devices: int) -> None:
-    """Checks what can be wrong before data are read."""
+def _checked(config: Config, workdir: pathlib.Path, devices: int) -> dict[str, int]:
+    """The number of samples of each split, if the configuration fits the data and the machine."""
     ours, *others = group.gather(flatten(config))
     for index, theirs in enumerate(others, 1):
         if different := [name for name in ours if theirs[name] != ours[name]]:
@@ -210,11 +207,7 @@ def _check(config: Config, workdir: pathlib.Path, devices: int) -> None:
             f"train.batch_size={config.train.batch_size}: accepted: a multiple of the "
             f"{devices} devices"
         )
-
-
-def _num_samples(data: DataConfig) -> dict[str, int]:
-    """Samples per split; raises `ConfigError` if the data set does not fit the configuration."""
-    sizes = {}
+    data, sizes = config.data, {}
     for split, evaluation in ((data.train_split, False), (data.eval_split, True)):
         name = "eval_path" if evaluation and data.eval_path else "path"
         try:
