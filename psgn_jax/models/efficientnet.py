@@ -51,26 +51,6 @@ SCALES = {2: 0.25, 4: 0.15, 8: 0.15, 16: 0.2, 32: 0.4}
 """Factor of the feature map of each stride, so that its values have a standard deviation near 1."""
 
 
-def relu6(x: Array) -> Array:
-    """min(max(x, 0), 6)."""
-    return jnp.clip(x, 0, 6)
-
-
-class Depthwise(nn.Module):
-    """A convolution of each channel by itself, with a bias."""
-
-    kernel_size: int
-    stride: int
-
-    @nn.compact
-    def __call__(self, x: Float[Array, "b h w c"]) -> Float[Array, "b ho wo c"]:
-        """Maps a batch of feature maps."""
-        shape = (self.kernel_size, self.kernel_size, 1, x.shape[-1])
-        kernel = self.param("kernel", layers.RELU, shape, jnp.float32)
-        bias = self.param("bias", nn.initializers.zeros_init(), (x.shape[-1],), jnp.float32)
-        return layers.convolve(x, kernel, self.stride) + bias[None, None, None]
-
-
 class Block(nn.Module):
     """An inverted residual: 1x1 expansion, depthwise convolution, linear 1x1 projection."""
 
@@ -81,8 +61,11 @@ class Block(nn.Module):
         """Maps a batch of feature maps; adds the input if the block is residual."""
         y, shape = x, self.shape
         if shape.expansion > 1:
-            y = relu6(layers.Conv(x.shape[-1] * shape.expansion, 1, name="expand")(y))
-        y = relu6(Depthwise(shape.kernel_size, shape.stride, name="depthwise")(y))
+            y = nn.relu6(layers.Conv(x.shape[-1] * shape.expansion, 1, name="expand")(y))
+        depthwise = layers.Conv(
+            y.shape[-1], shape.kernel_size, shape.stride, depthwise=True, name="depthwise"
+        )
+        y = nn.relu6(depthwise(y))
         y = layers.Conv(shape.features, 1, name="project")(y)
         return x + y if shape.residual else y
 
@@ -103,7 +86,7 @@ class EfficientNetLite0(nn.Module):
 
         The map of a stride is the last one of that size, a linear projection, times `SCALES`.
         """
-        x = relu6(layers.Conv(STEM, 3, stride=2, name="stem")((255 * image - 127) / 128))
+        x = nn.relu6(layers.Conv(STEM, 3, stride=2, name="stem")((255 * image - 127) / 128))
         features: dict[int, Array] = {}
         for number, shape in enumerate(BLOCKS):
             if number == len(BLOCKS) - self.trained:

@@ -74,7 +74,10 @@ def convolve_transposed(
 
 
 class Conv(nn.Module):
-    """`convolve(x, kernel, stride) + bias` for images, or with `ndim` 3 for volumes."""
+    """`convolve(x, kernel, stride) + bias` for images, or with `ndim` 3 for volumes.
+
+    With `depthwise`, each channel by itself; `features` is then their number.
+    """
 
     features: int
     kernel_size: int = 3
@@ -83,11 +86,13 @@ class Conv(nn.Module):
     bias_init: Initializer = nn.initializers.zeros_init()
     dtype: Any = jnp.float32
     ndim: int = 2
+    depthwise: bool = False
 
     @nn.compact
     def __call__(self, x: Float[Array, "b *size c_in"]) -> Float[Array, "b *out c_out"]:
         """Maps a batch of feature maps."""
-        shape = (*(self.kernel_size,) * self.ndim, x.shape[-1], self.features)
+        channels = 1 if self.depthwise else x.shape[-1]
+        shape = (*(self.kernel_size,) * self.ndim, channels, self.features)
         kernel = self.param("kernel", self.kernel_init, shape, jnp.float32)
         y = convolve(x.astype(self.dtype), kernel.astype(self.dtype), self.stride)
         return _add_bias(self, y)
