@@ -71,7 +71,7 @@ class AnswersFile:
     """The file of models; `study` is the id of the study that it belongs to."""
 
     format: Literal["psgn human study"]
-    version: Annotated[int, Bounds(low=2, high=2)]
+    version: Annotated[int, Bounds(low=1, high=1)]
     study: str
     cases: tuple[Answer, ...]
 

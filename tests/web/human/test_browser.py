@@ -89,9 +89,14 @@ def test_a_table_is_modelled_saved_and_restored(page, study_folder, tmp_path):
     page.wait_for_function("human.state.entries[0].model.parts.length === 2")
     page.get_by_text(re.compile("2 box . 4")).wait_for()
     assert model_of(page) == model
-    (tmp_path / "other.json").write_text('{"format": "other"}')
-    page.set_input_files("#open", str(tmp_path / "other.json"))
-    page.get_by_text("This file cannot be used: it belongs to another study.").wait_for()
+    later = (tmp_path / "human.json").read_text().replace('"version":1', '"version":2')
+    for text, why in {
+        '{"format": "other"}': "it belongs to another study",
+        later: "its version is 2, this page reads 1",
+    }.items():
+        (tmp_path / "other.json").write_text(text)
+        page.set_input_files("#open", str(tmp_path / "other.json"))
+        page.get_by_text(f"This file cannot be used: {why}.").wait_for()
 
 
 def test_handles_move_resize_and_turn(page):

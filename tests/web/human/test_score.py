@@ -26,7 +26,7 @@ def saved(study_id):
     """The content of a saved file: a model of the table, and none for the second case."""
     first = {"case": "Case 1", "seconds": 90, "done": True, "parts": 2, "solids": TABLE}
     second = {"case": "Case 2", "seconds": 90, "done": False, "parts": 0, "solids": []}
-    about = {"format": "psgn human study", "version": 2, "study": study_id}
+    about = {"format": "psgn human study", "version": 1, "study": study_id}
     return {**about, "cases": [first, second]}
 
 
@@ -77,7 +77,7 @@ FIRST = ("cases", 0, "solids", 0)
     ("path", "value", "message"),
     [
         (("study",), "0" * 16, "expected '"),
-        (("version",), 1, "version=1"),
+        (("version",), 2, "version=2"),
         (("cases",), [], "expected the 2 cases of the study"),
         (("cases", 0, "case"), "Case 2", "each once"),
         (("cases", 0, "seconds"), -1, r"cases\[0\].seconds=-1: accepted: a number >= 0"),

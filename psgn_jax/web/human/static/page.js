@@ -122,13 +122,14 @@ function savedModels(withSolids) {
     const solids = meshes.map(({ corners }) => corners.map(corner => corner.map(v => +v.toFixed(7))));
     return { case: data.cases[i].name, seconds, done, parts: model.parts.length, solids, model: JSON.stringify(model) };
   });
-  return JSON.stringify({ format: FORMAT, version: 2, study: data.id, cases }) + "\n";
+  return JSON.stringify({ format: FORMAT, version: 1, study: data.id, cases }) + "\n";
 }
 
 /** Replaces all models by those of a text that this page has saved. */
 function restore(text) {
   const saved = JSON.parse(text);
   if (saved.format !== FORMAT || saved.study !== data.id) throw new Error("it belongs to another study");
+  if (saved.version !== 1) throw new Error(`its version is ${saved.version}, this page reads 1`);
   const entries = data.cases.map((_, i) => {
     const { seconds, done, model } = saved.cases[i], read = JSON.parse(model);
     const numbers = meshesOf(read).flatMap(mesh => mesh.corners.flat());
