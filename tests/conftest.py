@@ -5,11 +5,14 @@ because the tests mostly compile. With an empty `XLA_FLAGS=` they run the compil
 run.
 """
 
+import functools
 import gc
+import http.server
 import importlib.metadata
 import os
 import pathlib
 import shutil
+import threading
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 if os.environ["JAX_PLATFORMS"] == "cpu":
@@ -103,6 +106,45 @@ def opened(browser):
     assert complaints == []
     own = ("file:", "data:", "blob:", "http://127.0.0.1:")
     assert [url for url in requests if not url.startswith(own)] == []
+
+
+@pytest.fixture(scope="session")
+def runtime():
+    """Folder or archive of onnxruntime-web: `PSGN_BROWSER_RUNTIME`, or "" for the cache and npm."""
+    from psgn_jax.config.experiment import ConfigError
+    from psgn_jax.web.page import browser_runtime
+
+    given = os.environ.get("PSGN_BROWSER_RUNTIME", "")
+    try:
+        browser_runtime.runtime_files(given)
+    except ConfigError as error:
+        pytest.skip(str(error))
+    return given
+
+
+class Quiet(http.server.SimpleHTTPRequestHandler):
+    """A plain file server, such as `python -m http.server`."""
+
+    def log_message(self, *_):
+        pass
+
+
+@pytest.fixture(scope="session")
+def serve():
+    """Serves a folder; returns its address."""
+    servers = []
+
+    def start(folder):
+        handler = functools.partial(Quiet, directory=str(folder))
+        server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        servers.append(server)
+        return f"http://127.0.0.1:{server.server_port}/"
+
+    yield start
+    for server in servers:
+        server.shutdown()
+        server.server_close()
 
 
 @pytest.fixture

@@ -46,7 +46,7 @@ def default_dataset() -> str:
     if not default.can_build():
         raise ConfigError(
             "data.path is empty, and rendering the default data set needs Mitsuba: "
-            "pip install -e '.[render]'; or set data.path to a folder of records"
+            "pip install 'psgn-jax[render]'; or set data.path to a folder of records"
         )
     with contextlib.ExitStack() as stack:
         try:

@@ -59,7 +59,7 @@ def _views(_: str) -> str:
     if not default.can_build():
         raise ConfigError(
             "without --data, views of procedural models are rendered, which needs Mitsuba: "
-            "pip install -e '.[render]'"
+            "pip install 'psgn-jax[render]'"
         )
     folder = cache_folder() / f"{default.NAME.rsplit('-', 1)[0]}-40-views-5"
     options = settings.Settings(views=5, models_per_shard=64)

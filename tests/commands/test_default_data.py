@@ -25,7 +25,7 @@ def cache(tmp_path, monkeypatch):
 
 def test_without_mitsuba_the_remedy_is_named(monkeypatch):
     monkeypatch.setattr(recipe, "has_mitsuba", lambda: False)
-    with pytest.raises(ConfigError, match=r"pip install -e '\.\[render\]'"):
+    with pytest.raises(ConfigError, match=r"pip install 'psgn-jax\[render\]'"):
         default_data.with_default_data(Config())
 
 

@@ -5,11 +5,13 @@ import shutil
 import subprocess
 import sys
 import tarfile
+import time
 import venv
 
 import numpy as np
 import pytest
 from helpers import shapenet_trees
+from helpers import weights as tiny
 from helpers.commands import ROOT
 from helpers.small_runs import quick_environment, write_solids
 from PIL import Image
@@ -17,6 +19,8 @@ from PIL import Image
 import psgn_jax
 from psgn_jax.weights.file import write_weights
 from psgn_jax.weights.opening import DEFAULT
+
+pytestmark = pytest.mark.slow
 
 
 def run(*command, **options):
@@ -27,55 +31,70 @@ def run(*command, **options):
     return done.stdout
 
 
-@pytest.fixture
-def wheel(weights, tmp_path):
-    """Built from the sdist, as `python -m build` does."""
-    tree = tmp_path / "tree"
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """Built from the sdist, as `python -m build` does, with the weights of a tiny network."""
+    folder = tmp_path_factory.mktemp("build")
+    tree = folder / "tree"
     tree.mkdir()
     for name in ("psgn_jax", "data_gen", "configs"):
         ignored = shutil.ignore_patterns("__pycache__", "*.safetensors")
         shutil.copytree(ROOT / name, tree / name, ignore=ignored)
     for name in ("pyproject.toml", "README.md", "LICENSE", ".gitignore"):
         shutil.copy(ROOT / name, tree / name)
-    write_weights(tree / "psgn_jax" / "weights" / f"{DEFAULT}.safetensors", weights)
+    small = tiny.weights(tiny.config())
+    write_weights(tree / "psgn_jax" / "weights" / f"{DEFAULT}.safetensors", small)
     shutil.copy(ROOT / "psgn_jax" / "weights" / "mask.safetensors", tree / "psgn_jax" / "weights")
-    build = (sys.executable, "-m", "hatchling", "build", "-d", tmp_path, "-t")
+    build = (sys.executable, "-m", "hatchling", "build", "-d", folder, "-t")
     run(*build, "sdist", cwd=tree)
-    (sdist,) = tmp_path.glob("*.tar.gz")
+    (sdist,) = folder.glob("*.tar.gz")
     with tarfile.open(sdist) as archive:
-        archive.extractall(tmp_path, filter="data")
-    run(*build, "wheel", cwd=tmp_path / f"psgn_jax-{psgn_jax.__version__}")
-    return tmp_path / f"psgn_jax-{psgn_jax.__version__}-py3-none-any.whl"
+        archive.extractall(folder, filter="data")
+    run(*build, "wheel", cwd=folder / f"psgn_jax-{psgn_jax.__version__}")
+    return folder / f"psgn_jax-{psgn_jax.__version__}-py3-none-any.whl"
 
 
-@pytest.mark.slow
-def test_an_installed_wheel_predicts_converts_trains_and_evaluates(wheel, tmp_path):
-    # The environment has the dependencies of this one, but not this checkout: files `.pth` in the
-    # folders named by its own `.pth` file are not read.
-    venv.create(tmp_path / "env", symlinks=True)
-    python = tmp_path / "env" / "bin" / "python"
-    (packages,) = (tmp_path / "env" / "lib").glob("python*/site-packages")
+@pytest.fixture(scope="module")
+def packages(wheel, tmp_path_factory):
+    """The `site-packages` of an environment with the wheel and this environment's dependencies.
+
+    It lacks this checkout: files `.pth` in the folders named by its own `.pth` file are not read.
+    """
+    folder = tmp_path_factory.mktemp("env")
+    venv.create(folder, symlinks=True)
+    (packages,) = folder.glob("lib/python*/site-packages")
     own = [path for path in sys.path if pathlib.Path(path).name == "site-packages"]
     (packages / "dependencies.pth").write_text("\n".join(own) + "\n")
     target = ("--no-deps", "--no-index", "--no-compile", "--target", packages)
     run(sys.executable, "-m", "pip", "install", "-q", *target, wheel)
+    return packages
+
+
+@pytest.fixture
+def psgn(packages, tmp_path):
+    """Runs the installed `psgn` in the folder `work`, which has a photo."""
     script = "import sys; from psgn_jax.commands.psgn import main; sys.exit(main())"
+    environment = {k: v for k, v in quick_environment(tmp_path).items() if k != "PYTHONPATH"}
+    python = packages.parents[2] / "bin" / "python"
+    (tmp_path / "work").mkdir()
+    image = np.full((90, 120, 3), 230, np.uint8)
+    image[30:60, 40:90] = (200, 60, 20)
+    Image.fromarray(image).save(tmp_path / "work" / "photo.png")
+
+    def psgn(*arguments):
+        work = tmp_path / "work"
+        return run(python, "-P", "-c", script, *arguments, cwd=work, env=environment)
+
+    return psgn
+
+
+def test_an_installed_wheel_predicts_converts_trains_and_evaluates(psgn, packages, tmp_path):
     (entry_points,) = packages.glob("psgn_jax-*.dist-info/entry_points.txt")
     assert "psgn = psgn_jax.commands.psgn:main" in entry_points.read_text()
     assert (packages / "psgn_jax" / "py.typed").is_file()
     assert (packages / "data_gen" / "py.typed").is_file()
-
     work = tmp_path / "work"
-    work.mkdir()
-    environment = {k: v for k, v in quick_environment(tmp_path).items() if k != "PYTHONPATH"}
-
-    def psgn(*arguments):
-        return run(python, "-P", "-c", script, *arguments, cwd=work, env=environment)
-
     assert psgn("--version") == f"psgn_jax {psgn_jax.__version__}\n"
-    image = np.full((90, 120, 3), 230, np.uint8)
-    image[30:60, 40:90] = (200, 60, 20)
-    Image.fromarray(image).save(work / "photo.png")
     assert "8 points, mask plain" in psgn("predict", "photo.png", "--out=out")
     with np.load(work / "out" / "photo.npz") as archive:
         assert archive["points"].shape == (1, 8, 3)
@@ -91,5 +110,19 @@ def test_an_installed_wheel_predicts_converts_trains_and_evaluates(wheel, tmp_pa
     assert "CD" in table
     for page in ("view.html", "study/index.html", "report/index.html"):
         assert "<html" in (work / page).read_text()[:400]
-    for example in (ROOT / "psgn_jax" / "web" / "page" / "static").rglob("*.*"):
-        assert (packages / example.relative_to(ROOT)).is_file()
+
+
+def test_the_page_of_an_installed_wheel_predicts(psgn, runtime, serve, opened, tmp_path):
+    work = tmp_path / "work"
+    psgn("page", "--out=site", f"--runtime={runtime}")
+    mask = np.zeros((90, 120), bool)
+    mask[30:60, 40:90] = True
+    Image.fromarray(mask).save(work / "photo_mask.png")
+    page = opened(serve(work / "site"))
+    page.set_input_files("#file", [work / "photo.png", work / "photo_mask.png"])
+    end = time.monotonic() + 120
+    while "8 points in" not in page.text_content("#status"):
+        assert time.monotonic() < end, page.text_content("#status")
+        page.wait_for_timeout(50)
+    examples = "[...document.querySelectorAll('#examples img')]"
+    assert page.evaluate(f"{examples}.every(image => image.naturalWidth)")
