@@ -13,7 +13,7 @@ import json
 import os
 import pathlib
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from PIL import Image
@@ -118,6 +118,13 @@ class Prediction:
             accepted = ", ".join(f".{name}" for name in (*FORMATS, "html"))
             raise ValueError(f"{path}: accepted: a name that ends in {accepted}")
         write_atomic(path, content, sync=False)
+
+    def to_trimesh(self, sample: int = 0) -> Any:
+        """One cloud without its stray points as `trimesh.PointCloud` (needs trimesh)."""
+        import trimesh
+
+        points, colours = self._kept(sample)
+        return trimesh.PointCloud(points, colors=colours)
 
     def _kept(self, sample: int) -> tuple[np.ndarray, np.ndarray]:
         if not 0 <= sample < len(self.points):

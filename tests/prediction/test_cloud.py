@@ -186,6 +186,7 @@ def test_stray_points_are_found_and_left_out(tmp_path):
     cloud = prediction(points[None], np.zeros((1, 302, 3), np.uint8), stray=stray[None])
     cloud.save(tmp_path / "a.xyz")
     np.testing.assert_allclose(np.loadtxt(tmp_path / "a.xyz"), body, atol=1e-6)
+    np.testing.assert_array_equal(cloud.to_trimesh().vertices, body)
     cloud.save(tmp_path / "a.npz")
     assert np.load(tmp_path / "a.npz")["points"].shape == (1, 302, 3)
 
