@@ -58,8 +58,9 @@ def test_heavy_packages_have_one_door():
     assert {name: paths for name, paths in doors.items() if name in DOORS and len(paths) > 1} == {}
 
 
-def test_the_losses_and_the_records_are_light():
+def test_the_package_the_losses_and_the_records_are_light():
     for module, heavy in (
+        ("psgn_jax", {"jax", "numpy"}),
         ("psgn_jax.losses", {"flax", "optax", "grain", "orbax"}),
         ("psgn_jax.data.dataset", {"jax", "grain"}),
     ):

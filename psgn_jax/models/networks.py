@@ -52,11 +52,6 @@ def build_volume_net(config: ModelConfig) -> voxels.VolumeNet:
     return voxels.VolumeNet(widths, hidden, DTYPES[config.compute_dtype])
 
 
-def build_refiner(config: ModelConfig, sizes: VoxelConfig) -> voxels.VoxelRefiner:
-    """The network that turns clouds, and optionally a volume, into occupancy."""
-    return voxels.VoxelRefiner(sizes.widths, DTYPES[config.compute_dtype])
-
-
 def build_r2n2(config: ModelConfig, sizes: VoxelConfig) -> r2n2.RecurrentVolume:
     """3D-R2N2 with the published widths times `voxels.width_multiplier`."""
     factor = sizes.width_multiplier

@@ -80,7 +80,7 @@ def refiner_task(config: Config, workdir: pathlib.Path) -> Task:
     volume_net = None
     if "from_volume" in names:
         volume_net = networks.build_volume_net(sources["from_volume"].config.model)
-    model = networks.build_refiner(config.model, config.voxels)
+    model = voxels.VoxelRefiner(config.voxels.widths, networks.DTYPES[config.model.compute_dtype])
 
     def init_params() -> Any:
         grids = jnp.zeros((1, *GRID, len(clouds)))
