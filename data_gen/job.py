@@ -72,7 +72,7 @@ def _with_all_splits(
     ], moved  # fmt: skip
 
 
-def text_of(outcome: shards.Outcome) -> str:
+def text_of(outcome: shards.Progress) -> str:
     """The outcome of a job as text, with at most 40 reasons of refusals."""
     lines = outcome.lines
     counts = ", ".join(f"{n} {status}" for status, n in sorted(outcome.statuses.items()))
@@ -107,7 +107,7 @@ def render_catalogue(
     choice: Choice | None = None,
     limit: int = 0,
     render: pool.Pool = pool.render_local,
-) -> shards.Outcome:
+) -> shards.Progress:
     """Renders a catalogue to a data set; continues an incomplete one or extends a complete one.
 
     If the folder contains a complete data set and all its models are among those of this call, the

@@ -142,7 +142,7 @@ class Job:
 
 
 @dataclasses.dataclass(frozen=True)
-class Outcome:
+class Progress:
     """What a call has done.
 
     Attributes:
@@ -183,7 +183,7 @@ class Outcome:
         return 2 if not self.samples else int(set(self.statuses) != {"ok"})
 
 
-def write(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int] = (0, 1)) -> Outcome:
+def write(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int] = (0, 1)) -> Progress:
     """Writes the data set of a job, or continues it.
 
     Args:
@@ -207,7 +207,7 @@ def write(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int] = (0
         _tidy_up(folder, job)
     lines = read_report(folder) if complete else _lines(job, _finished(folder, job))
     seconds = time.monotonic() - started
-    return Outcome(len(job.inputs), tuple(lines), complete, seconds, made)
+    return Progress(len(job.inputs), tuple(lines), complete, seconds, made)
 
 
 def _make_part(

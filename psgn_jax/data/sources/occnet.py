@@ -105,7 +105,9 @@ def open_model(
     rng = np.random.default_rng(zlib.crc32(f"{synset}/{name}".encode()))
     chosen = rng.permutation(len(world))[:num_points]
     turned = normals[chosen] @ shapenet.TO_WORLD.T
-    model = shapenet.Model("occnet", synset, name, world[chosen], turned, solid, origin, unit)
+    model = shapenet.ShapeNetModel(
+        "occnet", synset, name, world[chosen], turned, solid, origin, unit
+    )
 
     def read(view: int) -> schema.Sample:
         path = images / f"{view:03d}.jpg"

@@ -109,7 +109,7 @@ def open_model(
     origin, unit = shapenet.place(shapenet.corners(solid), voxels)
     rng = np.random.default_rng(zlib.crc32(f"{synset}/{name}".encode()))
     points = shapenet.surface_points(solid, num_points, rng)
-    model = shapenet.Model("r2n2", synset, name, points, None, solid, origin, unit)
+    model = shapenet.ShapeNetModel("r2n2", synset, name, points, None, solid, origin, unit)
     rows = _read_metadata(metadata)
     pictures = sum((rendering / f"{view:02d}.png").exists() for view in range(shapenet.NUM_VIEWS))
     if len(rows) < pictures:

@@ -233,7 +233,7 @@ def read_image(
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Model:
+class ShapeNetModel:
     """A model in the world, of which views are made.
 
     Attributes:
