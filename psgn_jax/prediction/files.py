@@ -45,16 +45,15 @@ def predict_files(
 ) -> Iterator[tuple[pathlib.Path, Prediction | Exception]]:
     """Predicts clouds for files and folders of images, one by one, and writes them to `out`.
 
-    In a folder, results of earlier runs are left out. No file that is not such a result is replaced
-    by a picture.
+    In a folder, we leave out the results of earlier runs. A picture replaces no file but such a
+    result. `mask_from`, `invert_mask`, `accept_mask` and all further options are arguments of
+    `Predictor.__call__`.
 
     Args:
       open_predictor: returns the network. It is called once, when the first image and its mask
         have been read, so that wrong files are reported before a network is compiled.
       mask: file of the mask (for one image), or folder of masks. There the mask of `NAME.jpg` is
         `NAME_mask.*`, or another file `NAME.*`. None = automatic (`masks.mask_of`).
-      mask_from, invert_mask, accept_mask: see `Predictor.__call__`.
-      **options: its further arguments.
       formats: of the clouds, some of `cloud.FORMATS`.
 
     Yields:
