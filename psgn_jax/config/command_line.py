@@ -108,16 +108,14 @@ class Flags:
             code = exit_code_of(error) or (2 if isinstance(error, wrong_input) else None)
             if code is None:
                 raise
-            sys.stderr.write(f"error: {self._with_flags(message_line(error))}\n")
+            # The library names the wrong argument first; if that is a flag, it gets dashes.
+            message = message_line(error)
+            dashes = "--" * (message.partition("=")[0] in self.values)
+            sys.stderr.write(f"error: {dashes}{message}\n")
             return code
         except KeyboardInterrupt:
             sys.stderr.write("stopped by Ctrl-C\n")
             return 130  # as in shells
-
-    def _with_flags(self, message: str) -> str:
-        """A message of the library, which names arguments; those that are flags get dashes."""
-        names = "|".join(map(re.escape, self.values))
-        return re.sub(rf"(?<![-\w./'\"])(?=({names})=)", "--", message)
 
     def _parse(self, argv: Sequence[str]) -> None:
         if self._config is not None:

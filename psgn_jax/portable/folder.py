@@ -266,8 +266,8 @@ def _check_arguments(weights: Sequence[str], data: str) -> None:
         )
     if "int8" in weights and not data:
         raise ConfigError(
-            "weights stored as int8: accepted only with data=RECORDS, because its error must be "
-            "measured on records"
+            "weights stored as int8: accepted only with records (`data`), because its error must "
+            "be measured on records"
         )
 
 

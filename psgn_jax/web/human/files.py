@@ -172,7 +172,7 @@ def read_answers(path: str | os.PathLike[str], study: StudyFile) -> tuple[Answer
     answers = _read(
         AnswersFile,
         pathlib.Path(path),
-        "press `Save all` in the page and move human.json there, or give answers=FILE",
+        "press `Save all` in the page and move human.json there, or name another file (`answers`)",
         "expected the file that the page saves",
     )
     shown = one_line(path)

@@ -142,8 +142,8 @@ def score(
         clouds[name] = predict(run, kept, records)
         if (predicted := len(clouds[name][0])) != num_points:
             raise ConfigError(
-                f"{run.source}: predicts {predicted} points, points={num_points}; "
-                "expected the same number, as the EMD depends on it"
+                f"points={num_points}: {run.source} predicts {predicted} points; expected the same "
+                "number, as the EMD depends on it"
             )
     measure = jax.jit(lambda pred, gt: evaluate_pair(pred, gt, emd_tolerance=_EMD_TOLERANCE))
     scored = []

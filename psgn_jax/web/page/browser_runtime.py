@@ -33,8 +33,8 @@ FILES = {
 _SECONDS = 300
 _MAX_BYTES = 64 << 20  # of one file
 _REMEDY = (
-    f"run `npm pack onnxruntime-web@{VERSION}` on a machine with network access and give "
-    "runtime=onnxruntime-web-" + VERSION + ".tgz"
+    f"run `npm pack onnxruntime-web@{VERSION}` on a machine with network access, and name the file "
+    f"onnxruntime-web-{VERSION}.tgz (`runtime`)"
 )
 
 

@@ -169,7 +169,7 @@ def test_the_table_is_scored_beside_networks(study, answers, tmp_path):
 
 def test_what_cannot_be_compared_is_refused(study, answers):
     samples = open_cases(study)
-    with pytest.raises(ConfigError, match="predicts 40 points, points=1024; expected the same"):
+    with pytest.raises(ConfigError, match=r"^points=1024: a predicts 40 points; expected the same"):
         score.score(study, answers, samples, {"a": network("a")})
     with pytest.raises(ConfigError, match=r"^points=9000: a record has \d+ points; accepted"):
         score.score(study, answers, samples, {}, num_points=9000)

@@ -76,7 +76,7 @@ def test_npm_fills_the_cache_once(tmp_path, small_runtime, monkeypatch):
 def test_without_npm_or_network_the_way_out_is_named(tmp_path, monkeypatch):
     monkeypatch.setenv("PSGN_CACHE", str(tmp_path))
     monkeypatch.setattr(lib.shutil, "which", lambda _: None)
-    with pytest.raises(ConfigError, match=r"npm is not installed; run `npm pack.* runtime="):
+    with pytest.raises(ConfigError, match=r"npm is not installed; run `npm pack.*`runtime`"):
         lib.runtime_files()
     monkeypatch.setattr(lib.shutil, "which", lambda _: "npm")
 
