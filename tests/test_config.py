@@ -83,6 +83,9 @@ WRONG = [
     ({"voxels": {"widths": (4, 4)}}, "voxels.widths=(4, 4): accepted: a tuple of 5"),
     ({"data": {"occupancy": True}}, "data.occupancy follows from"),
     ({"model": {"name": "vanilla", "fc_points": 0}}, "model.fc_points=0: accepted: at least 1"),
+    ({"model": {"name": "lite0", "widths": (8,) * 3}}, "accepted: seven levels for 'lite0'"),
+    ({"model": {"name": "lite0", "deconv_level": 0}}, "accepted: 1 to 5 for 'lite0'"),
+    ({"model": {"name": "lite0"}, "data": {"inputs": ("mask", "rgb")}}, "accepted: 'rgb' first"),
 ]
 
 

@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from psgn_jax.config.experiment import ConfigError, OptimConfig, parse
+from psgn_jax.config.experiment import OptimConfig
 from psgn_jax.models import efficientnet
 from psgn_jax.training.from_config import optimizer
 
@@ -56,17 +56,3 @@ def test_the_encoder_may_have_a_lower_rate():
     full, reduced = steps[1.0], steps[0.1]
     np.testing.assert_array_equal(reduced["bottleneck"], full["bottleneck"])
     np.testing.assert_allclose(reduced[efficientnet.NAME], 0.1 * full[efficientnet.NAME])
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"model": {"widths": (8, 8, 8)}}, "model.widths=.*: accepted: seven levels for 'lite0'"),
-        ({"model": {"deconv_level": 0}}, "model.deconv_level=0: accepted: 1 to 5 for 'lite0'"),
-        ({"data": {"inputs": ("mask", "rgb")}}, "data.inputs=.*: accepted: 'rgb' first"),
-    ],
-)
-def test_wrong_configurations(changes, message):
-    model = {"name": "lite0", **changes.pop("model", {})}
-    with pytest.raises(ConfigError, match=message):
-        parse({"model": model, **changes})
