@@ -164,8 +164,8 @@ def draw(
 ) -> Camera:
     """Draws a camera for an object with these vertices in the model's frame.
 
-    It is moved back until the object fits into the image. The settings do not change how many
-    values are drawn from `rng`; `off_centre` uses a child generator.
+    We move it back until the object fits into the image. The settings do not change how many values
+    we draw from `rng`; `off_centre` uses a child generator.
 
     Raises:
       ValueError: the object does not fit into the image at any distance up to 1000.

@@ -1,11 +1,11 @@
 """Rendering on a Dask cluster. Only this module imports Dask.
 
 The cluster's workers need this package with its `render` extra, and the catalogue's files under the
-same path (nothing for procedural models). They need no access to the output folder: samples are
-returned through Dask and written by the process that runs the job. Each thread of a Dask worker
-keeps one rendering process, with the limits of the job's settings, so workers are best started with
-one thread per processor. If a Dask worker dies, Dask gives its models to other workers. A model
-with which more workers die than the scheduler's `allowed-failures` is reported as crashed.
+same path (nothing for procedural models). They do not need the output folder: Dask returns the
+samples, and the process that runs the job writes them. Each thread of a Dask worker keeps one
+rendering process, with the limits of the job's settings, so start workers with one thread per
+processor. If a Dask worker dies, Dask gives its models to other workers. If a model kills more
+workers than the scheduler's `allowed-failures`, we report it as crashed.
 """
 
 import contextlib

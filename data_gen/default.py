@@ -17,11 +17,11 @@ NUM_PER_CATEGORY = 40
 NUM_MODELS = NUM_PER_CATEGORY * len(FAMILIES)
 
 CORE_SECONDS = 0.4 * NUM_MODELS
-"""Seconds of a core that rendering takes, roughly: 520 models take a minute or two on two cores."""
+"""Rough seconds of a core for rendering: 520 models take a minute or two on two cores."""
 
 NAME = f"procedural-3-{NUM_PER_CATEGORY}"
-"""Name of the data set's folder. The first number is a version. It is increased with every change
-of models or images, so that a data set never mixes versions."""
+"""Name of the data set's folder. The first number is a version. Raise it with every change of
+models or images, so that a data set never mixes versions."""
 
 SETTINGS = settings.Settings(views=1, models_per_shard=64)
 """Settings: the authors' camera and image size, one view of each model."""
@@ -40,9 +40,9 @@ def build(
 ) -> str:
     """Renders the default data set or completes it, and returns its folder.
 
-    A complete data set is not changed. If another variant of the renderer began it and it is
-    incomplete, it is rendered again from the start. LLVM is used if it is available; without it,
-    the images differ by rounding.
+    A complete data set does not change. If another variant of the renderer began an incomplete one,
+    we render it again from the start. We use LLVM if it is available; without it, the images differ
+    by rounding.
 
     Raises:
       RuntimeError: Mitsuba is missing or does not run, or no model could be rendered.

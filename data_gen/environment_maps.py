@@ -92,7 +92,7 @@ def _load_map(path: str, size: tuple[int, int]) -> np.ndarray:
 def sunsky(number: int, size: tuple[int, int]) -> Float[np.ndarray, "h w 3"]:
     """One of `NUM_SUNSKY` maps of Mitsuba's model, from a clear morning to a hazy noon.
 
-    Large maps are computed at a quarter of the resolution.
+    We compute large maps at a quarter of the resolution.
     """
     low, high = (2, 15, 0.15), (8, 75, 0.5)
     turbidity, elevation, albedo = (
@@ -108,7 +108,7 @@ def _sunsky(
 ) -> Float[np.ndarray, "h w 3"]:
     """A map of Mitsuba's model of sun and sky, above grey ground.
 
-    The turbidity is from 1 (clear) to 10 (hazy), `albedo` that of the ground.
+    The turbidity is from 1 (clear) to 10 (hazy); `albedo` is the albedo of the ground.
     """
     mi, elevation = engine.mi, np.deg2rad(sun_elevation_degrees)
     emitter = {
@@ -135,8 +135,8 @@ def _sunsky(
         columns = (-toward[above]).T.astype(np.float32)
         grid[above] = evaluate([mi.Float(np.ascontiguousarray(c)) for c in columns]).T
     angles = lights.solid_angles(size)[..., None]
-    # The sun has a diameter of half a degree, less than a pixel of the map. It is added with an
-    # irradiance of about four times that of the sky on a clear day, less in haze.
+    # The sun has a diameter of half a degree, less than a pixel of the map. We add it with about
+    # four times the irradiance of the sky on a clear day, less in haze.
     energy = (grid * angles).sum(axis=(0, 1))
     row = int((90 - sun_elevation_degrees) / 180 * size[0])
     warm = np.array([1.0, 0.95, 0.85])

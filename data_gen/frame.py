@@ -154,8 +154,8 @@ def outline(
 
     Without alpha textures, the points are all vertices. With alpha textures, they are the vertices
     of the faces without alpha and, for each measure that is larger on a face with alpha, the
-    existing point that maximises it. Measures are convex functions of points, [n, 3] to [n, k];
-    None = the extent in 260 directions, the axes included.
+    existing point that maximises it. Measures are convex functions of points, [n, 3] to [n, k].
+    None = the extent in 260 directions, including the axes.
     """
     faces = faces_with_alpha(model)
     if not len(faces):
@@ -176,10 +176,10 @@ def outline(
     return np.concatenate([points, _existing_extremes(model, faces, measure, best)])
 
 
-# A model is refused if there is an empty gap along an axis that is larger than `_STRAY_GAP`, and
-# both parts beside the gap are at most as large as `_STRAY_SIZE`. Both numbers are fractions of the
-# model's extent. Of 82 models of Sweet Home 3D, none has a gap above 0.12; of 494 game models, one
-# has a gap above 0.45 (0.93).
+# We refuse a model with an empty gap along an axis larger than `_STRAY_GAP`, if both parts beside
+# the gap are at most as large as `_STRAY_SIZE`. Both numbers are fractions of the model's extent.
+# Of 82 models of Sweet Home 3D, none has a gap above 0.12; of 494 game models, one has a gap above
+# 0.45 (0.93).
 _STRAY_GAP, _STRAY_SIZE = 0.6, 0.15
 
 
@@ -217,10 +217,9 @@ def _check_strays(model: Model) -> None:
 def normalize(model: Model) -> Model:
     """Moves and scales a model to the project's frame. Its axes must be correct (`orient`).
 
-    The lowest point is moved to z = 0 and the centre of the bounding box to x = y = 0. The model is
-    scaled so that the farthest point is at distance 1 from the origin. Only visible surface counts:
-    transparent parts may lie outside. With alpha textures, the bounds are exact to 0.002 of the
-    extent.
+    We move the lowest point to z = 0 and the centre of the bounding box to x = y = 0, and scale the
+    farthest point to distance 1 from the origin. Only visible surface counts: transparent parts may
+    lie outside. With alpha textures, the bounds are exact to 0.002 of the extent.
 
     Raises:
       UnusableModelError: the extent is zero or overflows, or a part is so far away that the object
@@ -241,8 +240,7 @@ def recentre(model: Model, centre: str) -> Model:
     the vertices, each counted once. It lies where the mesh is dense: near the head of a guitar,
     near the back of a chair. The authors' objects are centred on their vertices: in 26 % of the
     samples, the centre of the bounding box is more than 0.1 away from the origin. For furniture and
-    procedural models, this is the case in 18 to 23 % of the samples with "vertices" and in 1 to 6 %
-    with "bounds".
+    procedural models, it is in 18 to 23 % of the samples with "vertices", 1 to 6 % with "bounds".
 
     Raises:
       UnusableModelError: the extent is zero or overflows.

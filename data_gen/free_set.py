@@ -4,7 +4,7 @@
 
 FOLDER contains Debian packages, each unpacked in a folder with its name, and a folder `meshes` with
 a file `index.csv` (`data_gen.catalogues.indexed`). The source `collections` has the models of the
-index whose licence is permissive, `copyleft` those that may only be passed on under their own
+index with a permissive licence, `copyleft` the models that you may only pass on under their own
 licence. If something is missing, the command prints how to get it:
 
     cd FOLDER && apt-get download sweethome3d-furniture
@@ -13,16 +13,16 @@ licence. If something is missing, the command prints how to get it:
 Each source becomes a separate data set, `records/free/<source>`. Training reads several of them:
 `--config.data.path=records/free/furniture,records/free/procedural`. `SOURCES.md` and `sources.json`
 list the contents and the licences, and `licences/` contains the copyright statements of the
-packages. Licences and authors of the meshes are those in the index.
+packages. The index states the licences and authors of the meshes.
 
-If the command is stopped and started again, it continues. Unusable models are refused and
-reported. `--fraction=0.01` renders a small part of the set. `--photo=0.25`, `--angles=0.25` and
-`--level=0.25` render a quarter of the views of each model with the preset of that name
-(`data_gen/config.py`), in `records/free/photo/<source>` and so on. `--variants=8` replaces each
-model by 8 variants with other proportions.
+The same command continues a stopped one. It refuses and reports unusable models. `--fraction=0.01`
+renders a small part of the set. `--photo=0.25`, `--angles=0.25` and `--level=0.25` render a quarter
+of the views of each model with the preset of that name (`data_gen/config.py`), in
+`records/free/photo/<source>` and so on. `--variants=8` replaces each model by 8 variants with other
+proportions.
 
-Exit codes: 0 done; 1 done, except for sources that could not be rendered; 2 wrong arguments,
-missing packages or no data set; 143 stopped by SIGTERM; 130 stopped by Ctrl-C.
+Exit codes: 0 done; 1 done, but some sources could not be rendered; 2 wrong arguments, missing
+packages or no data set; 143 stopped by SIGTERM; 130 stopped by Ctrl-C.
 """
 
 import contextlib
@@ -80,8 +80,8 @@ class Source:
       name: name of the source and of its folder in the training set.
       catalogue: one of `by_name.CATALOGUES`.
       views: number of images of each model.
-      licences: licences of its models; the first one with a matching pattern counts. Empty = those
-        in the index.
+      licences: licences of its models; the first one with a matching pattern counts. Empty = the
+        licences in the index.
       package: name of the Debian package or of the folder of meshes, "" = none is needed.
       place: source of the catalogue: a path in the unpacked package, or a number of models.
       options: options of the catalogue.
@@ -217,7 +217,7 @@ class Part(NamedTuple):
     Attributes:
       source: the source.
       preset: the preset.
-      folder: folder of the data set, relative to that of the training set.
+      folder: folder of the data set, relative to the folder of the training set.
       views: number of images of each model.
     """
 
@@ -230,7 +230,7 @@ class Part(NamedTuple):
 def plan(chosen: Sequence[Source], fractions: Mapping[str, float] = {}) -> list[Part]:
     """The data sets of a training set, source by source.
 
-    `fractions` are those of the views rendered with each of `OTHER_PRESETS`; a missing one is 0.
+    `fractions` are the fractions of the views with each of `OTHER_PRESETS`; a missing one is 0.
 
     Raises:
       ValueError: the sum of the fractions exceeds 1.
@@ -397,7 +397,7 @@ def write_table(
 ) -> str:
     """Writes `SOURCES.md`, `sources.json` and the copyright statements; returns `SOURCES.md`.
 
-    `lines` are those of `models.jsonl` by folder of the data set; missing ones are not counted.
+    `lines` are the lines of `models.jsonl` by folder of the data set; missing ones do not count.
     """
     rows = []
     for source in {part.source.name: part.source for part in parts}.values():

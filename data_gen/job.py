@@ -1,9 +1,8 @@
 """The rendering job: renders the models of a catalogue to a data set, in several processes.
 
-For a given model file, the samples depend only on the settings and the model's name. The data set
-is therefore identical, byte for byte, for any number of workers, restarts and parts. It is also the
-same if it is rendered on a cluster, or extended instead of rendered at once. `psgn_jax.data.shards`
-describes the folder of a job.
+The samples of a model file depend only on the settings and the model's name. So the data set is
+identical, byte for byte, for any number of workers, restarts and parts, on a cluster too, and if it
+is extended instead of rendered at once. `psgn_jax.data.shards` describes the folder of a job.
 """
 
 import dataclasses
@@ -44,7 +43,7 @@ FEW_MODELS = 20
 def _with_all_splits(
     out: pathlib.Path, entries: Sequence[Entry], fractions: Sequence[float]
 ) -> tuple[list[Entry], dict[str, str]]:
-    """The models with splits such that none is empty, and the objects that this moves.
+    """The models, with splits none of which is empty, and the objects that this moves.
 
     Models in the folder keep their splits. See `catalogues.entry.moved_to_empty_splits`.
     """
@@ -110,9 +109,9 @@ def render_catalogue(
 ) -> shards.Progress:
     """Renders a catalogue to a data set; continues an incomplete one or extends a complete one.
 
-    If the folder contains a complete data set and all its models are among those of this call, the
-    other models of this call are added. Readers see the old state until the new one is complete.
-    If a catalogue divides its models by `split_of` and a split would be empty, a model is moved.
+    If the folder contains a complete data set and this call has all of its models, we add the other
+    models of this call. Readers see the old state until the new one is complete. If a catalogue
+    divides its models by `split_of` and a split would be empty, we move a model.
 
     Args:
       catalogue: source of the models.

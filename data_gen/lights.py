@@ -169,11 +169,11 @@ def reduce(
 ) -> Lights:
     """Directional lights and ambient light that approximate a map of size `MAP_SIZE`.
 
-    The brightest directions are chosen one after the other; each collects the light within 35
-    degrees. The ambient light on surfaces that face up has the mean colour of the map's upper half;
-    that on surfaces that face down has a mixture of the colours of both halves. All light is scaled
-    so that a white surface has the brightness `exposure` in the brightest orientation visible from
-    above or from the front. The fraction `ambient` of this brightness is ambient light.
+    We choose the brightest directions one after the other; each collects the light within 35
+    degrees. Ambient light has the mean colour of the map's upper half on surfaces that face up, and
+    a mixture of the colours of both halves on surfaces that face down. We scale all light so that a
+    white surface has the brightness `exposure` in the brightest orientation visible from above or
+    from the front. The fraction `ambient` of this brightness is ambient light.
     """
     size = (radiance.shape[0], radiance.shape[1])
     toward = directions_of(size).reshape(-1, 3)

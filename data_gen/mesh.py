@@ -146,10 +146,10 @@ def build_model(
 ) -> Model:
     """Cleans raw arrays and makes a `Model` from them.
 
-    Faces with indices out of range, faces without area, faces of fully transparent materials and
-    unused vertices are removed. Corner normals that are missing, zero or not finite are computed by
-    `crease_normals`. A face whose given normals point to its back is reversed. The model's warnings
-    state how many faces were removed.
+    We remove faces with indices out of range, faces without area, faces of fully transparent
+    materials and unused vertices. The model's warnings state how many faces we removed.
+    `crease_normals` computes corner normals that are missing, zero or not finite. If a face's given
+    normals point to its back, we reverse the face.
 
     Args:
       vertices: [V, 3].
@@ -158,7 +158,7 @@ def build_model(
       face_material: [F], None = all 0.
       normals: [F, 3, 3] for corners, or None.
       uv: [F, 3, 2] for corners, or None.
-      warnings: of the reader; those of this function are added.
+      warnings: of the reader; this function adds its own.
       max_faces: largest accepted number of faces.
       **names: `category`, `model_id` and `parameters` of the model.
 

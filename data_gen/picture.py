@@ -22,8 +22,7 @@ _OPAQUE = 0.98
 # Distance behind a hit at which a ray continues, in units of the frame.
 _BEHIND = 2e-4
 
-# Samples of a pixel whose normal deviates more than this from that of the centre are on another
-# surface.
+# Samples whose normal deviates more than this from their pixel's centre are on another surface.
 _SAME_SURFACE = float(np.cos(np.deg2rad(30.0)))
 
 Window = tuple[slice, slice]
@@ -186,12 +185,12 @@ class Picture(NamedTuple):
 
 
 def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False) -> Picture:
-    """Renders a view of `scene` with local shading; `mesh` is that of `scene.surfaces.corners`.
+    """Renders a view of `scene` with local shading; `mesh` is made from `scene.surfaces.corners`.
 
-    Mask and depth are sampled at the centres of the pixels. The colour is a mean over
-    `side` x `side` samples, 0 = only the centre. With soft edges, all samples of the pixel count.
-    Without (as in the authors' images), only samples with the material and orientation of the
-    centre count: textures are smoothed, as by mipmaps, but edges stay hard.
+    We sample mask and depth at the centres of the pixels. The colour is a mean over `side` x `side`
+    samples, 0 = only the centre. With soft edges, all samples of the pixel count. Without them, as
+    in the authors' images, only samples with the centre's material and orientation count: this
+    smooths textures, as mipmaps do, but edges stay hard.
     """
     camera = scene.camera
     window = window_of(scene.surfaces, camera)

@@ -29,8 +29,7 @@ from psgn_jax.system.cores import num_cores
 _ATTEMPTS = 2
 """Number of attempts at a model if its process dies, perhaps for another reason than the model."""
 
-# After this many processes have ended before they were ready, rendering is given up: no model can
-# be the cause.
+# If this many processes end before they are ready, we give up: no model can be the cause.
 _FAILED_STARTS = 3
 _SECONDS_TO_START = 300.0
 _SECONDS_IDLE = 600.0
@@ -45,10 +44,10 @@ A failing model does not stop the pool. RuntimeError is raised if no process can
 class Renderer:
     """Renders models in a separate process, within the limits of the job's settings.
 
-    The process is started for the first model. It is replaced when it dies, exceeds a limit or has
-    rendered `models_per_worker` models. It is not started by `multiprocessing`, because daemonic
-    processes, such as cluster workers, may not start children with it. Loaders of models must be
-    importable in the process.
+    The process starts for the first model. We replace it when it dies, exceeds a limit or has
+    rendered `models_per_worker` models. We do not use `multiprocessing`, because with it, daemonic
+    processes such as cluster workers may not start children. The process must be able to import
+    the loaders of models.
 
     Args:
       context: data that the process needs in addition to the models.
@@ -64,8 +63,8 @@ class Renderer:
     def render(self, number: int, entry: Entry) -> Result:
         """Renders a model, once more if the process dies.
 
-        The status of its line is one of those of `render_model.render_model`, "error", or
-        "crashed", "timeout" or "memory" if the process has ended.
+        Its line has a status of `render_model.render_model`, "error", or "crashed", "timeout" or
+        "memory" if the process has ended.
 
         Raises:
           RuntimeError: the processes end before they are ready.
@@ -153,8 +152,8 @@ class Renderer:
         self._process = self._connection = None
         if process is None:
             return None
-        # The process is already ending: it was asked to end or killed, or its pipe is closed. It is
-        # given time, because its own exit code is more informative than that of a kill.
+        # The process is already ending: it was asked to end or killed, or its pipe is closed. We
+        # give it time, because its own exit code says more than the exit code of a kill.
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(10)
         process.kill()

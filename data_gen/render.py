@@ -7,11 +7,11 @@ numbers of models. The folder RECORDS becomes a data set for training. Its file 
 line for each model: status, reason for a refusal, checks and times.
 
 Any setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`; `--help` lists all
-of them, and the options of the catalogues. If the command is killed and started again, it continues
-where it stopped. The resulting records are identical, byte for byte, for any number of workers,
-restarts or parts. `--shard=i/n` renders the i-th of n parts (i from 0), for job arrays with a
-common folder; the part that finishes last completes the data set. `--scheduler=tcp://host:8786`
-renders on the workers of a Dask cluster; `data_gen/cluster.py` describes what they need.
+of them, and the options of the catalogues. You can kill the command; the same command continues
+where it stopped. The records are identical, byte for byte, for any number of workers, restarts or
+parts. `--shard=i/n` renders the i-th of n parts (i from 0), for job arrays with a common folder;
+the part that finishes last completes the data set. `--scheduler=tcp://host:8786` renders on the
+workers of a Dask cluster; `data_gen/cluster.py` describes what they need.
 
 `--include` and `--exclude` choose models by patterns of category, folder and name; `--sample=N`
 takes N of them, spread over categories and folders. A complete data set can be extended: the same
@@ -19,11 +19,11 @@ command with a larger `--limit`, `--sample` or source renders only the new model
 the old state until the new one is complete.
 
 Exit codes: 0 done, all models have samples; 1 done, some models were refused (normal for
-collections); 2 wrong arguments, or no samples; 3 this part is finished, other parts are not;
-143 stopped by SIGTERM; 130 stopped by Ctrl-C.
+collections); 2 wrong arguments, or no samples; 3 this part is finished, other parts are not; 5 the
+disk is full; 143 stopped by SIGTERM; 130 stopped by Ctrl-C.
 
-Models are identified by name. If the content of a mesh file changes but its name does not, its old
-samples are kept; use a new output folder in that case.
+A model is known by its name. If the content of a mesh file changes but its name does not, its old
+samples stay: use a new output folder.
 """
 
 import functools

@@ -57,7 +57,7 @@ def failure(entry: Entry, status: str, reason: str) -> dict[str, Any]:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Context:
-    """Data of a job that workers need besides the models."""
+    """What workers need of a job besides the models."""
 
     settings: Settings
     source: str
@@ -94,7 +94,7 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
             "warnings": list(model.warnings),
         }
         surface = sample_surface(model, settings.num_points, seed)
-        # Unbalanced, which is faster to build; there are only a few hundred queries per view.
+        # An unbalanced tree is faster to build, and a view makes only a few hundred queries.
         tree = scipy.spatial.cKDTree(surface.points, compact_nodes=False, balanced_tree=False)
         lap("points")
         drawn, settings = without_faces(model, settings, seed)
@@ -125,7 +125,7 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
             lap("occupancy")
             extra = {
                 "seed": seed,
-                # Rotates a point from the model's frame to that of the sample.
+                # Rotates a point from the model's frame to the sample's.
                 "rotation": np.round(camera.rotation, 9).tolist(),
                 "camera": camera.parameters(),
                 "parameters": parameters,
@@ -184,14 +184,14 @@ def _picture_of(
 def without_faces(model: Model, settings: Settings, seed: int) -> tuple[Model, Settings]:
     """The part of a model that is rendered, and settings whose checks accept it.
 
-    The authors' images show some objects of ShapeNet only in part: faces that point inward, or
-    whose materials could not be read, are not rendered. The points are those of the whole object.
-    In 8 of the authors' 1,440 training images, the object covers less than .5 % of the image. In
-    .8 % of the images, more than a tenth of the points project outside the mask.
+    The authors' images show some objects of ShapeNet only in part. Faces that point inward, or
+    whose materials could not be read, are missing. The points cover the whole object. In 8 of the
+    authors' 1,440 training images, the object covers less than .5 % of the image. In .8 % of the
+    images, more than a tenth of the points project outside the mask.
 
-    A fraction `settings.image.missing` of the models loses faces: those on one side (a random
-    direction, up in half of the cases), those outside a ball around a point of the surface, or
-    those inside such a ball. The radius is log-uniform in [.05, .8].
+    A fraction `settings.image.missing` of the models loses faces: on one side (a random direction,
+    up in half of the cases), outside a ball around a point of the surface, or inside such a ball.
+    The radius is log-uniform in [.05, .8].
 
     Returns:
       The model without these faces, with the same vertices, and the settings: `checks.inside` is 0
@@ -237,7 +237,7 @@ def check_view(
 ) -> dict[str, float]:
     """Measurements of a view, which `objection_to` compares with the settings.
 
-    `points` are in the view-aligned frame, those of the search `tree` in the model's.
+    `points` are in the view-aligned frame, the points of the search `tree` in the model's.
 
     Returns:
       coverage: fraction of the image that the mask covers; edge: number of mask pixels at the

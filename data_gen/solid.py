@@ -141,8 +141,8 @@ def mark_surface(
       - an intersection of the surface with a line along an axis through the centres of cells, or
       - a point of an edge or a corner of a triangle, so that parts thinner than a cell are kept.
 
-    There is no leak: if the surface intersects the segment between the centres of two neighbouring
-    cells, the intersection is in one of the two, and that cell is marked. So a step between the
+    There is no leak. If the surface intersects the segment between the centres of two neighbouring
+    cells, the intersection is in one of the two, and we mark that cell. So a step between the
     centres of unmarked cells never crosses the surface. (A segment in the plane of a triangle also
     touches the border of another triangle, if it enters a closed surface.) Rounding would have to
     move an intersection by half a cell to leave both unmarked.
@@ -155,8 +155,8 @@ def mark_surface(
       size: number of cells along an edge of the grid.
 
     Returns:
-      The marked cells, and for each axis whether the surface is between the centre of a cell and
-      that of the next cell.
+      The marked cells, and for each axis whether the surface is between the centres of a cell and
+      of the next cell.
 
     Raises:
       UnusableModelError: there are too many intersections.
@@ -284,21 +284,21 @@ def solid_occupancy(
 ) -> Bool[np.ndarray, "size size size"]:
     """Solid voxels of a model, which need not be watertight.
 
-    The grid is that of the schema: indexed [x, y, z], it covers [-1, 1] x [-1, 1] x [0, 2] of the
+    The grid has the schema's form: indexed [x, y, z], it covers [-1, 1] x [-1, 1] x [0, 2] of the
     rotated frame.
 
     The rule:
-      1. The surface is marked without gaps in small cells, a third of a cell wide.
-      2. The outside is what a flood fill from the sides and the top reaches without crossing the
-         surface. An object without a bottom is therefore solid. A marked small cell belongs to the
-         side of its centre.
-      3. The same is done with the cells of the grid, so that parts with cracks and gaps smaller
-         than a cell are solid, too.
+      1. We mark the surface without gaps in small cells, a third of a cell wide.
+      2. A flood fill from the sides and the top reaches the outside, without crossing the surface.
+         So an object without a bottom is solid. A marked small cell belongs to the side of its
+         centre.
+      3. We do the same with the cells of the grid, so that parts with cracks and gaps smaller than
+         a cell are solid, too.
       4. A cell is occupied if at least half of its small cells are inside.
-      5. Thin parts are kept: a cell with marked or inside small cells is also occupied, unless one
-         of its 26 neighbours is occupied by rule 3 or 4 and `peel` removes it. Sheets and bars are
-         therefore one cell thick, or two where they pass from one layer of cells to the next. A
-         solid has at most as many 26-connected components as the cells of its surface.
+      5. We keep thin parts: a cell with marked or inside small cells is also occupied, unless one
+         of its 26 neighbours is occupied by rule 3 or 4 and `peel` removes it. So sheets and bars
+         are one cell thick, or two where they pass from one layer of cells to the next. A solid has
+         at most as many 26-connected components as the cells of its surface.
 
     Args:
       model: the model, normalised to the project's frame. Parts outside the grid are ignored.

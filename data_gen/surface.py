@@ -166,15 +166,15 @@ def _toward_air(
 def sample_surface(model: Model, n: int, seed: int) -> SurfaceSample:
     """Samples `n` points uniformly by area on the visible surface, with interpolated normals.
 
-    Points with an opacity below `EXISTS`, such as those in the holes of an alpha map, are sampled
-    again. The sampling is stratified by cumulative area, which covers the faces more evenly than
+    We sample points with an opacity below `EXISTS` again, such as points in the holes of an alpha
+    map. The sampling is stratified by cumulative area, which covers the faces more evenly than
     independent points. The same seed gives the same points.
 
-    Coincident faces count as one: a point is kept only if its face is the first of the faces that
-    contain it; otherwise another point is sampled. If coincident faces point in opposite directions
-    and exactly one side is outside, the normal points to that side. The normals of a connected part
-    are reversed if the outside is known for at least half of its points and the normals of at least
-    nine tenths of these points point inward.
+    Coincident faces count as one: we keep a point only if its face is the first of the faces that
+    contain it; otherwise we sample another point. If coincident faces point in opposite directions
+    and exactly one side is outside, the normal points to that side. We reverse the normals of a
+    connected part if we know the outside for at least half of its points, and at least nine tenths
+    of these have normals that point inward.
 
     Raises:
       UnusableModelError: almost no surface is visible.

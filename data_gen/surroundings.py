@@ -68,7 +68,7 @@ def noise(
 ) -> Float[np.ndarray, "h w"]:
     """Periodic random values with mean 0, standard deviation 1 and spectrum ~ f^-slope.
 
-    `stretch` are factors by which structures are stretched vertically and horizontally.
+    `stretch` are the factors that stretch structures vertically and horizontally.
     """
     rows = np.fft.fftfreq(size[0])[:, None] * size[0] * stretch[0]
     frequency = np.hypot(rows, np.fft.rfftfreq(size[1]) * size[1] * stretch[1])
@@ -205,7 +205,7 @@ def draw(
     Args:
       rng: source of all choices.
       settings: the light.
-      maps: those of `settings.folder`; None = no folder.
+      maps: the maps of `settings.folder`; None = no folder.
       camera: the camera of the view.
       detail: whether the map is visible in the image.
     """
@@ -277,7 +277,7 @@ def draw_ground(rng: np.random.Generator, kind: str, around: Surroundings) -> Gr
     """Draws a ground of one of `GROUNDS`, or "random" = one that fits the surroundings.
 
     The floor of a room ends at its walls, a table at its edges. Paper curves upward behind the
-    object, like that of product photographs.
+    object, as in product photographs.
     """
     if kind == "random":
         kind = str(rng.choice(_FITTING[around.kind]))

@@ -81,7 +81,7 @@ def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
 
 
 def _spread(entries: Sequence[Entry], seed: int) -> list[Entry]:
-    """All models in a random order of which every prefix is spread over categories and folders.
+    """All models in a random order whose prefixes are all spread over categories and folders.
 
     Models with the same category and folder form a group. If a group has m of the n models, about
     k m / n of the first k models come from this group. The model with rank r in the random

@@ -66,7 +66,7 @@ _VARIANT = " variant "
 
 
 def original_name(model_id: str) -> str:
-    """The name of the model of which this is a variant; the name itself if it is none."""
+    """The name of this variant's model; the name itself if it is no variant."""
     return re.sub(rf"{_VARIANT}[0-9]+$", "", model_id)
 
 
@@ -81,7 +81,7 @@ class Catalogue:
     Attributes:
       name: name of the catalogue; the seeds of its models depend on it.
       models: the models.
-      fractions: those with which `split_of` divides the models; None = the splits are given.
+      fractions: how `split_of` divides the models; None = the splits are given.
     """
 
     name: str
@@ -150,7 +150,7 @@ def moved_to_empty_splits(
 ) -> dict[str, str]:
     """Objects of a small set that change their split so that no split is empty.
 
-    An empty split gets one object of the largest split, chosen by a hash of its name. If no split
+    An empty split gets one object of the largest split; a hash of its name chooses it. If no split
     has two objects, a later split gives its own: two objects are for training and validation.
 
     Args:

@@ -43,7 +43,7 @@ _KINDS = {
     "colour": "airplane animal book bottle bowl candle car chair clock figure food lamp mug other "
     "plant plate sign spaceship table toy tool vase watercraft weapon",
 }
-"""Categories of which some objects are made of each kind of material."""
+"""Categories with objects of each kind of material."""
 
 
 def indexed(
@@ -59,7 +59,7 @@ def indexed(
     columns, such as `licence` and `author`, are copied into the records as parameters of the model.
     Glb and glTF files have +y up and their front toward +z.
 
-    A model of one grey material gets a material that fits its category, drawn for its name. Models
+    A model of one grey gets a material that fits its category, drawn for its name. Models
     whose names differ only in numbers, colours or levels of detail are in the same split.
 
     Args:
@@ -87,7 +87,7 @@ def read_index(
 ) -> list[dict[str, str]]:
     """The lines of the index of a folder, as mappings from the columns of its heading.
 
-    `licences` are patterns, of which the column `licence` must fit one; empty = all lines.
+    The column `licence` must fit one of the patterns `licences`; empty = all lines.
 
     Raises:
       ValueError: the index is missing or damaged; the message names the line.

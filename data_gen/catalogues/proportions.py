@@ -1,13 +1,13 @@
 """Random changes of an object's proportions: longer legs, a deeper seat, a lower roof.
 
-A point set is described along three axes: the vertical and both sides of the smallest rectangle
-around its footprint. Along each axis, the coordinate is changed by an increasing, piecewise linear
-function. The functions of the two horizontal axes are odd about the middle of the rectangle. So
-faces perpendicular to an axis stay plane, level parts stay level, and an object that is symmetric
-about an axis of its rectangle stays symmetric.
+We use three axes: the vertical and both sides of the smallest rectangle around the footprint. Along
+each axis, an increasing, piecewise linear function changes the coordinate. The functions of the two
+horizontal axes are odd about the middle of the rectangle. So faces perpendicular to an axis stay
+plane, level parts stay level, and an object that is symmetric about an axis of its rectangle stays
+symmetric.
 
-With the option `variants`, a catalogue has variants of its objects instead of the objects, in order
-to have more shapes than objects.
+With the option `variants`, a catalogue has variants instead of its objects: more shapes than
+objects.
 """
 
 import dataclasses

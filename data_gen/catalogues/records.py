@@ -1,17 +1,16 @@
 """Catalogue of the models in a folder of records, for new views of point clouds without meshes.
 
-The surface of a model is approximated by surfels: small ellipses (here rectangles), one at each
+We approximate the surface of a model by surfels: small ellipses (here rectangles), one at each
 point, tangential to the surface. A surfel's normal and axes are the principal directions of the
 point's nearest neighbours. Its long semi-axis is the distance of the 5th neighbour; a
 Poisson-distributed sample then leaves e^-5 of a plane uncovered. Along thin parts and edges, the
-short semi-axis is shorter. A point that is visible in the record's image has its colour in the
-image. Any other point has the colour of the nearest visible point. If the record has no depth, all
-points are grey.
+short semi-axis is shorter. A visible point takes its colour from the record's image, a hidden one
+from the nearest visible point. If the record has no depth, all points are grey.
 
 Objects keep their position and scale; the job must use `centre=bounds`, which is its default.
 
-The origin of a variant (`proportions`) is where the change moves that of the object, and its
-farthest point is at distance 1 again.
+A variant (`proportions`) has its origin where the change moves the object's, and its farthest point
+at distance 1 again.
 """
 
 import dataclasses
