@@ -20,6 +20,7 @@ PAGES = {
     "SECURITY.md": "SECURITY.md",
     "CITATION.cff": "CITATION.cff",
     "LICENSE": "LICENSE.txt",
+    "notebooks/losses.ipynb": "notebooks/losses.ipynb",
     "notebooks/predict.ipynb": "notebooks/predict.ipynb",
 }
 """File in the root -> its place in the site."""
