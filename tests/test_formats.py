@@ -2,6 +2,9 @@
 
 import json
 import pathlib
+import shutil
+import subprocess
+import sys
 import zipfile
 
 import jax
@@ -11,6 +14,7 @@ import pytest
 
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
+from psgn_jax.portable import folder
 from psgn_jax.system.untrusted import with_checksum
 from psgn_jax.viewing.predictions import PredictionFileError, read_prediction
 from psgn_jax.weights import checkpoint
@@ -75,3 +79,13 @@ def test_a_later_version_is_refused(stored, monkeypatch):
     with pytest.raises(checkpoint.CheckpointError, match="format is 1, this version reads 0"):
         open_run(stored / "run")
     assert sorted((stored / "run").rglob("*")) == before
+
+
+def test_the_example_of_an_exported_network_refuses_a_later_version(stored):
+    about = stored / "network" / "network.json"
+    about.write_text(about.read_text().replace("psgn_jax network 1", "psgn_jax network 2"))
+    template = pathlib.Path(folder.__file__).with_name("templates") / "example.py.txt"
+    example = shutil.copy(template, stored / "network" / "example.py")
+    done = subprocess.run([sys.executable, example], capture_output=True, text=True, timeout=100)
+    assert done.returncode == 1
+    assert done.stderr.endswith("has the format 'psgn_jax network 2': use the example beside it\n")
