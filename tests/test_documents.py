@@ -9,6 +9,7 @@ import sys
 
 import pytest
 
+import psgn_jax
 from psgn_jax.commands import psgn, study
 from psgn_jax.config import Config, parse, recipes, to_dict
 from psgn_jax.models.networks import build
@@ -134,6 +135,14 @@ def test_what_configurations_say_of_themselves():
             assert f"{config.data.num_points:,} true points" in text, name
             assert "four times as much" in text, name
     assert quoted >= 4
+
+
+def test_the_version_is_that_of_the_citation_and_of_the_changes():
+    citation = (ROOT / "CITATION.cff").read_text()
+    (version,) = re.findall(r"^version: (\S+)$", citation, re.MULTILINE)
+    (date,) = re.findall(r"^date-released: (\S+)$", citation, re.MULTILINE)
+    assert version == psgn_jax.__version__
+    assert f"\n## {version}, {date}\n" in (ROOT / "CHANGELOG.md").read_text()
 
 
 @pytest.mark.slow
