@@ -11,6 +11,7 @@ import errno
 import fcntl
 import os
 import pathlib
+import time
 from collections.abc import Iterator
 
 from absl import logging
@@ -44,10 +45,13 @@ def locked(path: pathlib.Path, *, waiting: str = "") -> Iterator[bool]:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                if not waiting:
-                    raise
-                logging.info("%s", waiting)
-                fcntl.flock(file, fcntl.LOCK_EX)
+                if waiting:
+                    logging.info("%s", waiting)
+                    fcntl.flock(file, fcntl.LOCK_EX)
+                else:
+                    # A child that a killed process was starting holds the lock until its exec.
+                    time.sleep(0.5)
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError as error:
                 if error.errno not in _UNSUPPORTED:
                     raise
