@@ -36,7 +36,12 @@ LEAST_CERTAINTY = 0.8
 """`certainty` below which the network's mask is not used; see docs/journal.md."""
 DOUBTFUL_BELOW = 0.9
 """`certainty` below which a warning says that the mask may be wrong."""
-_DOUBTFUL = "the mask network may be wrong: look at the object that the prediction has seen"
+_DOUBTFUL = (
+    "the mask may be wrong: look at NAME_view.png (in Python: cloud.mask); if it is, put your own, "
+    "NAME_mask.png, beside the photo"
+)
+# A mask is doubtful, too, if its IoU with that of the middle of the photo is smaller, there.
+_MIDDLE, _LEAST_AGREEMENT = 0.85, 0.9
 
 # `plain`: a lossy image is searched on a copy with at most this many pixels per side.
 _SEARCH_SIDE = 512
@@ -172,8 +177,11 @@ def find_mask(
         mask, certain = enlarged(p, image.shape[:2]), certainty(p)
         if _SMALLEST <= mask.mean() <= _LARGEST:
             if accept or certain >= LEAST_CERTAINTY:
-                warnings = (_DOUBTFUL,) if certain < DOUBTFUL_BELOW else ()
-                return FoundMask(mask, f"network, {int(100 * certain)}% certain", warnings)
+                doubtful = (
+                    certain < DOUBTFUL_BELOW or _in_the_middle(image, mask) < _LEAST_AGREEMENT
+                )
+                how = f"network, {int(100 * certain)}% certain"
+                return FoundMask(mask, how, (_DOUBTFUL,) * doubtful)
             # Rounded down, so that a certainty that is refused never reads like an accepted one.
             raise UncertainMaskError(
                 f"it is not certain which part is the object ({int(100 * certain)}%, expected at "
@@ -225,6 +233,16 @@ def certainty(p: np.ndarray) -> float:
     """
     inside = p > 0.5
     return float(p[inside].sum() / (inside.sum() + p[~inside].sum() + 1e-9))
+
+
+def _in_the_middle(image: np.ndarray, mask: np.ndarray) -> float:
+    """IoU of the mask with the one that the network finds in the middle of the photo, there.
+
+    Where something else than the object was found, less of it is found again.
+    """
+    rows, columns = (slice(m := int((1 - _MIDDLE) / 2 * n), n - m) for n in mask.shape)
+    inner = image[rows, columns]
+    return mask_iou(enlarged(probabilities(inner), inner.shape[:2]), mask[rows, columns])
 
 
 def enlarged(p: np.ndarray, size: tuple[int, ...]) -> np.ndarray:

@@ -1,11 +1,15 @@
 """Rendering on a Dask cluster of two workers. Skipped without Dask or Mitsuba."""
 
+import json
 import os
 import pathlib
 import signal
+import subprocess
+import sys
 import warnings
 
 import pytest
+from helpers import processes
 
 from data_gen import cluster, job, pool, settings
 from data_gen.catalogues.by_name import open_catalogue
@@ -95,6 +99,46 @@ def test_same_bytes_as_the_local_job_though_a_worker_is_killed_and_the_job_broke
     assert len(todo) == 4
     assert (again.exit_code, again.statuses) == (0, {"ok": 6})
     assert contents(tmp_path / "out") == contents(tmp_path / "local")
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_is_killed_ends_the_command_in_one_line(tmp_path):
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    place, log = tmp_path / "scheduler.json", tmp_path / "log"
+
+    def start(module, *arguments, **options):
+        return subprocess.Popen(
+            [sys.executable, "-m", module, *arguments], env=environment, cwd=tmp_path, **options
+        )
+
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    dask = ["--no-dashboard", f"--scheduler-file={place}"]
+    scheduler = start("distributed.cli.dask_scheduler", "--port=0", *dask, **quiet)
+    started = [scheduler]
+    try:
+        assert processes.wait_until(place.exists)
+        address = json.loads(place.read_text())["address"]
+        worker = ["--nworkers=1", "--nthreads=1", "--death-timeout=60"]
+        started.append(start("distributed.cli.dask_worker", *worker, *dask, **quiet))
+        small = ["--config.views=1", "--config.job.variant=scalar", "--scheduler", address]
+        with log.open("w") as file:
+            started.append(
+                start("data_gen.render", "--catalogue=procedural", "--source=chair=400",
+                      "--out=out", *small, stdout=file, stderr=file)
+            )  # fmt: skip
+        assert processes.wait_until(lambda: " of 400 inputs, " in log.read_text())
+        scheduler.kill()
+        assert started[-1].wait(120) == 2
+        text = log.read_text()
+        assert "Traceback" not in text
+        assert text.splitlines()[-1] == (
+            f"error: --scheduler {address!r}: the connection was lost; run the command again, "
+            "which continues"
+        )
+    finally:
+        for process in reversed(started):
+            process.terminate()
+            process.wait(60)
 
 
 def test_a_scheduler_that_is_not_there_is_told(monkeypatch):

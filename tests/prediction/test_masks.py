@@ -71,13 +71,24 @@ def test_the_reason_for_asking_is_stated(monkeypatch, p, reason):
         masks.find_mask(np.zeros((10, 10, 3), np.uint8), method="network")
 
 
-@pytest.mark.parametrize(("p", "warns"), [(0.85, True), (0.95, False)])
-def test_a_doubtful_mask_is_used_with_a_warning(monkeypatch, p, warns):
-    seen = np.zeros((10, 10), np.float32)
-    seen[2:8, 2:8] = p
-    monkeypatch.setattr(masks, "probabilities", lambda image: seen)
-    found = masks.find_mask(np.zeros((10, 10, 3), np.uint8), method="network")
+@pytest.mark.parametrize(
+    ("p", "in_the_middle", "warns"), [(0.853, 255, True), (0.953, 255, False), (0.953, 180, True)]
+)
+def test_a_doubtful_mask_is_used_with_a_warning(monkeypatch, p, in_the_middle, warns):
+    """One is less certain, one is not found again in the middle of the photo."""
+
+    def found_in(image):
+        level = in_the_middle if len(image) < 100 else 255
+        return np.where(image[..., 0] >= level, np.float32(0), np.float32(p))
+
+    image = np.full((100, 100, 3), 255, np.uint8)
+    image[20:80, 20:80] = 180
+    monkeypatch.setattr(masks, "probabilities", found_in)
+    found = masks.find_mask(image, method="network")
+    np.testing.assert_array_equal(found.mask, image[..., 0] == 180)
     assert found.method == f"network, {100 * p:.0f}% certain"
+    (warning,) = found.warnings if warns else ("look at NAME_view.png",)
+    assert "look at NAME_view.png" in warning
     assert bool(found.warnings) == warns
 
 
