@@ -195,8 +195,8 @@ def _solve(a: Array, b: Array, tolerance: Array, max_bids: Array) -> tuple[Array
         aim = jnp.where(jnp.isfinite(gap), _AIM * tolerance / gap, 0)
         epsilon = s.epsilon * jnp.clip(aim, 1 / _FACTOR, 0.7)
         floor = _FLOOR * (1 + new.prices.max())
-        complete, late = bidding.waiting == 0, bidding.bids >= half
-        done = (gap <= tolerance) | (complete & (late | (s.epsilon <= floor)))
+        complete = bidding.waiting == 0
+        done = (gap <= tolerance) | (complete & (s.epsilon <= floor))
         done |= bidding.bids >= max_bids
         epsilon = jnp.where(complete, jnp.maximum(epsilon, floor), _RAISE * s.epsilon)
         best = jnp.where(better, index, s.index), cost
@@ -281,8 +281,8 @@ def assign(
     """A bijection between a and b with a nearly minimal sum of Euclidean distances, and its gap.
 
     The solver stops after the first phase with `gap` <= tolerance. When half of the budget is
-    spent, epsilon grows until a phase ends with a matching, which is the last one. The paper does
-    this too. The result is always a bijection, and `gap` is always valid for it. It has no
+    spent, epsilon grows until a phase ends with a matching, as in the paper, and falls again while
+    budget is left. The result is always a bijection, and `gap` is always valid for it. It has no
     gradient; the module `emd` has the distance and its gradient. For clouds on an accelerator it is
     solved on the cores of the host, in parallel for the pairs of a `vmap`; an exception there ends
     the calling program.

@@ -82,6 +82,15 @@ def test_any_tolerance_and_budget(rng):
         assert not found.converged
 
 
+def test_more_budget_is_used_while_the_gap_is_too_large(rng):
+    a, b = clouds(rng, 128)
+    budgets = [64, 256, 1024]
+    found = [solve(a, b, tolerance=1e-3, max_bids=budget) for budget in budgets]
+    assert [int(x.iterations) for x in found] == budgets
+    gaps = [float(x.gap) for x in found]
+    assert gaps[0] > 2 * gaps[1] > 4 * gaps[2]
+
+
 def test_prices_prove_the_gap(rng):
     a, b = clouds(rng, 128)
     found = solve(a, b)
