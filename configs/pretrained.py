@@ -20,8 +20,9 @@ and the same command resumes.
 Time: 7 hours, estimated from 64 samples/s on one core with oneDNN; not run to the end.
 Expect: the goals on the authors' validation split are a CD of .0085 (cd_sq_radius2) and an EMD of
 .105 (emd_radius). docs/model_card.md has the figures of the weights in the package, which were
-trained in several shorter runs, first with models of FlightGear and TORCS, and in the last two runs
-with `collections` and `copyleft`.
+trained in several shorter runs, first with models of FlightGear and TORCS and with variants drawn
+by a command that is in the history of this repository, and in the last two runs with `collections`
+and `copyleft`.
 
 Data: samples from the free set, from new views of the authors' training objects and of variants of
 them with other proportions, also as seen from other heights, and from the authors' training

@@ -127,7 +127,7 @@ def convert_models(
         max_views = reader.NUM_VIEWS
     elif not 1 <= max_views <= reader.NUM_VIEWS:
         raise ValueError(
-            f"max_views: got {max_views}, expected 1 to {reader.NUM_VIEWS}, the views of {layout}"
+            f"max_views={max_views}: accepted: 1 to {reader.NUM_VIEWS}, the views of {layout}"
         )
     models, messages = reader.models(source)
     for message in messages:

@@ -52,13 +52,15 @@ def convolve(
 ) -> Float[Array, "b *out c_out"]:
     """Convolution (cross-correlation) of images or volumes, SAME padding of TensorFlow.
 
-    The output has `ceil(size / stride)` cells along each axis. A kernel for fewer channels than x
-    has is applied to groups of channels: one for each, with one channel.
+    The output has `ceil(size / stride)` cells along each axis. If the kernel of a convolution of
+    images has one input channel, each channel of x is convolved by itself.
     """
+    groups = x.shape[-1] if kernel.shape[-2] == 1 else 1
+    if x.shape[-1] != groups * kernel.shape[-2]:
+        raise ValueError(f"a kernel of shape {kernel.shape} does not fit {x.shape[-1]} channels")
     if (y := cpu_convolution.convolve(x, kernel, stride, transposed=False)) is not None:
         return y
     strides, layout = (stride,) * (x.ndim - 2), _LAYOUT[x.ndim]
-    groups = x.shape[-1] // kernel.shape[-2]
     return lax.conv_general_dilated(
         x, kernel, strides, "SAME", dimension_numbers=layout, feature_group_count=groups
     )

@@ -266,8 +266,7 @@ def _check_arguments(weights: Sequence[str], data: str) -> None:
         )
     if "int8" in weights and not data:
         raise ConfigError(
-            "weights stored as int8: accepted only with records (`data`), because its error must "
-            "be measured on records"
+            "data='': accepted with weights stored as int8: records, to measure the error on"
         )
 
 

@@ -182,7 +182,13 @@ def thinned(truth: np.ndarray, pred: np.ndarray) -> np.ndarray:
 
 
 def turntable(points: np.ndarray, colours: np.ndarray, path: str | pathlib.Path) -> None:
-    """Writes a GIF of a cloud that rotates about the vertical axis, 12.5 frames a second."""
+    """Writes a GIF of a cloud that rotates about the vertical axis, 12.5 frames a second.
+
+    Raises:
+      ValueError: the name does not end in .gif.
+    """
+    if pathlib.Path(path).suffix.lower() != ".gif":
+        raise ValueError(f"turntable={path}: accepted: a name that ends with .gif")
     size = 240, 320
     intrinsics, extrinsics = camera.default_camera(size)
     pictures = [

@@ -164,7 +164,7 @@ def test_a_share_of_the_views_goes_to_another_preset():
 def test_the_table(tmp_path):
     documents = tmp_path / "thing/usr/share/doc/thing"
     documents.mkdir(parents=True)
-    (documents / "copyright").write_text("All of it is free_set.")
+    (documents / "copyright").write_text("All of it is free.")
     with gzip.open(documents / "changelog.Debian.gz", "wb") as out:
         out.write(b"thing (1:2.3-4) unstable; urgency=low\n")
     parts = free_set.plan([small(package="thing")], {"photo": 0.5})
@@ -184,7 +184,7 @@ def test_the_table(tmp_path):
     assert row["licences"]["MIT"] == {"models": 1, "holders": ["M"]}
     assert row["folders"] == ["chairs", "photo/chairs"]
     assert (tmp_path / "SOURCES.md").read_text() == text
-    assert (tmp_path / "licences/thing.txt").read_text() == "All of it is free_set."
+    assert (tmp_path / "licences/thing.txt").read_text() == "All of it is free."
 
 
 # --- The command ------------------------------------------------------------------------------

@@ -226,7 +226,7 @@ def test_a_file_that_differs_is_refused(stored, factor, message):
 def test_wrong_arguments(tmp_path):
     run = make_run()
     with pytest.raises(
-        ConfigError, match=r"^weights stored as int8: accepted only with records \(`data`\)"
+        ConfigError, match=r"^data='': accepted with weights stored as int8: records"
     ):
         folder.write_folder(run, tmp_path, weights=("int8",))
     with pytest.raises(
