@@ -76,6 +76,7 @@ def test_arguments_and_exit_codes_are_those_of_the_command():
     assert "the default data set" in next(line for line in lines if "quickstart" in line)
 
 
+@pytest.mark.slow
 def test_an_unknown_user_without_a_home_trains_and_predicts(tmp_path):
     """As in `docker run -u 12345`, where nothing sets HOME."""
     (tmp_path / "nobody.py").write_text("""

@@ -28,6 +28,7 @@ for f in wanted:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("devices", [1, 2])
 def test_values_and_gradients(devices):
     flags = (f"--xla_force_host_platform_device_count={devices}",

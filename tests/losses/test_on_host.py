@@ -8,6 +8,8 @@ import socket
 import subprocess
 import sys
 
+import pytest
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 START = """
 import sys, threading
@@ -160,10 +162,12 @@ def test_the_bits_of_a_cpu():
     check(start(ONE_PROCESS))
 
 
+@pytest.mark.slow
 def test_two_devices():
     check(start(TWO_DEVICES, devices=2))
 
 
+@pytest.mark.slow
 def test_two_processes():
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"127.0.0.1:{server.getsockname()[1]}"
