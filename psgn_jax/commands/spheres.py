@@ -9,7 +9,6 @@ import sys
 from collections.abc import Sequence
 
 from psgn_jax.config.command_line import Flags
-from psgn_jax.config.structured import ConfigError
 from psgn_jax.system.untrusted import one_line
 from psgn_jax.viewing import spheres
 from psgn_jax.viewing.predictions import read_prediction
@@ -31,8 +30,8 @@ def _main(flags: Flags) -> None:
     values = flags.values
     rows, first = [], None
     spheres.check_picture(values.out, "--out")
-    if values.turntable and pathlib.Path(values.turntable).suffix.lower() != ".gif":
-        raise ConfigError(f"--turntable={values.turntable}: accepted: a name that ends with .gif")
+    if values.turntable:
+        spheres.check_turntable(values.turntable)
     for path in flags.arguments:
         arrays = read_prediction(path, _FIELDS)
         points, by_photo = arrays["points"], arrays["seen"].any()

@@ -187,8 +187,7 @@ def turntable(points: np.ndarray, colours: np.ndarray, path: str | pathlib.Path)
     Raises:
       ValueError: the name does not end in .gif.
     """
-    if pathlib.Path(path).suffix.lower() != ".gif":
-        raise ValueError(f"turntable={path}: accepted: a name that ends with .gif")
+    check_turntable(path)
     size = 240, 320
     intrinsics, extrinsics = camera.default_camera(size)
     pictures = [
@@ -199,6 +198,12 @@ def turntable(points: np.ndarray, colours: np.ndarray, path: str | pathlib.Path)
     buffer = io.BytesIO()
     first.save(buffer, "gif", save_all=True, append_images=others, duration=_FRAME, loop=0)
     write_atomic(path, buffer.getvalue(), sync=False)
+
+
+def check_turntable(path: str | pathlib.Path) -> None:
+    """Raises a ValueError if the name of a turntable does not end in .gif."""
+    if pathlib.Path(path).suffix.lower() != ".gif":
+        raise ValueError(f"turntable={path}: accepted: a name that ends with .gif")
 
 
 def check_picture(path: str | pathlib.Path, flag: str) -> None:
