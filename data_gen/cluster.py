@@ -69,13 +69,13 @@ def render_on(
     try:
         client = distributed.Client(address, timeout=30, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise RuntimeError(f"--scheduler {address!r}: no scheduler answers: {error}") from error
+        raise RuntimeError(f"scheduler={address}: no scheduler answers: {error}") from error
     job = uuid.uuid4().hex
     with client:
         try:
             client.wait_for_workers(1, timeout=_SECONDS_TO_WAIT)
         except TimeoutError as error:
-            raise RuntimeError(f"--scheduler {address!r}: it has no workers: {error}") from error
+            raise RuntimeError(f"scheduler={address}: it has no workers: {error}") from error
         todo = iter(tasks)
         running: dict[Any, tuple[int, Entry]] = {}
         done = distributed.as_completed(loop=client.loop)
@@ -99,7 +99,7 @@ def render_on(
                     result = Result(number, line, [])
                 except Exception as error:
                     raise RuntimeError(
-                        f"--scheduler {address!r}: the connection was lost; run the command again, "
+                        f"scheduler={address}: the connection was lost; run the command again, "
                         "which continues"
                         if future.cancelled()
                         else f"a Dask worker cannot render: {type(error).__name__}: {error}"

@@ -5,7 +5,7 @@ import pathlib
 import shutil
 
 from data_gen import job, settings
-from data_gen.catalogues.by_name import open_catalogue
+from data_gen.catalogues.open_catalogue import open_catalogue
 from data_gen.catalogues.procedural import FAMILIES
 from data_gen.engine import has_mitsuba
 from psgn_jax.data.manifest import load_manifest

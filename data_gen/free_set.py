@@ -44,9 +44,9 @@ if __package__ in (None, ""):  # run as a file: `data_gen` is one folder above
 from absl import logging
 
 from data_gen import config, job, settings
-from data_gen.catalogues.by_name import open_catalogue, variants_of
 from data_gen.catalogues.entry import Catalogue, family_of, original_name, printable, split_of
 from data_gen.catalogues.indexed import INDEX, read_index
+from data_gen.catalogues.open_catalogue import open_catalogue, variants_of
 from psgn_jax.config.command_line import Flags
 from psgn_jax.system.files import write_atomic
 from psgn_jax.system.processes import start_command
@@ -78,7 +78,7 @@ class Source:
 
     Attributes:
       name: name of the source and of its folder in the training set.
-      catalogue: one of `by_name.CATALOGUES`.
+      catalogue: one of `open_catalogue.CATALOGUES`.
       views: number of images of each model.
       licences: licences of its models; the first one with a matching pattern counts. Empty = the
         licences in the index.
@@ -132,7 +132,7 @@ def select(
       packages: folder of the unpacked packages.
       fraction: fraction of the models, chosen by a hash of the name. A larger fraction contains the
         smaller ones.
-      variants: see `by_name.variants_of`; a variant has the split of its model.
+      variants: see `open_catalogue.variants_of`; a variant has the split of its model.
 
     Raises:
       ValueError: the catalogue cannot be opened, or no model is left.
@@ -236,10 +236,7 @@ def plan(chosen: Sequence[Source], fractions: Mapping[str, float] = {}) -> list[
       ValueError: the sum of the fractions exceeds 1.
     """
     if sum(fractions.values()) > 1:
-        raise ValueError(
-            f"{', '.join(f'--{name}={x:g}' for name, x in fractions.items())}: expected a sum of "
-            "at most 1"
-        )
+        raise ValueError(f"fractions: got {dict(fractions)}, expected a sum of at most 1")
     parts = []
     for source in chosen:
         views: dict[str, int] = {}

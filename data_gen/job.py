@@ -63,7 +63,7 @@ def _with_all_splits(
         counts = Counter(splits.values())
         logging.warning(
             "a small set: %s; a network overfits on it, and its figures say little; "
-            "--option=fractions=0.6,0.2,0.2 sets the fractions of the splits",
+            "the catalogue's option fractions=0.6,0.2,0.2 sets the fractions of the splits",
             ", ".join(f"{counts[split]} models in {split!r}" for split in wanted),
         )
     return [

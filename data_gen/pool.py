@@ -141,8 +141,8 @@ class Renderer:
         why = (
             f"were not ready after {_SECONDS_TO_START:g} s; is the machine busy?"
             if late
-            else f"ended before they were ready (exit code {code}); psgn render has "
-            "--config.job.variant=scalar, which needs no LLVM"
+            else f"ended before they were ready (exit code {code}); "
+            "job.variant='scalar' needs no LLVM"
         )
         raise RuntimeError(f"{_FAILED_STARTS} worker processes {why}")
 

@@ -39,14 +39,14 @@ if __package__ in (None, ""):  # run as a file: `data_gen` is in the folder abov
     sys.path[0] = str(pathlib.Path(__file__).resolve().parents[1])
 
 from data_gen import cluster, job, pool, settings
-from data_gen.catalogues.by_name import (
+from data_gen.catalogues.choosing import Choice
+from data_gen.catalogues.open_catalogue import (
     CATALOGUES,
     open_catalogue,
     option_types,
     parse_options,
     variants_of,
 )
-from data_gen.catalogues.choosing import Choice
 from psgn_jax.config import structured
 from psgn_jax.config.command_line import Flags
 from psgn_jax.system.processes import start_command

@@ -20,7 +20,7 @@ from data_gen.catalogues.entry import Entry
 from data_gen.engine import Variant
 from data_gen.frame import outline, recentre
 from data_gen.mesh import Model, UnusableModelError, face_areas, face_normals
-from data_gen.photo import photograph
+from data_gen.photograph import photograph
 from data_gen.picture import Mesh, Picture, render
 from data_gen.settings import Settings
 from data_gen.solid import solid_occupancy

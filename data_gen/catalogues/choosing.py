@@ -45,15 +45,13 @@ def _texts(entry: Entry) -> set[str]:
     return {entry.category, *parts, *beginnings} - {""}
 
 
-def _check_patterns(flag: str, patterns: Sequence[str], entries: Sequence[Entry]) -> None:
-    idle = [p for p in patterns if not any(matches(p, entry) for entry in entries)]
-    if not idle:
-        return
-    known = sorted({text for entry in entries for text in _texts(entry)})
-    near = [difflib.get_close_matches(p, known, 1) for p in idle]
-    hints = [f"{p!r}" + (f" (did you mean {n[0]!r}?)" if n else "") for p, n in
-             zip(idle, near, strict=True)]  # fmt: skip
-    raise ValueError(f"--{flag}: no category and no name matches {', '.join(hints)}")
+def _check_patterns(field: str, patterns: Sequence[str], entries: Sequence[Entry]) -> None:
+    for pattern in patterns:
+        if not any(matches(pattern, entry) for entry in entries):
+            known = sorted({text for entry in entries for text in _texts(entry)})
+            near = difflib.get_close_matches(pattern, known, 1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise ValueError(f"{field}={pattern}: no category and no name matches{hint}")
 
 
 def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
@@ -63,7 +61,7 @@ def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
       ValueError: a pattern matches no model, no model is left, or the sample size is negative.
     """
     if choice.sample < 0:
-        raise ValueError(f"--sample: got {choice.sample}, expected 0 or more")
+        raise ValueError(f"sample={choice.sample}: expected 0 or more")
     _check_patterns("include", choice.include, entries)
     _check_patterns("exclude", choice.exclude, entries)
     left = [
@@ -73,10 +71,10 @@ def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
     ]  # fmt: skip
     if entries and not left:
         raise ValueError(
-            f"--include, --exclude: none of the {len(entries)} models is left, expected at least 1"
+            f"include and exclude leave none of the {len(entries)} models, expected at least 1"
         )
     if choice.sample > len(left):
-        logging.warning("--sample=%d: only %d models match", choice.sample, len(left))
+        logging.warning("sample=%d: only %d models match", choice.sample, len(left))
     return _spread(left, choice.seed)[: choice.sample] if choice.sample else left
 
 

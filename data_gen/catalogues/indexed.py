@@ -15,8 +15,8 @@ import numpy as np
 from data_gen.catalogues.entry import Catalogue, Entry, family_of, split_of
 from data_gen.catalogues.families import kit, materials
 from data_gen.mesh import Material, Model
-from data_gen.readers.files import FolderFiles
 from data_gen.readers.load import load_model
+from data_gen.readers.model_files import FolderFiles
 from psgn_jax.system.untrusted import one_line
 
 INDEX = "index.csv"

@@ -17,8 +17,8 @@ from absl import logging
 
 from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of, unique_names
 from data_gen.mesh import Model, UnusableModelError
-from data_gen.readers.files import ZipFiles, open_archive
 from data_gen.readers.load import load_model
+from data_gen.readers.model_files import ZipFiles, open_archive
 from data_gen.readers.mtl import floats
 
 PROPERTIES = "PluginFurnitureCatalog.properties"

@@ -11,7 +11,7 @@ import numpy as np
 from data_gen.frame import normalize, orient
 from data_gen.mesh import MAX_FACES, Model, UnusableModelError, build_model
 from data_gen.readers.by_trimesh import read_trimesh
-from data_gen.readers.files import Files, FolderFiles
+from data_gen.readers.model_files import Files, FolderFiles
 from data_gen.readers.obj import read_obj
 from data_gen.readers.textures import Assets
 

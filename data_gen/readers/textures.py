@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from data_gen.mesh import MAX_FACES, Material
-from data_gen.readers.files import Files
+from data_gen.readers.model_files import Files
 
 MAX_DECODED_PIXELS = 40_000_000
 """Largest accepted number of pixels of an image (of a JPEG, after the reduction by its decoder)."""

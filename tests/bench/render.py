@@ -17,7 +17,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
 from data_gen import engine, settings  # noqa: E402
-from data_gen.catalogues.by_name import open_catalogue  # noqa: E402
+from data_gen.catalogues.open_catalogue import open_catalogue  # noqa: E402
 from data_gen.engine import choose_variant  # noqa: E402
 from data_gen.render_model import Context, peak_megabytes, render_model  # noqa: E402
 

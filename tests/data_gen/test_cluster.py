@@ -12,7 +12,7 @@ import pytest
 from helpers import processes
 
 from data_gen import cluster, job, pool, settings
-from data_gen.catalogues.by_name import open_catalogue
+from data_gen.catalogues.open_catalogue import open_catalogue
 from data_gen.engine import Variant, has_mitsuba
 from data_gen.render_model import Context
 from psgn_jax.data.manifest import MANIFEST, load_manifest
@@ -132,7 +132,7 @@ def test_a_scheduler_that_is_killed_ends_the_command_in_one_line(tmp_path):
         text = log.read_text()
         assert "Traceback" not in text
         assert text.splitlines()[-1] == (
-            f"error: --scheduler {address!r}: the connection was lost; run the command again, "
+            f"error: --scheduler={address}: the connection was lost; run the command again, "
             "which continues"
         )
     finally:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from data_gen.catalogues import procedural, solids
-from data_gen.catalogues.by_name import open_catalogue
 from data_gen.catalogues.families import kit, materials
+from data_gen.catalogues.open_catalogue import open_catalogue
 from data_gen.mesh import face_normals
 
 EVERY = pytest.mark.parametrize("category", procedural.CATEGORIES)

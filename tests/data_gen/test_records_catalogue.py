@@ -7,7 +7,7 @@ import pytest
 from helpers import drawn_solids as solids
 
 from data_gen import engine, settings
-from data_gen.catalogues.by_name import open_catalogue, parse_options
+from data_gen.catalogues.open_catalogue import open_catalogue, parse_options
 from data_gen.catalogues.records import surfels
 from data_gen.engine import Variant, has_mitsuba
 from data_gen.mesh import UnusableModelError, face_areas

@@ -14,12 +14,12 @@ import pytest
 from helpers.commands import psgn_each
 
 from data_gen import cameras, engine, job, lights, scene, settings
-from data_gen.catalogues.by_name import open_catalogue
 from data_gen.catalogues.entry import Catalogue, Entry
+from data_gen.catalogues.open_catalogue import open_catalogue
 from data_gen.engine import Variant, choose_variant, has_mitsuba
 from data_gen.environment_maps import load_maps
 from data_gen.mesh import Material, build_model
-from data_gen.photo import trace
+from data_gen.photograph import trace
 from data_gen.picture import Mesh, render
 from data_gen.surroundings import Surroundings
 from psgn_jax.data import camera as project_camera
@@ -401,7 +401,7 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
         ("--seed=3", f"--seed=3: {no_effect} --sample"),
         (
             "--exclude=lmap",
-            "--exclude: no category and no name matches 'lmap' (did you mean 'lamp'?)",
+            "--exclude=lmap: no category and no name matches; did you mean 'lamp'?",
         ),
         # Fields may precede --config.
         (
@@ -414,7 +414,10 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
         for wrong, _ in cases
     ]
     first, *found = psgn_each(
-        ["render", "--help"], *arguments, cwd=tmp_path, imports=["data_gen.catalogues.by_name"]
+        ["render", "--help"],
+        *arguments,
+        cwd=tmp_path,
+        imports=["data_gen.catalogues.open_catalogue"],
     )
     for done, (_, message) in zip(found, cases, strict=True):
         said = done.stderr

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from data_gen.catalogues import proportions
-from data_gen.catalogues.by_name import open_catalogue, parse_options
 from data_gen.catalogues.entry import original_name
+from data_gen.catalogues.open_catalogue import open_catalogue, parse_options
 from data_gen.free_set import Licence, Source, select
 from data_gen.mesh import UnusableModelError, face_normals
 

@@ -8,8 +8,8 @@ from helpers.obj_text import CUBE, FACES, QUADS, png
 
 from data_gen.mesh import UnusableModelError, face_areas, face_normals
 from data_gen.readers import textures
-from data_gen.readers.files import FolderFiles
 from data_gen.readers.load import load_model
+from data_gen.readers.model_files import FolderFiles
 from data_gen.readers.obj import _blocks, read_obj
 from data_gen.surface import sample_surface
 

@@ -4,9 +4,9 @@ import pytest
 from helpers.obj_text import CUBE, FACES, png
 
 from data_gen.mesh import UnusableModelError
-from data_gen.readers import files as reader_files
-from data_gen.readers.files import FolderFiles
+from data_gen.readers import model_files
 from data_gen.readers.load import load_model
+from data_gen.readers.model_files import FolderFiles
 
 
 @pytest.mark.parametrize(
@@ -64,6 +64,6 @@ def test_what_is_no_file_is_called_what_it_is(tmp_path):
 
 
 def test_a_large_file_is_refused(write, monkeypatch):
-    monkeypatch.setattr(reader_files, "MAX_FILE_BYTES", 100)
+    monkeypatch.setattr(model_files, "MAX_FILE_BYTES", 100)
     with pytest.raises(UnusableModelError, match="more than the limit of 100"):
         load_model(write("a.obj", CUBE + FACES))

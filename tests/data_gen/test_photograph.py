@@ -13,7 +13,7 @@ from data_gen.catalogues import solids
 from data_gen.catalogues.entry import Entry
 from data_gen.engine import Variant, has_mitsuba
 from data_gen.mesh import Material
-from data_gen.photo import develop, trace
+from data_gen.photograph import develop, trace
 from data_gen.picture import Mesh, render
 from data_gen.render_model import Context, render_model
 from data_gen.settings import FilmSettings

@@ -9,8 +9,8 @@ from absl import logging
 from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
 from data_gen.frame import axis_vector
 from data_gen.mesh import MAX_FACES
-from data_gen.readers.files import FolderFiles
 from data_gen.readers.load import load_model
+from data_gen.readers.model_files import FolderFiles
 
 # Formats in which z usually points up; in the others it is y.
 _Z_UP = (".stl", ".ply", ".off", ".3mf", ".xyz")
@@ -48,7 +48,7 @@ def find_meshes(source: str | os.PathLike[str]) -> list[str]:
                 name = (pathlib.Path(place) / file).relative_to(root).as_posix()
                 (meshes if ending in endings else left).append(name)
     other = (
-        "; --catalogue=sh3f reads .sh3f files"
+        "; the catalogue sh3f reads .sh3f files"
         if any(n.lower().endswith(".sh3f") for n in left)
         else ""
     )

@@ -11,13 +11,13 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from data_gen.catalogues.entry import Catalogue
-from data_gen.catalogues.folder import folder
 from data_gen.catalogues.indexed import indexed
+from data_gen.catalogues.mesh_folder import folder
 from data_gen.catalogues.procedural import procedural
 from data_gen.catalogues.proportions import DEVIATION
 from data_gen.catalogues.records import records
 from data_gen.catalogues.sh3f import sweet_home
-from data_gen.catalogues.shapenet import shapenet
+from data_gen.catalogues.shapenet_meshes import shapenet
 
 CATALOGUES: dict[str, Callable[..., Catalogue]] = {
     "procedural": procedural,
@@ -97,11 +97,11 @@ def parse_options(name: str, pairs: Sequence[str]) -> dict[str, Any]:
         key, equals, text = pair.partition("=")
         if not equals or key not in known:
             raise ValueError(
-                f"--option={pair}: expected NAME=VALUE with NAME one of {known} for the catalogue "
+                f"option={pair}: expected NAME=VALUE with NAME one of {known} for the catalogue "
                 f"{name!r}"
             )
         if key in result:
-            raise ValueError(f"--option={pair}: {key} is given twice, expected once")
+            raise ValueError(f"option={pair}: {key} is given twice, expected once")
         hint = hints[key]
         several = typing.get_origin(hint) is not None
         kind = typing.get_args(hint)[0] if several else hint
@@ -110,6 +110,6 @@ def parse_options(name: str, pairs: Sequence[str]) -> dict[str, Any]:
             values = [kind(part) for part in parts]
         except ValueError:
             what = f"{kind.__name__} values with commas between them" if several else kind.__name__
-            raise ValueError(f"--option={pair}: expected {what}") from None
+            raise ValueError(f"option={pair}: expected {what}") from None
         result[key] = tuple(values) if several else values[0]
     return result

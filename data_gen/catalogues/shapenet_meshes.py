@@ -11,8 +11,8 @@ import pathlib
 
 from data_gen.catalogues.entry import Catalogue, Entry, split_of
 from data_gen.mesh import MAX_FACES
-from data_gen.readers.files import FolderFiles
 from data_gen.readers.load import load_model
+from data_gen.readers.model_files import FolderFiles
 from psgn_jax.data import synsets
 
 _LAYOUTS = (("models/model_normalized.obj", "-z"), ("model.obj", "+x"))
