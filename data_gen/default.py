@@ -51,13 +51,13 @@ def build(
     folder = pathlib.Path(folder)
     source = open_catalogue("procedural", str(models_per_category))
     try:
-        outcome = job.render_catalogue(source, folder, options)
+        progress = job.render_catalogue(source, folder, options)
     except OtherSettingsError:
         # An incomplete data set of the other variant of the renderer is deleted.
         if load_manifest(folder, allow_incomplete=True).complete:
             raise
         shutil.rmtree(folder)
-        outcome = job.render_catalogue(source, folder, options)
-    if not outcome.samples:
-        raise RuntimeError(f"the default data set: {job.text_of(outcome)}")
+        progress = job.render_catalogue(source, folder, options)
+    if not progress.samples:
+        raise RuntimeError(f"the default data set: {job.text_of(progress)}")
     return str(folder)

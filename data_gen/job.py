@@ -71,15 +71,15 @@ def _with_all_splits(
     ], moved  # fmt: skip
 
 
-def text_of(outcome: shards.Progress) -> str:
-    """The outcome of a job as text, with at most 40 reasons of refusals."""
-    lines = outcome.lines
-    counts = ", ".join(f"{n} {status}" for status, n in sorted(outcome.statuses.items()))
-    later = "" if outcome.complete else "; other parts of the job are not finished"
-    out = [f"{outcome.inputs} models: {counts}", f"{outcome.samples} samples{later}"]
-    if outcome.made:
-        rate = outcome.made / max(outcome.seconds, 1e-9)
-        out.append(f"{outcome.made} images in {outcome.seconds:.0f} s: {rate:.2f} images/s")
+def text_of(progress: shards.Progress) -> str:
+    """What a call has done as text, with at most 40 reasons of refusals."""
+    lines = progress.lines
+    counts = ", ".join(f"{n} {status}" for status, n in sorted(progress.statuses.items()))
+    later = "" if progress.complete else "; other parts of the job are not finished"
+    out = [f"{progress.inputs} models: {counts}", f"{progress.samples} samples{later}"]
+    if progress.made:
+        rate = progress.made / max(progress.seconds, 1e-9)
+        out.append(f"{progress.made} images in {progress.seconds:.0f} s: {rate:.2f} images/s")
     views = [view for line in lines if line["status"] == "ok" for view in line["views"]]
     if views:
         inside, depth, light = zip(*((v["inside"], v["depth"], v["luminance"]) for v in views),

@@ -114,11 +114,11 @@ def _main(flags: Flags) -> int:
     if values.scheduler:
         render = functools.partial(cluster.render_on, values.scheduler)
     choice = Choice(tuple(values.include), tuple(values.exclude), values.sample, values.seed)
-    outcome = job.render_catalogue(
+    progress = job.render_catalogue(
         source, values.out, options, part=part, choice=choice, limit=values.limit, render=render
     )
-    sys.stdout.write(job.text_of(outcome) + "\n")
-    return outcome.exit_code
+    sys.stdout.write(job.text_of(progress) + "\n")
+    return progress.exit_code
 
 
 # --- Help ---------------------------------------------------------------------------------------

@@ -57,10 +57,9 @@ def stretch(view: View, factor: float) -> View:
 
     This is exact if the image's x axis is parallel to the frame's y axis. Then y affects only the
     column, column - cx = fx (+-y + t0) / z, and t0 is multiplied by the same factor. Colours are
-    interpolated between columns, mask and depth take the nearest column. Columns without source
-    pixels become background: grey if the image's background is grey, otherwise an extension of the
-    image (`resample`). The occupancy grid is not transformed; `config.experiment` allows no such
-    augmentation in the tasks that read it.
+    interpolated between columns, mask and depth take the nearest one. Columns without a source
+    become background: grey if the image's background is grey, otherwise an extension of the image
+    (`resample`). The occupancy is not transformed; `config.experiment` refuses the combination.
     """
     width = view.image.shape[1]
     centre = float(view.intrinsics[0, 2])
@@ -82,11 +81,9 @@ def stretch(view: View, factor: float) -> View:
 def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
     """Scales the image about its middle, then moves it: another crop of the same scene.
 
-    The points do not change. The focal length is multiplied by `factor`, and the principal point is
-    moved with the image. Colours are interpolated, mask and depth take the nearest pixel.
-    Pixels without a source become background: grey if the image's background is grey, otherwise an
-    extension of the image (`resample`). If part of the object would leave the image, the scale and
-    the shift (down, right) in pixels are reduced so that the whole object stays in it.
+    The camera changes, not the points. Colours are interpolated, mask and depth take the nearest
+    pixel, and pixels without a source become background as in `stretch`. Scale and shift (down,
+    right) in pixels are reduced where part of the object would leave the image.
     """
     height, width = view.mask.shape
     # Per axis, for output coordinate o and input coordinate i (edges at integers): o = s i + t.
@@ -152,22 +149,21 @@ def reframe(
 ) -> View:
     """Places image and points by the rule, with a probability; then scales and shifts at random.
 
-    If the object would leave the image, the random move is reduced.
+    The random move is reduced if the object would leave the image. The logarithm of the scale and
+    both shifts are normally distributed and clipped at two standard deviations.
 
-    A view from another angle than the authors' (`framing.has_authors_angle`) is always placed,
-    unless `place_share` is 0 or the view shows too little of its object. The points of such a view
-    do not move with its image: they are placed by the rule as if the object were seen by the
-    authors' camera, which becomes the camera of the result. So the points of an object have nearly
-    the same scale and position for every angle of the camera. Views with depth are not treated in
-    this way.
+    A view without depth from another angle than the authors' (`framing.has_authors_angle`) is
+    always placed, unless `place_share` is 0 or the view shows too little of its object. Its points
+    do not move with the image: the rule places them as if the authors' camera saw the object, and
+    this camera becomes that of the result. So the points of an object have nearly the same scale
+    and position for every angle.
 
     Args:
       rng: source of the random numbers; how many are drawn does not depend on the other arguments.
       place_share: probability of the placement by the rule.
       scale_deviation: standard deviation of the logarithm of the scale about the object's middle.
       shift_deviation: standard deviation of the shifts along rows and columns, as a fraction of the
-        image's height (192 of 192x256 pixels). The logarithm and both shifts are normally
-        distributed and clipped at two standard deviations.
+        image's height (192 of 192x256 pixels).
     """
     placed = rng.random() < place_share
     size, down, right = np.clip(rng.standard_normal(3), -2, 2).tolist()
@@ -235,15 +231,9 @@ def colour_jitter(view: View, rng: np.random.Generator, strength: float) -> View
 def augment(
     view: View, cfg: DataConfig, rng: np.random.Generator, photo_seeds: Sequence[int]
 ) -> View:
-    """Applies all augmentations that the configuration enables, in turn.
+    """Applies the augmentations that the configuration enables.
 
-    A further augmentation is a function of this module, its fields in `DataConfig` and a call here.
-    Its random numbers are drawn after the existing ones, so that these stay the same.
-
-    Args:
-      cfg: the section `data` of the configuration, which describes each augmentation.
-      rng: source of the random numbers of mirroring, width, crop and colours.
-      photo_seeds: seeds of the effects and the framing of photos.
+    `rng` serves mirroring, width, crop and colours, `photo_seeds` the effects and the framing.
     """
     mirrored, factor = rng.random(), 1 + cfg.stretch * rng.uniform(-1, 1)
     zoom, move = rng.uniform(-1, 1), rng.uniform(-1, 1, 2)

@@ -27,22 +27,15 @@ ORDER, _TRAIN, _EVAL, _VIEWS, _PHOTO = 0, 1, 2, 3, 4
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Item:
-    """One record, decoded and resized. It does not depend on the training step.
+    """One record, decoded and resized. It does not depend on the training step."""
 
-    Attributes:
-      view: the sample without its points.
-      points: all points of the record.
-      labels: category, model_id and view.
-      measured: depth at the record's own size and the intrinsics that go with it, for visibility.
-    """
-
-    view: View
-    points: PointLattice
-    labels: dict[str, Any]
+    view: View  # without points
+    points: PointLattice  # all of the record
+    labels: dict[str, Any]  # category, model_id and view
+    # Depth at the record's own size and the intrinsics that go with it, for visibility.
     measured: tuple[DepthCodes, np.ndarray] | None
 
     def nbytes(self) -> int:
-        """Size of the arrays."""
         arrays = [self.view.image, self.view.mask, self.view.depth, self.view.occupancy]
         arrays += [self.measured[0].codes, self.measured[0].valid] if self.measured else []
         return self.points.codes.nbytes + sum(a.nbytes for a in arrays if a is not None)
@@ -66,11 +59,7 @@ def _further_view(item: Item) -> View:
 
 
 class Items:
-    """Maps a record number to its `Item`.
-
-    If the items are used `repeatedly`, it keeps them up to `cache_gb`. Records of a folder that is
-    listed several times are kept once. The others are decoded at each use.
-    """
+    """Maps a record number to its `Item`; keeps up to `cache_gb` if they are used `repeatedly`."""
 
     def __init__(
         self, cfg: DataConfig, reader: RecordReader, *, visibility: bool = False,
@@ -129,11 +118,7 @@ class Items:
 
 
 def model_views(reader: RecordReader, wanted: int, name: str) -> ModelViews:
-    """For each record, all views of its model, itself included.
-
-    The manifest does not name models. Therefore every record is read once, which takes one or two
-    milliseconds each.
-    """
+    """For each record, all views of its model, itself included; reads every record once."""
     members: dict[tuple[str, ...], list[int]] = {}
     for index in range(len(reader)):
         stored = reader.stored(index, ())
@@ -174,10 +159,7 @@ def _stack(rows: Iterable[Sequence[View]], count: int, *, several: bool) -> Batc
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TrainBatch:
-    """Maps a step number to this process's rows of the batch.
-
-    Row j of step s is record `order[s * batch_size + j]`.
-    """
+    """Maps step s to this process's rows; row j is record `order[s * batch_size + j]`."""
 
     cfg: DataConfig
     items: Items
@@ -188,7 +170,6 @@ class TrainBatch:
     model_views: ModelViews | None
 
     def __call__(self, step: int) -> Batch:
-        """The rows of one step."""
         cfg = self.cfg
         num_views = 0
         if self.model_views:
@@ -214,10 +195,7 @@ class TrainBatch:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class EvalBatch:
-    """Maps a batch number to the batch of an evaluation.
-
-    The last batch is padded with copies of the last sample.
-    """
+    """Maps a number to a batch of an evaluation; the last one is padded with its last sample."""
 
     cfg: DataConfig
     items: Items
@@ -228,7 +206,6 @@ class EvalBatch:
     model_views: ModelViews | None
 
     def __call__(self, number: int) -> Batch:
-        """The batch of that number."""
         cfg = self.cfg
         start = number * self.batch_size
         filled = min(self.batch_size, self.count - start)

@@ -44,18 +44,13 @@ _DEFLATE_LEVEL = 5
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PointLattice:
-    """Points on an integer lattice.
+    """Points on a lattice: `point = matrix[:, :3] @ code + matrix[:, 3]` in the project's frame."""
 
-    Attributes:
-      codes: unsigned integers [M, 3], uint8 or uint16.
-      matrix: float64 [3, 4], `point = matrix[:, :3] @ code + matrix[:, 3]` in the project's frame.
-    """
-
-    codes: np.ndarray
-    matrix: np.ndarray
+    codes: np.ndarray  # uint8 or uint16 [M, 3]
+    matrix: np.ndarray  # float64 [3, 4]
 
     def points(self, index: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Points in the project's frame, float32 [n, 3]; all of them, or those at `index`."""
+        """The points, or those at `index`: float32 [n, 3]."""
         matrix = self.matrix.astype(np.float32)
         codes = self.codes[index] if isinstance(index, slice) else self.codes.take(index, axis=0)
         return codes.astype(np.float32) @ matrix[:, :3].T + matrix[:, 3]
@@ -63,30 +58,21 @@ class PointLattice:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class DepthCodes:
-    """Depth as 16-bit codes.
+    """Depth along the optical axis: `offset + scale * code` in the unit of the frame."""
 
-    Attributes:
-      codes: uint16 [H, W].
-      valid: bool [H, W], True where there is a depth.
-      scale, offset: `z = offset + scale * code` along the optical axis, unit of the frame.
-    """
-
-    codes: np.ndarray
-    valid: np.ndarray
+    codes: np.ndarray  # uint16 [H, W]
+    valid: np.ndarray  # bool [H, W], True where there is a depth
     scale: float
     offset: float
 
     def depth(self) -> np.ndarray:
-        """Depth in the unit of the frame, float32 [H, W], 0 where there is none."""
+        """float32 [H, W], 0 where there is no depth."""
         z = self.offset + self.scale * self.codes.astype(np.float64)
         return np.where(self.valid, z, 0.0).astype(np.float32)
 
 
 def lattice_of(points: np.ndarray, bits: int = DEFAULT_POINT_BITS) -> PointLattice:
-    """Rounds points [M, 3] to 2**bits levels on each axis of their bounding box, bits = 1 to 16.
-
-    The error on each axis is at most half a step, extent / (2**bits - 1) / 2.
-    """
+    """Rounds points [M, 3] to 2**bits levels on each axis of their bounding box, bits = 1 to 16."""
     points = np.asarray(points, np.float64)
     low, high = points.min(axis=0), points.max(axis=0)
     top = 2**bits - 1
@@ -181,7 +167,7 @@ def _encode_depth(depth: DepthCodes, mask: np.ndarray) -> dict[str, Any]:
     return {
         "scale": depth.scale,
         "offset": depth.offset,
-        # None: the pixels with a depth are those of the mask, which is the usual case.
+        # None: the pixels of the mask have a depth, as usual.
         "valid": None if np.array_equal(depth.valid, mask) else _deflate(np.packbits(depth.valid)),
         "steps": _deflate(_byte_planes(zigzag, 2)),
     }
@@ -189,6 +175,7 @@ def _encode_depth(depth: DepthCodes, mask: np.ndarray) -> dict[str, Any]:
 
 def _decode_depth(stored: Mapping[str, Any], mask: np.ndarray) -> DepthCodes:
     field = stored["depth"]
+    scale, offset = float(field["scale"]), float(field["offset"])
     valid = mask if field["valid"] is None else _decode_bits(field["valid"], mask.shape, "depth")
     count = int(valid.sum())
     codes = np.zeros(mask.shape, np.uint16)
@@ -197,12 +184,10 @@ def _decode_depth(stored: Mapping[str, Any], mask: np.ndarray) -> DepthCodes:
         steps = (zigzag >> np.uint16(1)) ^ (~(zigzag & np.uint16(1)) + np.uint16(1))
         values = np.cumsum(steps, dtype=np.uint16)
         codes[valid] = values
-    depth = DepthCodes(codes, valid, float(field["scale"]), float(field["offset"]))
-    if count:
-        ends = [depth.offset + depth.scale * float(code) for code in (values.min(), values.max())]
-        if not (-abs(depth.scale) <= min(ends) and max(ends) <= _MAX_COORDINATE):
+        ends = [offset + scale * float(code) for code in (values.min(), values.max())]
+        if not (-abs(scale) <= min(ends) and max(ends) <= _MAX_COORDINATE):
             raise ValueError(f"depth from {ends[0]:g} to {ends[1]:g}, expected 0 or more")
-    return depth
+    return DepthCodes(codes, valid, scale, offset)
 
 
 def _lattice_keys(codes: np.ndarray) -> np.ndarray:
@@ -283,12 +268,12 @@ def encode(
     """Encodes one sample as the bytes of a record.
 
     Args:
-      points: the lattice of `sample.points`, in the same order; it is stored exactly.
-      depth: the codes from which `sample.depth` was computed; they are stored exactly.
-      point_bits: resolution of the lattice if `points` is None.
+      points: the lattice of `sample.points`, in the same order, to be stored exactly.
+      depth: the codes of `sample.depth`, to be stored exactly.
+      point_bits: resolution of the lattice without `points`.
 
     Raises:
-      ValueError: a field of the sample does not pass `schema.validate`.
+      ValueError: a field does not pass `schema.validate`.
     """
     schema.validate(sample)
     if points is None:
@@ -336,8 +321,8 @@ def field_sizes(data: bytes) -> dict[str, int]:
 def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Any:
     """A `Sample` whose points are a `PointLattice` and whose depth is `DepthCodes`.
 
-    A field is None if the record does not have it or if it is not one of `fields`; `depth` includes
-    `mask`. Cameras, strings and `view` are always present. ValueError if a field is invalid.
+    Fields that are missing or not in `fields` are None; `depth` includes `mask`. Cameras, strings
+    and `view` are always present. ValueError if a field is invalid.
     """
     stored = unpack(data)
     present = {field for field in fields if field in stored}

@@ -26,8 +26,7 @@ MODELS_PER_SHARD = 64
 LAYOUTS = {"r2n2": r2n2, "occnet": occnet}
 
 ConvertedRecord = tuple[str, bytes, schema.Sample] | str
-"""What is read from an input: split, bytes and sample of a record, or a message for a damaged one.
-"""
+"""What is read from an input: split, bytes and sample of a record, or a message about a bad one."""
 
 Input = tuple[Tag, Callable[[], Iterator[ConvertedRecord]]]
 """A file or a model that is converted as a whole."""
@@ -54,14 +53,7 @@ def convert_authors(
     """Converts a folder of the authors' batches; one file is in memory at a time.
 
     Training samples whose shape is that of a validation or test object have the split
-    `DUPLICATES`.
-
-    Returns:
-      The manifest, and a message for every file or sample that was left out.
-
-    Raises:
-      ValueError: `source` has no batch file, or none that can be read.
-      OtherSettingsError: `destination` contains a data set from another source.
+    `DUPLICATES`. Result and errors are those of `convert_models`.
     """
     source, destination = pathlib.Path(source), pathlib.Path(destination)
     if not source.is_dir():
@@ -110,15 +102,15 @@ def convert_models(
     Args:
       layout: "r2n2" or "occnet"; the modules of these names describe the layouts.
       num_points: maximum number of points per sample.
-      max_views: number of views per model; the first ones are used. None: all of the layout.
-      strict: whether to stop at the first file, model or view that cannot be read.
+      max_views: use only the first views of each model; None: all of the layout.
+      strict: stop at the first file, model or view that cannot be read.
 
     Returns:
       The manifest, and a message for everything that was left out.
 
     Raises:
-      ValueError: `source` does not have the layout, or nothing in it can be read; the layout has
-        fewer views; with `strict` also if anything in it cannot be read.
+      ValueError: `source` does not have the layout, or so many views; nothing in it can be read, or
+        with `strict` something cannot be read.
       OtherSettingsError: `destination` contains a data set from another source.
     """
     source, destination = pathlib.Path(source), pathlib.Path(destination)
@@ -164,16 +156,7 @@ def convert(
     per_shard: int,
     strict: bool = False,
 ) -> tuple[Manifest, list[str]]:
-    """Converts inputs, or continues a conversion; see `shards.Job` for the arguments.
-
-    Returns:
-      The manifest, and a message for everything that was left out.
-
-    Raises:
-      ValueError: nothing could be read, or with `strict` something could not be read.
-      OtherSettingsError: `destination` contains a data set from another source.
-      ClaimedError: another process converts to `destination`.
-    """
+    """Converts inputs, or continues a conversion; see `shards.Job` for the arguments."""
 
     def make(todo: Sequence[tuple[int, Any]]) -> Generator[shards.Result]:
         for number, read in todo:
@@ -197,9 +180,9 @@ def convert(
                 number, line, [record for own in records.values() for record in own]
             )
 
-    outcome = shards.write(destination, Job(statement, inputs, per_shard, converts=True), make)
-    left_out = [text for line in outcome.lines for text in line["reason"].split("\n") if text]
-    if not outcome.samples:
+    progress = shards.write(destination, Job(statement, inputs, per_shard, converts=True), make)
+    left_out = [text for line in progress.lines for text in line["reason"].split("\n") if text]
+    if not progress.samples:
         first = (left_out or ["none"])[0]
         raise ValueError(f"SRC {str(source)!r}: no file could be read; first message: {first}")
     return load_manifest(destination), left_out

@@ -1,31 +1,31 @@
 """The position of an object in the image: one rule for training, evaluation and prediction.
 
 **Training objects.** The authors scale an object to a bounding hemisphere of radius 1 and use one
-camera, so the position in the image follows from the proportions of the object. In their 1,504
-images (192x256), the bounding box of the mask, `h` x `w` pixels, is near the curve
+camera, so its proportions determine its position in the image. In their 1,504 images (192x256), the
+bounding box of the mask, `h` x `w` pixels, is near the curve
 
     (w / 223)^4 + (h / 124)^4 = 1
 
 (standard deviation of the scale 12 %), with its centre at column 128 (sd 11) and row 63 + 0.224 w
-(sd 14). `rule_move` maps the box of an object to this curve and this centre. The rule was fitted by
-least squares, over the images in which both sides of the box have at least 20 pixels.
+(sd 14). This is a least-squares fit over the images whose boxes have sides of at least 20 pixels.
+`rule_move` maps the box of an object to this curve and this centre.
 
 **Images and points together.** A photo determines neither the size nor the position of its object.
-Therefore a move of the image, from column and row `p` to `s p + (right, down)`, moves the points of
-a training sample as well, and the camera (K, R, T) does not change: `move_points`. In the frame of
-the camera, with rays `q = (x, y) / z`, the move is `q -> s q + (u, v)`, where (u, v, 1) is the last
-column of `K^-1 [[s, 0, right], [0, s, down], [0, 0, 1]] K`. The object is scaled about its centre,
-at depth `z0` (mean over the points), and moved perpendicular to the optical axis:
+If we move a training image, from column and row `p` to `s p + (right, down)`, we therefore move its
+points as well, and keep the camera (K, R, T). In the frame of the camera, rays `q = (x, y) / z`
+become `s q + (u, v)`, where (u, v, 1) is the last column of
+`K^-1 [[s, 0, right], [0, s, down], [0, 0, 1]] K`. The object is scaled about its centre, at depth
+`z0` (mean over the points), and moved perpendicular to the optical axis:
 
     X' = s X + z0 (u, v, 1 - s)
 
-This is a similarity without rotation: the object keeps its shape and its angle to the ground. For
-points at depth z0 the projection is exact. For a point at depth `z = z0 + d` the error is
+This keeps its shape and its angle to the ground; an exact move would have to shear it. The
+projection of a point at depth `z0 + d` is wrong by
 
     q' - (s q + (u, v)) = s d / (z0 + s d) * ((1 - s) q - (u, v))
 
 times the focal length in pixels: 1.2 pixels (root mean square) for a box of 1 x 1.2 x 0.7 under a
-shift by 14 pixels with the authors' camera. An exact move would have to shear the object.
+shift by 14 pixels with the authors' camera.
 """
 
 import dataclasses
@@ -44,18 +44,13 @@ SMALLEST_BOX = 8
 """An object is not placed if the longer side of its box has fewer pixels."""
 
 LARGEST_CHANGE = 2.0
-"""A sample of a data set is not placed if its size would change by more than this factor.
-
-A larger change means that the mask shows little of the object, such as a plate seen edge-on.
-"""
+"""A sample is not placed if its size would change by more than this factor: the mask then shows
+little of the object, such as a plate seen edge-on."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Move:
-    """A similarity of the image plane without rotation.
-
-    It maps (column, row) to `scale * (column, row) + (right, down)`; pixels as in `schema`.
-    """
+    """Maps (column, row) to `scale * (column, row) + (right, down)`; pixels as in `schema`."""
 
     scale: float
     right: float
@@ -66,7 +61,7 @@ class Move:
         return np.array([[self.scale, 0, self.right], [0, self.scale, self.down], [0, 0, 1.0]])
 
     def then(self, other: "Move") -> "Move":
-        """The composition: this move first, then `other`."""
+        """This move first, then `other`."""
         return Move(
             other.scale * self.scale,
             other.scale * self.right + other.right,
@@ -76,23 +71,18 @@ class Move:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Framed:
-    """A photo as framed for a network, with its camera. The network resizes it to its own size.
+    """A photo as framed for a network, with the authors' camera for this view.
 
-    Attributes:
-      image: uint8 [192, 256, 3], grey 191 outside the mask.
-      mask: bool [192, 256].
-      intrinsics, extrinsics: the authors' camera for this view (`schema`: conventions).
-      to_view: float64 [3, 3], maps homogeneous (column, row) of the original array to those of the
-        view. `inv(to_view) @ intrinsics` is the camera of that array.
-      placed: False if the framing of the array was kept.
+    `to_view` maps homogeneous (column, row) of the original array to those of the view, so
+    `inv(to_view) @ intrinsics` is the camera of that array.
     """
 
-    image: np.ndarray
-    mask: np.ndarray
-    intrinsics: np.ndarray
-    extrinsics: np.ndarray
-    to_view: np.ndarray
-    placed: bool
+    image: np.ndarray  # uint8 [192, 256, 3], grey 191 outside the mask
+    mask: np.ndarray  # bool [192, 256]
+    intrinsics: np.ndarray  # [3, 3]
+    extrinsics: np.ndarray  # [3, 4]
+    to_view: np.ndarray  # float64 [3, 3]
+    placed: bool  # False if the framing of the array was kept
 
 
 def is_framed(image: np.ndarray) -> bool:
@@ -105,11 +95,7 @@ def is_framed(image: np.ndarray) -> bool:
 
 
 def box_of(mask: np.ndarray) -> tuple[int, int, int, int]:
-    """Bounding box (top, bottom, left, right) of a mask; bottom and right are exclusive.
-
-    Raises:
-      PhotoError: the mask is empty.
-    """
+    """Box (top, bottom, left, right) of a mask, ends exclusive; PhotoError if it is empty."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
         raise PhotoError("the mask is empty; expected pixels of an object")
@@ -117,10 +103,7 @@ def box_of(mask: np.ndarray) -> tuple[int, int, int, int]:
 
 
 def rule_move(box: tuple[float, float, float, float]) -> Move:
-    """The move of an object's box to the rule's position in a view of 192x256 pixels.
-
-    The box is (top, bottom, left, right) in an image with square pixels.
-    """
+    """The move of a box (top, bottom, left, right) to the rule's position in 192x256 pixels."""
     top, bottom, left, right = box
     wide, high = right - left, bottom - top
     relative = (wide / BOX_WIDTH) ** BOX_POWER + (high / BOX_HEIGHT) ** BOX_POWER
@@ -133,8 +116,7 @@ def rule_move(box: tuple[float, float, float, float]) -> Move:
 def rule_move_within(mask: np.ndarray) -> Move | None:
     """The move by the rule, in pixels of a mask [h, w] whose sides correspond to 192 and 256.
 
-    None if the longer side of the object's box is below `SMALLEST_BOX` pixels, or if its size would
-    change by more than `LARGEST_CHANGE`.
+    None if the object is too small, or would change by more than `LARGEST_CHANGE`.
     """
     top, bottom, left, right = box_of(mask) if mask.any() else (0, 0, 0, 0)
     if max(bottom - top, right - left) < SMALLEST_BOX:
@@ -160,10 +142,7 @@ def has_authors_angle(extrinsics: np.ndarray) -> bool:
 
 
 def box_from_authors_angle(points: np.ndarray) -> tuple[float, float, float, float] | None:
-    """The box (top, bottom, left, right) of points [n, 3] in the authors' view of 192x256 pixels.
-
-    Points whose pixels are not finite are left out; None if there is no other point.
-    """
+    """The box of points [n, 3] in the authors' view of 192x256 pixels; None without finite ones."""
     pixels, _ = camera.project(points, *camera.default_camera(VIEW_SIZE))
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
     if not len(pixels):
@@ -230,10 +209,7 @@ def on_mask(mask: np.ndarray, image: np.ndarray, other: np.ndarray | np.uint8) -
 def move_points(
     points: np.ndarray, move: Move, intrinsics: np.ndarray, extrinsics: np.ndarray
 ) -> np.ndarray:
-    """Moves points [n, 3] with the image of their camera, by the equation of the module.
-
-    The result, float32 [n, 3], is `scale * points` plus one vector.
-    """
+    """Moves points [n, 3] with the image of their camera, by the equation of the module."""
     if not len(points):
         return points
     rotation, translation = extrinsics[:, :3].astype(np.float64), extrinsics[:, 3]
@@ -249,9 +225,9 @@ def move_points(
 def move_depth(
     depth: np.ndarray, points: np.ndarray, move: Move, extrinsics: np.ndarray
 ) -> np.ndarray:
-    """Moves a depth map [h, w], 0 = none, with its image; depths are scaled about z0.
+    """Moves a depth map [h, w], 0 = none, by nearest pixels, and scales depths about z0.
 
-    Each pixel takes the nearest one. `points` are those before `move_points`.
+    `points` are those before `move_points`.
     """
     height, width = depth.shape
     rows = np.floor((np.arange(height) + 0.5 - move.down) / move.scale).astype(np.intp)
@@ -270,11 +246,9 @@ def _centre_depth(points: np.ndarray, extrinsics: np.ndarray) -> float:
 
 
 def place(image: np.ndarray, mask: np.ndarray, *, move: bool = True) -> Framed:
-    """Crops and scales an object to the position of training objects, by the module's rule.
+    """Crops and scales an object, image uint8 [h, w, 3] and mask bool [h, w], by the module's rule.
 
     Args:
-      image: uint8 [h, w, 3] RGB.
-      mask: bool [h, w], True on the object.
       move: False keeps the framing; the image must then be 4:3.
 
     Raises:
@@ -308,12 +282,11 @@ def place(image: np.ndarray, mask: np.ndarray, *, move: bool = True) -> Framed:
 
 
 def normal_form(points: np.ndarray) -> tuple[float, np.ndarray]:
-    """Scale a and shift b with `points = a * normalised + b`, where `normalised` has normal form.
+    """Scale a > 0 and shift b [3] with `points = a * normalised + b`, common to points [..., 3].
 
-    Training objects have this form (`data_gen.frame.normalize`): the lowest point is at z = 0, the
-    centre of the bounding box at x = y = 0, and the farthest point at distance 1 from the origin.
-
-    The points [..., 3] may be several clouds, with a common a > 0 (1 if all are equal) and b [3].
+    `normalised` has the form of training objects (`data_gen.frame.normalize`): the lowest point is
+    at z = 0, the centre of the bounding box at x = y = 0, and the farthest point at distance 1 from
+    the origin. a is 1 if all points are equal.
     """
     flat = points.reshape(-1, 3).astype(np.float64)
     low, high = flat.min(axis=0), flat.max(axis=0)

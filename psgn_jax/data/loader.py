@@ -1,13 +1,12 @@
 """Records to batches: deterministic, resumable at any step, sharded by process.
 
-The batch of step s depends only on (records, configuration, batch size, seed, s). Row j of the
-global batch is record `order[s * B + j]`, where `order` is an endless concatenation of permutations
-of the split, one per epoch. The random numbers of the row come from the seeds (seed, s, j). A run
-that resumes at step s therefore need not repeat earlier batches. Rows are bit-identical for any
+Row j of the global batch of step s is record `order[s * B + j]`, where `order` concatenates
+permutations of the split, one per epoch. Its random numbers come from the seeds (seed, s, j). A run
+that resumes at step s therefore need not repeat earlier batches, and rows are bit-identical for any
 number of threads, worker processes and training processes.
 
-Each batch is made by one worker: a thread of this process (decoding releases Python's lock most of
-the time), or, in training, one of `num_workers` processes.
+One worker makes each batch: a thread of this process (decoding releases Python's lock most of the
+time), or, in training, one of `num_workers` processes.
 """
 
 import contextlib
@@ -128,11 +127,7 @@ def _iterate(
 
 
 def num_samples(cfg: DataConfig, split: str, *, evaluation: bool = False) -> int:
-    """Number of samples in a split of the training data, or of the data of the evaluation.
-
-    Raises:
-      RecordError: there is no such data set or split.
-    """
+    """Number of samples in a split of the data of a training or an evaluation; `RecordError`."""
     return len(_open(cfg, cfg.eval_folders if evaluation else cfg.folders, split))
 
 
@@ -145,10 +140,10 @@ def train_batches(
     process_index: int = 0,
     process_count: int = 1,
 ) -> Generator[Batch, None, None]:
-    """Endless training batches, beginning with that of `start_step`.
+    """Endless training batches from `start_step` on, augmented as the configuration says.
 
-    Each epoch contains every record of the split once, or N times if `data.path` gives its folder
-    the factor N. Each epoch has its own order. Augmentations are those of the configuration.
+    Each epoch has its own order and contains every record of the split once, or N times if
+    `data.path` gives its folder the factor N.
 
     Args:
       batch_size: size B of the global batch.
@@ -158,12 +153,12 @@ def train_batches(
       process_count: number of parts; divides B.
 
     Yields:
-      image uint8 [b, H, W, 3]; mask bool [b, H, W]; points float32 [b, num_points, 3]; intrinsics
-      float32 [b, 3, 3]; extrinsics float32 [b, 3, 4]; depth float32 [b, H, W] if among the inputs;
-      occupancy bool [b, 32, 32, 32] if `cfg.occupancy`; b = B / process_count. With
-      `cfg.train_views`, image and mask have an extra axis of v views after the batch axis. v is
-      uniform in 1 to `train_views` and the same for the whole batch. All other arrays belong to the
-      first view. The other views are drawn without replacement from the same model.
+      With b = B / process_count: image uint8 [b, H, W, 3]; mask bool [b, H, W]; points float32
+      [b, num_points, 3]; intrinsics float32 [b, 3, 3]; extrinsics float32 [b, 3, 4]; depth float32
+      [b, H, W] if among the inputs; occupancy bool [b, 32, 32, 32] if `cfg.occupancy`. With
+      `cfg.train_views`, image and mask have an axis of v views after the batch axis; v is uniform
+      in 1 to `train_views`, the same for the whole batch. The other arrays belong to the first
+      view. The other views are drawn without replacement from the same model.
 
     Raises:
       ValueError: `process_count` does not divide `batch_size`.
@@ -198,8 +193,6 @@ def eval_batches(
 ) -> Generator[Batch, None, None]:
     """Every sample of a split exactly once, in the order of the records, never augmented.
 
-    The batches are made by threads, because starting processes would take longer than most splits.
-
     Args:
       batch_size: size B; the last batch is padded to it with copies of the last sample.
       seed: seed of the choice of points.
@@ -209,10 +202,9 @@ def eval_batches(
     Yields:
       the arrays of `train_batches`, with num_eval_points points; also valid bool [B] (False on
       padding), category and model_id (lists of B strings) and view (list of B integers). With a
-      `visible_tolerance`, if all records of the split have depth: also visible bool
-      [B, num_eval_points], whether the depth image of the record shows a point. With
-      `cfg.eval_views` = v, image and mask have v views: the sample's own and the next v - 1 views
-      of its model in the order of the records, cyclically. Every model must have at least v views.
+      `visible_tolerance`, if all records of the split have depth: visible bool
+      [B, num_eval_points], whether the depth image shows a point. With `cfg.eval_views` = v, image
+      and mask have v views: the sample's own and the next v - 1 of its model, cyclically.
 
     Raises:
       RecordError: the data set is missing or damaged, from the call or while iterating.

@@ -33,28 +33,16 @@ _Crc32 = Annotated[int, Bounds(0, (1 << 32) - 1)]
 
 @dataclasses.dataclass(frozen=True)
 class Shard:
-    """One file of records.
+    """One file of records."""
 
-    Attributes:
-      file: file name in the folder of the data set.
-      split: name of its split.
-      count: number of records.
-      size: size of the file in bytes.
-      crc32: CRC-32 of the whole file.
-      categories: number of records of each category.
-      fields: the fields that all its records have.
-      inputs: the digest of the inputs and settings that it was made of, see `data.shards`; empty if
-        it was not made of inputs.
-    """
-
-    file: str
+    file: str  # its name in the folder of the data set
     split: str
-    count: _Count
-    size: _Size
-    crc32: _Crc32
-    categories: Mapping[str, _Count]
-    fields: tuple[str, ...]
-    inputs: tuple[str, ...]
+    count: _Count  # of records
+    size: _Size  # in bytes
+    crc32: _Crc32  # of the whole file
+    categories: Mapping[str, _Count]  # number of records of each
+    fields: tuple[str, ...]  # that all records have
+    inputs: tuple[str, ...]  # digest of what it was made of by `data.shards`, if it was
 
 
 @dataclasses.dataclass(frozen=True)
@@ -141,7 +129,7 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
 
 
 def _check(shard: Shard) -> Shard:
-    """Checks what depends on several fields, and names that are used as paths."""
+    """Checks what types do not express, such as names that are used as paths."""
     if not SPLIT_NAME.fullmatch(shard.split):
         raise ValueError(f"split {shard.split!r}, expected lower-case letters, digits and _")
     if pathlib.PurePath(shard.file).name != shard.file or not shard.file.isprintable():

@@ -1,9 +1,8 @@
 """Writes data sets that can be stopped, resumed, divided among processes and extended.
 
-A `Job` has inputs, such as files or models. A function makes samples of each, in any order, in this
-process, in others or on a cluster. Inputs are divided into blocks of one split. The samples of a
-block are written to a shard for each split when all its inputs are done, and the block is then
-skipped by later calls. Conversion, variants and rendering use this.
+A function makes the samples of each input of a `Job`, in any order and in any process. Inputs are
+divided into blocks of one split. When all inputs of a block are done, its samples go into a shard
+for each split, and later calls skip the block. Conversion, variants and rendering use this.
 
 The folder of a job:
 
@@ -15,10 +14,9 @@ The folder of a job:
     .work/<hash>.input                      line and samples of an input
     .work/<digest>.block                    lines and shards of a block
 
-The digest of a block is computed from the statement of the job and the tags of its inputs. When a
-data set is extended, new shards are written next to the existing ones, and the manifest is then
-replaced, which switches readers to the new state atomically. Unchanged shards are kept; the samples
-of other existing shards are copied, not made again.
+The digest of a block follows from the statement of the job and the tags of its inputs. To extend a
+data set, we write new shards next to the old ones and then replace the manifest, so readers see
+either the old or the new state. Samples that exist are kept or copied, not made again.
 """
 
 import contextlib
@@ -86,15 +84,13 @@ Make = Callable[[Sequence[tuple[int, Any]]], Generator[Result]]
 
 
 class _Block(NamedTuple):
-    """Numbers of inputs of one split, in order, the number of the block in it, and its digest."""
-
-    number: int
-    indices: tuple[int, ...]
+    number: int  # in its split
+    indices: tuple[int, ...]  # of its inputs, in order
     digest: str
 
 
 class _Done(NamedTuple):
-    """The lines and the shards of a block."""
+    """A finished block."""
 
     lines: list[Line]
     shards: list[Shard]
@@ -105,13 +101,13 @@ class Job:
     """The specification of a data set.
 
     Attributes:
-      statement: everything that determines the samples of an input, besides its tag. The value of
-        `source` is the source in the manifest.
-      inputs: tag of each input, and what the function that makes its samples gets.
+      statement: what determines the samples of an input, besides its tag. `source` goes into the
+        manifest.
+      inputs: tag of each input, and the argument of the function that makes its samples.
       per_shard: largest number of inputs of a shard.
       about: how the inputs were chosen, for `job.json` and for messages.
-      converts: whether published data are converted: inputs may vanish, and those of which
-        something is missing are tried again by the next call.
+      converts: published data are converted: inputs may vanish, and the next call tries inputs
+        again of which something is missing.
     """
 
     statement: Mapping[str, Any]
@@ -121,7 +117,6 @@ class Job:
     converts: bool = False
 
     def tags(self) -> list[Tag]:
-        """The tags of the inputs."""
         return [tag for tag, _ in self.inputs]
 
     def blocks(self, tags: Sequence[Tag] | None = None) -> list[_Block]:
@@ -143,25 +138,16 @@ class Job:
 
 @dataclasses.dataclass(frozen=True)
 class Progress:
-    """What a call has done.
+    """What a call has done."""
 
-    Attributes:
-      inputs: number of inputs of the job.
-      lines: lines of the inputs, in their order; if the job is not complete, of those in shards.
-      complete: whether all parts are done.
-      seconds: duration of the call.
-      made: number of samples that the call made.
-    """
-
-    inputs: int
-    lines: tuple[Line, ...]
-    complete: bool
-    seconds: float
-    made: int
+    inputs: int  # in the job
+    lines: tuple[Line, ...]  # of all inputs, or of those in shards if the job is not complete
+    complete: bool  # all parts are done
+    seconds: float  # duration of the call
+    made: int  # samples that the call made
 
     @property
     def samples(self) -> int:
-        """Number of samples of the lines."""
         return sum(line["samples"] for line in self.lines)
 
     @property
@@ -173,11 +159,7 @@ class Progress:
 
     @property
     def exit_code(self) -> int:
-        """Exit code of a command.
-
-        0 nothing is missing; 1 something was refused; 2 there are no samples; 3 other parts are not
-        finished.
-        """
+        """0 complete; 1 something was refused; 2 no samples; 3 other parts are not finished."""
         if not self.complete:
             return 3
         return 2 if not self.samples else int(set(self.statuses) != {"ok"})
@@ -261,9 +243,6 @@ def _lines(job: Job, finished: Mapping[str, _Done]) -> list[Line]:
         if block.digest in finished:
             lines |= zip(block.indices, finished[block.digest].lines, strict=True)
     return [lines[i] for i in sorted(lines)]
-
-
-# --- The state of the folder ------------------------------------------------------------------
 
 
 def is_complete(folder: pathlib.Path, job: Job) -> bool:
@@ -351,11 +330,7 @@ def _begin(folder: pathlib.Path, job: Job) -> None:
 
 
 def _complete(folder: pathlib.Path, job: Job) -> bool:
-    """Completes the data set if all inputs are done; returns whether it is complete.
-
-    Raises:
-      RuntimeError: another command has started a different job in the folder.
-    """
+    """Completes the data set if all inputs are done; returns whether it is complete."""
     blocks, finished = job.blocks(), _finished(folder, job)
     if not all(block.digest in finished for block in blocks):
         return is_complete(folder, job)  # another part may have completed it
@@ -378,10 +353,7 @@ def _complete(folder: pathlib.Path, job: Job) -> bool:
 
 
 def _tidy_up(folder: pathlib.Path, job: Job) -> None:
-    """Removes files that are not part of the complete data set.
-
-    Another process may do the same at the same time.
-    """
+    """Removes all other files from a complete data set; another process may do so at once."""
     unfinished = specification(folder / WORK / JOB)
     if unfinished is not None and unfinished[1] != job.tags():
         return  # the data set is being extended
@@ -397,9 +369,6 @@ def _tidy_up(folder: pathlib.Path, job: Job) -> None:
         (folder / WORK / JOB).unlink(missing_ok=True)  # last, so that cleaning resumes after a kill
     with contextlib.suppress(OSError):  # another part may still use it
         (folder / WORK).rmdir()
-
-
-# --- Blocks -----------------------------------------------------------------------------------
 
 
 def _kept(folder: pathlib.Path, job: Job, manifest: Manifest) -> dict[str, _Done]:
@@ -437,11 +406,7 @@ def _is_whole(folder: pathlib.Path, done: _Done) -> bool:
 
 
 def _write_block(folder: pathlib.Path, job: Job, block: _Block) -> None:
-    """Writes the shards of a block from the results of its inputs, which it removes.
-
-    Raises:
-      ValueError: a result was damaged meanwhile.
-    """
+    """Writes the shards of a block from the results of its inputs, which it removes."""
     tags = [job.inputs[i][0] for i in block.indices]
     lines: list[Line] = []
     writers: dict[str, ShardWriter] = {}
@@ -487,9 +452,6 @@ def _take_over(folder: pathlib.Path, tags: Iterable[Tag], finished: Mapping[str,
                 _write_result(folder, line, own)
 
 
-# --- Results and lines ------------------------------------------------------------------------
-
-
 def _result_path(folder: pathlib.Path, tag: Tag) -> pathlib.Path:
     text = json.dumps(tag).encode()
     return folder / WORK / f"{hashlib.sha256(text).hexdigest()[:24]}.input"
@@ -510,11 +472,7 @@ def _read_result(folder: pathlib.Path, tag: Tag) -> tuple[Line, list[bytes]] | N
 
 
 def read_report(folder: pathlib.Path) -> list[Line]:
-    """The lines of the inputs of a complete data set.
-
-    Raises:
-      ValueError: the file is damaged.
-    """
+    """The lines of a complete data set; ValueError if the file is damaged."""
     try:
         lines = (folder / REPORT).read_bytes().split(b"\n")
         return [_checked(parse_json(line)) for line in lines if line]
@@ -538,7 +496,6 @@ def _checked(line: Any) -> Line:
 
 
 def tag_of(line: Line) -> Tag:
-    """The tag of the input of a line."""
     return Tag(line["model_id"], line["category"], line["split"], line.get("version", ""))
 
 

@@ -1,9 +1,8 @@
 """Locks of the operating system (`flock`), which end with the process for any reason.
 
-A training locks the folder of its run, and the process that renders the default data set locks its
-place. Several processes may divide the work of a job: `.work/part-00000-of-00002.lock`
-is held by the one that does the first of two parts. On a network file system without locks nothing
-is locked, with a warning.
+A training locks the folder of its run. Several processes may divide the work of a job: the one that
+does the first of two parts holds `.work/part-00000-of-00002.lock`. On a network file system without
+locks nothing is locked, with a warning.
 """
 
 import contextlib
@@ -27,14 +26,12 @@ class ClaimedError(ValueError):
 def locked(path: pathlib.Path, *, waiting: str = "") -> Iterator[bool]:
     """Context in which this process holds the lock of a file, which contains its pid.
 
-    The context's value is False on a file system without locks. The file is removed at the end.
+    The file is created, with its folder, and removed at the end. The context's value is False on a
+    file system without locks.
 
     Args:
-      path: the file; it and its folder are created if missing.
-      waiting: logged if another process holds the lock, before waiting for it; "" = do not wait.
-
-    Raises:
-      BlockingIOError: another process holds the lock, and `waiting` is empty.
+      waiting: logged before waiting for another process that holds the lock; "" = raise
+        BlockingIOError instead.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     with contextlib.ExitStack() as stack:
@@ -70,10 +67,9 @@ def locked(path: pathlib.Path, *, waiting: str = "") -> Iterator[bool]:
 
 @contextlib.contextmanager
 def claim(folder: pathlib.Path, part: tuple[int, int]) -> Iterator[None]:
-    """Context that claims a part of the work in a folder; at its end, an empty folder is removed.
+    """Context that claims part (i, n), number i (from 0) of n, of the work in a folder.
 
-    Args:
-      part: (i, n): number i, counted from 0, of the n parts.
+    At its end, an empty folder is removed.
 
     Raises:
       ClaimedError: another process has claimed this part, or a process with another n is running.

@@ -14,11 +14,10 @@ def num_cores() -> int:
 def compiler_options() -> dict[str, int] | None:
     """Options for `jax.jit` of programs with long loops over points; None = XLA's defaults.
 
-    On a processor with AVX-512, XLA uses half of its vector width by default, because many older
-    processors lower their clock rate otherwise. With the full width, a step of the EMD and CD with
-    the network of `authors_small.py` takes .161 s of CPU time instead of .178 (16 samples, one
-    core). The option is set only if the processor has AVX-512 with bfloat16, which most older ones
-    lack.
+    With AVX-512, XLA uses half of the vector width, because many older processors lower their clock
+    rate otherwise. With the full width, a step of the EMD and CD with the network of
+    `authors_small.py` takes .161 s of CPU time instead of .178 (16 samples, one core). We set it
+    only where there is AVX-512 with bfloat16, which most older processors lack.
     """
     import jax  # imported here, because `command_line` uses this module before JAX is loaded
 

@@ -22,10 +22,7 @@ _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
 def is_disk_full(error: BaseException) -> bool:
-    """Whether an error, or one that caused it, means that a file system is full.
-
-    An exceeded disk quota and an exceeded maximum file size count as a full file system.
-    """
+    """Whether an error, or its cause, means a full disk, an exceeded quota or maximum file size."""
     seen: BaseException | None = error
     while seen is not None:
         if isinstance(seen, OSError) and seen.errno in _FULL:
@@ -35,12 +32,8 @@ def is_disk_full(error: BaseException) -> bool:
 
 
 def native_error(error: BaseException, path: pathlib.Path) -> OSError:
-    """The `OSError` for an error of a C++ library that was writing to `path`.
-
-    Such a library states only the text of the system's error. Names of folders may contain the same
-    text, so they are removed before the text is searched.
-    """
-    said = str(error).replace(str(path.parent), "")
+    """The `OSError` for an error of a C++ library, which states only the text of the system's."""
+    said = str(error).replace(str(path.parent), "")  # a folder's name may contain such a text
     full = is_disk_full(error) or any(os.strerror(number) in said for number in _FULL)
     number = errno.ENOSPC if full else errno.EIO
     return OSError(number, os.strerror(number), str(path))
@@ -49,8 +42,7 @@ def native_error(error: BaseException, path: pathlib.Path) -> OSError:
 def exit_code_of(error: BaseException) -> int | None:
     """The exit code of a command that ends with `error`; None if the user cannot fix it.
 
-    The user can fix errors with an attribute `exit_code` (`UserError`, and `RecordError` of
-    `data.schema`), errors of the operating system (2, or `DISK_FULL` if the disk is full), and too
+    The user can fix a `UserError`, an error of the operating system (2, or `DISK_FULL`), and too
     little memory on the host or a device (2).
     """
     if is_disk_full(error):
@@ -63,13 +55,8 @@ def exit_code_of(error: BaseException) -> int | None:
 def check_folder(folder: str | os.PathLike[str], name: str) -> None:
     """Checks that files can be written into a folder, without leaving anything there.
 
-    Missing folders are created and removed again.
-
-    Args:
-      name: name of the flag or argument, for the message.
-
     Raises:
-      UserError: no file can be written there; one line with the reason.
+      UserError: no file can be written there; `name` is the flag or argument in the message.
       OSError: the disk is full.
     """
     path = pathlib.Path(folder)
@@ -103,10 +90,7 @@ def _try_folder(path: pathlib.Path) -> None:
 def cache_folder() -> pathlib.Path:
     """Folder for data and compiled programs: $PSGN_CACHE, or ~/.cache/psgn_jax.
 
-    Its contents can be deleted; they are created again when needed.
-
-    Raises:
-      UserError: PSGN_CACHE is not set, and the user has no home, as in `docker run -u 1234`.
+    UserError if PSGN_CACHE is not set and the user has no home, as in `docker run -u 1234`.
     """
     if given := os.environ.get("PSGN_CACHE"):
         return pathlib.Path(given)
@@ -120,21 +104,14 @@ def cache_folder() -> pathlib.Path:
 
 
 def temporary_for(path: pathlib.Path) -> pathlib.Path:
-    """A name beside `path` that nothing else uses; see `remove_temporaries`.
-
-    Not even another machine or container that writes to the same disk: they may share process ids.
-    """
+    """A name beside `path` that nothing else uses, on no machine; see `remove_temporaries`."""
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
 
 
 def write_atomic(path: str | os.PathLike[str], content: bytes | str, *, sync: bool = True) -> None:
-    """Writes a file atomically: it appears under its name complete, or not at all.
+    """Writes a file atomically, text as UTF-8; replaces an existing one, creates the folder.
 
-    Args:
-      path: path of the file; an existing file is replaced, a missing folder is created.
-      content: bytes, or text that is written as UTF-8.
-      sync: whether the file also survives a crash of the machine, not only of the process. Use
-        False for files that are quick to create again.
+    With `sync` it also survives a crash of the machine, not only of the process.
     """
     path = pathlib.Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)

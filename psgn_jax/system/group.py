@@ -1,10 +1,10 @@
 """Several processes that train or evaluate together, each on its own accelerators.
 
-Every process runs the same program. `jax.distributed.initialize` connects them: it gets their
-number and addresses from the flags --coordinator, --num_processes and --process_id, from Open MPI's
-`mpirun` or from SLURM's `srun`, and it detects by heartbeats that a process has ended. The batches
-are split between the processes, and the training step averages the gradients. All processes read
-the records and the folder of the run; only the first one writes there.
+Every process runs the same program. `jax.distributed.initialize` connects them; it gets their
+number and addresses from flags, from Open MPI's `mpirun` or from SLURM's `srun`, and detects by
+heartbeats that a process has ended. The batches are split between the processes, and the training
+step averages the gradients. All processes read the records and the folder of the run; only the
+first one writes there.
 """
 
 import contextlib
@@ -41,9 +41,9 @@ def joined(
     several, an error inside ends this process, and the others end when they miss it.
 
     Args:
-      coordinator: HOST:PORT of the first process; None = from the environment.
-      num_processes: number of processes; None = from the environment.
-      process_id: index of this process, from 0; None = from the environment.
+      coordinator: HOST:PORT of the first process. None here and below = from the environment.
+      num_processes: number of processes.
+      process_id: index of this process, from 0.
 
     Raises:
       UserError: the processes cannot connect to each other.
@@ -133,17 +133,13 @@ def first_alone() -> Iterator[None]:
 
 
 class SharedStop(contextlib.AbstractContextManager["SharedStop"]):
-    """`signals.StopSignal` of several processes: `signal` is set in all of them at the same step.
-
-    JAX receives SIGTERM in any of them and chooses the step.
-    """
+    """`signals.StopSignal` of several processes: JAX chooses the step at which `signal` is set."""
 
     def __init__(self) -> None:
         self.signal: int | None = None
         self.lock = threading.Lock()
 
-    def __exit__(self, *_: object) -> None:
-        """Does nothing."""
+    def __exit__(self, *_: object) -> None: ...
 
     def after_step(self, step: int) -> None:
         """Every process must call this after every step."""

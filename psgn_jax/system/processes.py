@@ -21,10 +21,7 @@ def python(module: str, *arguments: str) -> list[str]:
 
 
 def environment(**changes: str) -> dict[str, str]:
-    """The environment of a child process: this one's, with an import path of absolute folders.
-
-    It holds for Python processes at any depth, also for those that libraries start.
-    """
+    """The environment of a child process and its children: import paths are absolute folders."""
     given = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     paths = [str(ROOT), *(path for path in given if os.path.isabs(path))]
     return {
@@ -38,15 +35,12 @@ def environment(**changes: str) -> dict[str, str]:
 def start_command() -> None:
     """Changes this process for a command; only its entry point calls this, once.
 
-    Its children import from absolute folders only. XLA's and CUDA's native code logs only fatal
-    errors, unless TF_CPP_MIN_LOG_LEVEL is set: when XLA loads a program from the compilation cache
-    on a CPU, it wrongly warns, in 3,000 characters, that the processor lacks two features, which
-    are tuning flags of XLA. The variable has no effect once jaxlib has been imported.
-
-    A closed stdout or stderr (`psgn ... >&-`) takes everything, and a name that the encoding of
-    stdout lacks is escaped, as on stderr.
+    Its children import from absolute folders only. A closed stdout or stderr (`psgn ... >&-`) takes
+    everything, and characters that the encoding of stdout lacks are escaped, as on stderr.
     """
     os.environ.update(environment())
+    # Before jaxlib is imported: XLA and CUDA log only fatal errors. When XLA loads a program from
+    # the compilation cache on a CPU, it wrongly warns that the processor lacks two features.
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     quiet_orbax()
     for name in ("stdout", "stderr"):
@@ -59,12 +53,10 @@ def start_command() -> None:
 def quiet_orbax() -> None:
     """Suppresses messages about errors that are raised as well; only commands call this.
 
-    It changes the loggers and `sys.unraisablehook` of this process. If a checkpoint cannot be read
-    or written, `weights.checkpoint` raises an error. Orbax's threads log it too, with a stack
-    trace. If one array fails, orbax closes its event loop while operations on other arrays are
-    pending. When such an operation ends, Python prints an exception, "Event loop is closed". If an
-    operation has failed before the loop was closed, asyncio logs that its exception was never
-    retrieved.
+    If a checkpoint cannot be read or written, `weights.checkpoint` raises an error, and orbax's
+    threads log it too, with a stack trace. If one array fails, orbax closes its event loop: Python
+    then prints "Event loop is closed" for the operations that are still pending, and asyncio logs
+    that exceptions of others were never retrieved.
     """
     for name in ("absl", "asyncio"):
         logging.getLogger(name).addFilter(_is_news)  # adding it again has no effect

@@ -18,25 +18,15 @@ class Stopped(Exception):  # noqa: N818 - not an error
 class StopSignal:
     """Context that records SIGTERM or SIGINT in `signal`.
 
-    If the context has not ended `seconds` after the signal, the process ends with the exit code
-    128 + the number of the signal; at a second signal it ends at once. A thread receives the
-    signals, because Python runs handlers in the main thread, which may be waiting for a compilation
-    or a long step.
-
-    Attributes:
-      signal: the number of the signal that has arrived, or None.
-      lock: held while something is done that the end must not interrupt.
+    If the context has not ended `seconds` after the signal, `last` is called and the process ends
+    with the exit code 128 + the number of the signal; at a second signal it ends at once. A thread
+    receives the signals, because Python runs handlers in the main thread, which may be waiting for
+    a compilation or a long step.
     """
 
     def __init__(self, seconds: float, last: Callable[[], None] = lambda: None) -> None:
-        """Prepares the context.
-
-        Args:
-          seconds: the time after a signal in which the context may end by itself.
-          last: called before the process ends, but not after a second signal.
-        """
-        self.signal: int | None = None
-        self.lock = threading.Lock()
+        self.signal: int | None = None  # the number of the signal that has arrived
+        self.lock = threading.Lock()  # hold it while the process must not end
         self._seconds, self._last = seconds, last
         self._old: dict[int, Any] = {}
 
@@ -70,7 +60,7 @@ class StopSignal:
             raise Stopped
 
     def after_step(self, step: int) -> None:
-        """Does nothing; see `group.SharedStop`."""
+        """See `group.SharedStop`."""
 
     def _watch(self) -> None:
         if not (received := self._receiver.recv(1)):

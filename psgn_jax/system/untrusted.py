@@ -34,12 +34,8 @@ _KINDS = (
 def parse_json(text: str | bytes, *, max_depth: int = MAX_DEPTH) -> Any:
     """The value of a JSON text; bytes are UTF-8.
 
-    Args:
-      max_depth: largest depth of nested brackets. Deeper values would cause a `RecursionError`,
-        here or where the value is shown or compared.
-
-    Raises:
-      ValueError: the text is not JSON (NaN and Infinity are not JSON), or is nested too deeply.
+    ValueError if it is not JSON (which has no NaN and Infinity), or has more than `max_depth`
+    nested brackets: a `RecursionError` could follow where the value is shown or compared.
     """
     deep = ValueError(f"brackets nested more than {max_depth} deep")
     try:
@@ -60,12 +56,7 @@ def parse_json(text: str | bytes, *, max_depth: int = MAX_DEPTH) -> Any:
 
 
 def read_json(path: str | os.PathLike[str], *, max_bytes: int = MAX_JSON_BYTES) -> Any:
-    """The value of a JSON file.
-
-    Raises:
-      ValueError: the errors of `parse_json`, or the file has more than `max_bytes` bytes.
-      OSError: the file cannot be read, or is not a regular file.
-    """
+    """`parse_json` for a file; ValueError if it is too large, OSError if it is no regular file."""
     size = size_of(path)
     if size > max_bytes:
         raise ValueError(f"{size} bytes, expected at most {max_bytes}")
@@ -78,11 +69,10 @@ def read_npz(path: str | os.PathLike[str], limits: Mapping[str, int]) -> dict[st
     The size of an array is checked before it is inflated, so a small file cannot take much memory.
 
     Args:
-      limits: names of the arrays, each with its largest number of elements. Arrays that are not in
-        the file are missing from the result.
+      limits: names of the arrays that are read if they are there, with their largest sizes.
 
     Raises:
-      ValueError: the file is damaged, or one of the arrays is not one of numbers or is too large.
+      ValueError: the file is damaged, or an array is not of numbers or is too large.
       OSError: the file cannot be read, or is not a regular file.
     """
     size_of(path)
@@ -127,10 +117,9 @@ def with_checksum(entry: Mapping[str, Any] | Mapping[int, Any]) -> dict[str, Any
 
 
 def without_checksum(entry: Any) -> dict[str, Any]:
-    """The object that was given to `with_checksum`; objects of earlier versions have no checksum.
+    """The object that was given to `with_checksum`; users who edit a file remove the checksum.
 
-    Raises:
-      ValueError: it is no object, or its checksum does not match.
+    ValueError if it is no object, or its checksum does not match.
     """
     if not isinstance(entry, dict):
         raise ValueError("it is not an object")
@@ -145,10 +134,7 @@ def _crc32(entry: Mapping[str, Any]) -> int:
 
 
 def refuse_special_files(*paths: str | os.PathLike[str]) -> None:
-    """Raises `OSError` if a path, or anything below it, is a named pipe, a socket or a device.
-
-    Reading a named pipe would wait without end.
-    """
+    """Raises `OSError` if a path, or anything below it, is a named pipe, a socket or a device."""
     for path in paths:
         below = (os.path.join(top, name) for top, _, names in os.walk(path) for name in names)
         for each in itertools.chain([os.fspath(path)], below):
@@ -159,11 +145,7 @@ def refuse_special_files(*paths: str | os.PathLike[str]) -> None:
 
 
 def kind_of(path: str | os.PathLike[str]) -> str | None:
-    """The kind of a path that is not a regular file, such as "a named pipe"; None for a file.
-
-    Raises:
-      OSError: the path does not exist or cannot be accessed.
-    """
+    """The kind of a path that is not a regular file, such as "a named pipe"; None for a file."""
     mode = os.stat(path).st_mode
     return next((name for test, name in _KINDS if test(mode)), None)
 
@@ -177,21 +159,14 @@ def size_of(path: str | os.PathLike[str]) -> int:
 
 
 def one_line(text: object) -> str:
-    r"""The text of a name or message as one line of printable characters.
-
-    Line breaks, control characters and undecodable bytes of file names are escaped: a file called
-    "a, line break, b" is shown as `a\nb`.
-    """
+    r"""A text in one line: line breaks (`\n`), control characters, undecodable bytes are escaped."""
     return "".join(
         c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in str(text)
     )
 
 
 def message_line(error: object) -> str:
-    """An error's message as one line: its lines are joined, unprintable characters are escaped.
-
-    For an error of the operating system, the line contains the file and the reason.
-    """
+    """An error's message as one line; for the operating system's errors, the file and the reason."""
     text = str(error)
     if isinstance(error, MemoryError):
         text = f"not enough memory; {text}".rstrip("; ")

@@ -63,7 +63,6 @@ class ExactSample:
     depth: DepthCodes
 
     def encode(self) -> bytes:
-        """The sample as the bytes of a record."""
         return encode(self.sample, points=self.points, depth=self.depth)
 
 
@@ -126,12 +125,7 @@ def lattice_matrix(rotation: np.ndarray) -> np.ndarray:
 
 
 def read_batch(path: str | pathlib.Path) -> Iterator[ExactSample]:
-    """Yields the 32 samples of a file, after the whole file has been checked.
-
-    Raises:
-      ValueError: the file is truncated, corrupt, of the wrong size, has bytes after its end, or
-        invalid names or rotations; the message names the file and the reason.
-    """
+    """The 32 samples of a file, after a check of all of it; ValueError names file and reason."""
     path = pathlib.Path(path)
     data = _inflate(path)
     if len(data) <= _ARRAYS_SIZE:

@@ -26,27 +26,15 @@ _LENGTHS = {"dim": 3, "translate": 3, "scale": 1}  # numbers in a line of the he
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Binvox:
-    """A voxelised model.
+    """A voxelised model."""
 
-    Attributes:
-      solid: bool [D, D, D] indexed [x, y, z].
-      translate: float64 [3], lowest corner of the grid in the coordinates of the model.
-      scale: edge of the grid in the unit of the model.
-    """
-
-    solid: np.ndarray
-    translate: np.ndarray
-    scale: float
+    solid: np.ndarray  # bool [D, D, D] indexed [x, y, z]
+    translate: np.ndarray  # float64 [3], lowest corner of the grid, as the model's coordinates
+    scale: float  # edge of the grid in the unit of the model
 
 
 def read(path: str | os.PathLike[str], size: int = OCCUPANCY_SIZE) -> Binvox:
-    """Reads a file with `size`^3 cells.
-
-    Raises:
-      ValueError: the file is not binvox, its header is invalid, its grid has another size, or its
-        runs do not add up to the grid (it is cut off); the message names the file and the reason.
-      OSError: the file cannot be read.
-    """
+    """Reads a file with `size`^3 cells; ValueError, with file and reason, if it is no such file."""
     try:
         return _read(pathlib.Path(path), size)
     except ValueError as error:

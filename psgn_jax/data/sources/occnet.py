@@ -86,11 +86,8 @@ def open_model(
 ) -> Callable[[int], schema.Sample]:
     """Reads a model; the result reads the view of a number. All views have the same points.
 
-    The points are sampled without replacement from those in the file, the same in every run.
-
-    Raises:
-      ValueError, OSError: the model as a whole cannot be read, or the view; the message names the
-        file and the reason.
+    The points are drawn without replacement from those in the file, the same in every run. Both
+    raise ValueError or OSError, which names the file.
     """
     cloud_path, voxel_path, camera_path, images = input_files(source, synset, name)
     points, normals, loc, scale = _read_cloud(cloud_path)

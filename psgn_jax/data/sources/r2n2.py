@@ -43,10 +43,7 @@ _CLEARLY = 0.05
 
 
 def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]:
-    """Lists all models as (split, synset, name), and a message for each unknown category.
-
-    A model is listed if it has renderings or voxels, so that a missing part is reported later.
-    """
+    """All models with renderings or voxels as (split, synset, name); messages for other folders."""
     for part in (RENDERINGS, VOXELS):
         if not (source / part).is_dir():
             raise ValueError(f"SRC {str(source)!r}: no folder {part} there")
@@ -99,10 +96,8 @@ def open_model(
 ) -> Callable[[int], schema.Sample]:
     """Reads a model; the result reads the view of a number. All views have the same points.
 
-    Raises:
-      ValueError, OSError: the model as a whole cannot be read, or the view; the message names the
-        file and the reason. Fewer rows of metadata than images are an error of the whole model: if
-        a row is lost, all later views would get the camera of another view.
+    Both raise ValueError or OSError, which names the file. Fewer rows of metadata than images are
+    an error of the model: if a row is lost, all later views would get the camera of another view.
     """
     rendering, metadata, voxels = input_files(source, synset, name)
     solid = shapenet.world_grid(binvox.read(voxels))
@@ -116,7 +111,6 @@ def open_model(
         raise ValueError(
             f"{metadata}: {len(rows)} rows for {pictures} pictures, expected one row per picture"
         )
-
     inner = shapenet.intrinsics()
 
     def read(view: int) -> schema.Sample:

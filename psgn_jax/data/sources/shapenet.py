@@ -43,17 +43,11 @@ _LARGEST = 1e4  # of a model's coordinates and of 1 / radius
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class WorldGrid:
-    """An occupancy grid in the world.
+    """An occupancy grid in the world."""
 
-    Attributes:
-      cells: bool [n, n, n] indexed [x, y, z], z up.
-      low: [3], lowest corner of the grid.
-      edge: edge length of a cell.
-    """
-
-    cells: np.ndarray
-    low: np.ndarray
-    edge: float
+    cells: np.ndarray  # bool [n, n, n] indexed [x, y, z], z up
+    low: np.ndarray  # [3], lowest corner of the grid
+    edge: float  # edge length of a cell
 
 
 def intrinsics() -> np.ndarray:
@@ -74,8 +68,7 @@ def orbit_camera(azimuth: float, elevation: float, distance: float) -> np.ndarra
 def turn_to_view(world_to_camera: np.ndarray) -> np.ndarray:
     """Rotation [3, 3] about the vertical axis, world to frame, that maps the image's right to +y.
 
-    Raises:
-      ValueError: the right of the image points up or down (the camera is rolled on its side).
+    ValueError if the camera is rolled on its side.
     """
     right = world_to_camera[0, :2]
     length = float(np.linalg.norm(right))
@@ -88,10 +81,8 @@ def turn_to_view(world_to_camera: np.ndarray) -> np.ndarray:
 def place(points: np.ndarray, path: pathlib.Path) -> tuple[np.ndarray, float]:
     """Origin [3] and unit of the frame of an object with all these points [n, 3] in the world.
 
-    Raises:
-      ValueError: there are no points, they have no extent or are not finite, or they are orders of
-        magnitude larger or smaller than ShapeNet's models, which have edges of about 1; the message
-        names `path`.
+    ValueError, which names `path`, if there are no points or their coordinates or extent are orders
+    of magnitude from those of ShapeNet's models, whose edges are about 1.
     """
     if not len(points):
         raise ValueError(f"{path}: the volume is empty")
@@ -123,11 +114,10 @@ def corners(solid: WorldGrid) -> np.ndarray:
 
 
 def surface_points(solid: WorldGrid, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Uniformly distributed points on the faces between occupied and empty cells, in the world.
+    """Uniformly distributed points on the outer faces of occupied cells, in the world.
 
-    Faces on the border of the grid are included. The surface consists of steps and is therefore
-    rougher and larger than that of the model. On a slanted plane, points are up to one cell from
-    it.
+    The surface consists of steps, so it is rougher and larger than that of the model; on a slanted
+    plane, points are up to one cell from it.
     """
     padded = np.pad(solid.cells, 1)
     faces = []
@@ -148,10 +138,10 @@ def turned_occupancy(
 ) -> np.ndarray:
     """Resamples the volume to the schema's grid in the frame of a view, bool [32, 32, 32].
 
-    A cell is divided into 4^3 parts. A part counts if its centre is in an occupied cell of `solid`.
-    A cell is occupied if at least half of its parts count. To keep thin structures, it is also
-    occupied if any part counts and none of its 26 neighbours is occupied by the first rule.
-    Comparisons with 3D-R2N2 should use its own grid, see `grid_extra`.
+    Of the 4^3 parts of a cell, those count whose centre is in an occupied cell of `solid`. A cell
+    is occupied if half of its parts count, or, to keep thin structures, if any part counts and none
+    of its 26 neighbours is occupied by the first rule. Comparisons with 3D-R2N2 should use its own
+    grid, see `grid_extra`.
     """
     size, fine = schema.OCCUPANCY_SIZE, schema.OCCUPANCY_SIZE * _FINE
     along = (np.arange(fine) + 0.5) * (2 / fine)
@@ -214,11 +204,8 @@ def read_image(
 ) -> np.ndarray:
     """Decodes an image of the format `kind` to uint8 [height, width, channels of `mode`].
 
-    `mode` is "RGB" (grey images are converted) or "RGBA"; `size` is (width, height).
-
-    Raises:
-      ValueError: the file is no such image, or has another size; the message names it.
-      OSError: it cannot be read.
+    `mode` is "RGB" (grey images are converted) or "RGBA"; `size` is (width, height). ValueError,
+    which names the file, if it is no such image or has another size.
     """
     data = read_limited(path)
     try:
@@ -234,24 +221,15 @@ def read_image(
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ShapeNetModel:
-    """A model in the world, of which views are made.
+    """A model in the world, of which views are made: frame = (world - origin) / unit, rotated."""
 
-    Attributes:
-      source: name of the data set.
-      synset, name: category and model; a synset without a name in `synsets` is its own name.
-      points: [n, 3], points of a sample.
-      normals: [n, 3] or None.
-      solid: the volume, or None.
-      origin, unit: frame = (world - origin) / unit, then rotated.
-    """
-
-    source: str
+    source: str  # name of the data set
     synset: str
     name: str
-    points: np.ndarray
-    normals: np.ndarray | None
+    points: np.ndarray  # [n, 3]
+    normals: np.ndarray | None  # [n, 3]
     solid: WorldGrid | None
-    origin: np.ndarray
+    origin: np.ndarray  # [3]
     unit: float
 
     def sample(
@@ -259,10 +237,7 @@ class ShapeNetModel:
     ) -> schema.Sample:
         """The sample of a view with the camera `eye` [3, 4], world to camera, and `inner` [3, 3].
 
-        Projections stay the same in the frame of the sample.
-
-        Raises:
-          ValueError: the camera is rolled on its side.
+        ValueError if the camera is rolled on its side.
         """
         turn, origin, unit = turn_to_view(eye), self.origin, self.unit
         moved = (eye[:, :3] @ origin + eye[:, 3]) / unit
