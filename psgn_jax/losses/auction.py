@@ -5,18 +5,15 @@ The problem, for clouds a and b of n points each and Euclidean costs c_ij = |a_i
     OPT = min over bijections s of sum_i c_{i, s(i)}
 
 Every point of a is a bidder, every point of b an object with a price p_j. A bidder without an
-object takes the object that is cheapest for it, j = argmin_j (c_ij + p_j). It raises the price of j
-by the margin to its second cheapest object plus epsilon. The bidder it displaces must bid again.
-When every bidder has an object, all pairs satisfy epsilon-complementary slackness:
+object takes the cheapest one, j = argmin_j (c_ij + p_j), and raises its price by the margin to the
+second cheapest plus epsilon. The bidder that it displaces must bid again. When every bidder has an
+object, all pairs satisfy epsilon-complementary slackness:
 c_{i,s(i)} + p_{s(i)} <= min_j (c_ij + p_j) + epsilon.
 
-With a large epsilon the auction ends fast, with a small one it ends near the optimum. It therefore
-runs in phases with decreasing epsilon (epsilon scaling). A phase starts from the prices of the
-previous phase and from the pairs that already satisfy the slackness condition of the new epsilon.
-Between phases, `certificate.judge` bounds how far the bijection is from the optimum and improves
-the prices.
-
-To be read from top to bottom: one bid, all bids of a phase, the bijection, the phases, `assign`.
+With a large epsilon the auction ends fast, with a small one near the optimum. It therefore runs in
+phases with decreasing epsilon (epsilon scaling). A phase starts from the prices of the one before
+and from the pairs that satisfy the slackness of the new epsilon. Between phases,
+`certificate.judge` bounds how far the bijection is from the optimum and improves the prices.
 
 Sources: Bertsekas, "A Distributed Algorithm for the Assignment Problem", MIT LIDS working paper,
 1979; Bertsekas, "Auction Algorithms for Network Flow Problems: A Tutorial Introduction",
@@ -66,7 +63,7 @@ _RAISES = 16  # at most this often
 
 
 class _Bidding(NamedTuple):
-    """State of the loop over bids, in which the objects are folded into rows of `num_lanes(n)`."""
+    """State of the loop over bids, where objects are folded into rows of `num_lanes(n)`."""
 
     prices: Array  # [n] or [rows, lanes] prices of the objects, infinite for padding
     owner: Array  # [n] or [rows lanes] bidder of every object, -1 if it has none
@@ -81,8 +78,8 @@ def _bid(a: Array, columns: tuple[Array, ...], epsilon: Array, state: _Bidding) 
     bidder = lax.dynamic_index_in_dim(state.stack, top, keepdims=False)
     point = lax.dynamic_slice(a, (bidder, jnp.int32(0)), (1, 3))[0]
     height, width = columns[0].shape
-    # The sums of distance and price, as integers of the same order. The barriers make XLA write
-    # them once; they are read for the minimum, for its place and for the second best.
+    # Distance plus price, as integers of the same order. The barriers make XLA write them once;
+    # they are read for the minimum, for its place and for the second best.
     value = distance(columns, tuple(point[k] for k in range(3))) + state.prices
     value = lax.optimization_barrier(bits(value))
     # The cheapest object: the minimum of each lane, the best lane, the row in that lane.
@@ -132,16 +129,15 @@ def _bid_all(a: Array, b: Array, epsilon: Array, limit: Array, state: _Bidding) 
         prices=jnp.pad(state.prices, (0, padding), constant_values=jnp.inf).reshape(-1, width),
         owner=jnp.pad(state.owner, (0, padding), constant_values=-1),
     )
-    # With this, XLA's CPU compiler emits the loop as a single function. One bid is a dozen small
-    # operations that take a microsecond together; launched one by one, they take 1.4 to 2.2 times
-    # as long.
+    # XLA's CPU compiler then emits the loop as a single function. One bid is a dozen operations
+    # that take a microsecond together; launched one by one, 1.4 to 2.2 times as long.
     with set_xla_metadata(xla_cpu_small_call="true", inlineable="false"):
         state = jax.jit(loop)(a, columns, epsilon, limit, state)
     return state._replace(prices=state.prices.reshape(-1)[:n], owner=state.owner[:n])
 
 
 def _begin(judged: Judged, index: Array, epsilon: Array, bids: Array) -> _Bidding:
-    """A phase: only the pairs of a bijection that satisfy the slackness of `epsilon` are kept."""
+    """The start of a phase: keeps the pairs that satisfy the slackness of `epsilon`."""
     keep, numbers = judged.slack <= epsilon, lax.iota(jnp.int32, len(index))
     owner = jnp.zeros_like(index).at[index].set(jnp.where(keep, numbers, -1))
     stack = jnp.nonzero(~keep, size=len(index), fill_value=0)[0].astype(jnp.int32)
@@ -239,10 +235,10 @@ def _on_host(*pair: Array) -> Any:
     return jax.pure_callback(_solve_all, results, *pair, vmap_method="broadcast_all")
 
 
-# An accelerator would launch several kernels for each of some ten thousand bids, one after the
-# other: its host solves, all pairs of a batch by one callback. On a CPU the pairs are solved one
-# after another, under `vmap` too. In lock step every pair would take as long as the slowest one,
-# and every bid would copy the state of all pairs.
+# An accelerator would launch several kernels for each of some ten thousand bids, so its host solves
+# all pairs of a batch by one callback. On a CPU the pairs are solved one after another, under
+# `vmap` too: in lock step every pair would take as long as the slowest one, and every bid would
+# copy the state of all pairs.
 @custom_vmap
 def _solve_anywhere(*pair: Array) -> Any:
     return (_solve if jax.default_backend() == "cpu" else _on_host)(*pair)
@@ -282,24 +278,21 @@ def assign(
 
     The solver stops after the first phase with `gap` <= tolerance. When half of the budget is
     spent, epsilon grows until a phase ends with a matching, as in the paper, and falls again while
-    budget is left. The result is always a bijection, and `gap` is always valid for it. It has no
-    gradient; the module `emd` has the distance and its gradient. For clouds on an accelerator it is
-    solved on the cores of the host, in parallel for the pairs of a `vmap`; an exception there ends
-    the calling program.
+    budget is left. The result is always a bijection, and `gap` always holds for it. It has no
+    gradient (`emd` has one). The host's cores solve clouds that are on an accelerator, the pairs of
+    a `vmap` in parallel; an exception there ends the calling program.
 
     Args:
       a: [n, 3], n >= 1, a floating dtype, any unit; solved in float32.
       b: [n, 3].
-      tolerance: >= 0, accepted (cost - OPT) / OPT. In float32 gaps below about 1e-4 cannot be
-        proven.
+      tolerance: >= 0, accepted (cost - OPT) / OPT. Float32 cannot prove gaps below about 1e-4.
       max_bids: >= 0, the budget; None: 2000 n. One bid is a pass over the n distances of a point.
-      names: the caller's names for a and b, used in error messages.
+      names: names of a and b in error messages.
 
     Raises:
       ValueError: wrong shape or dtype, unequal sizes, a negative tolerance or budget, or (outside
-        `jit`) a non-finite coordinate. Inside `jit`, a non-finite coordinate gives the bijection
-        i -> i, `converged` False and a NaN gap. So does an extent that is positive but below the
-        smallest normal float32 (1e-38).
+        `jit`) a non-finite coordinate. Inside `jit`, such a coordinate, or an extent in (0, 1e-38),
+        gives the bijection i -> i, `converged` False and a NaN gap.
     """
     a, b = check_points(a, names[0]), check_points(b, names[1])
     if len(a) != len(b):

@@ -17,11 +17,11 @@ _MAX_PARTS, _MIN_PAIRS = 4, 4
 def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
     """Maps a function of one pair over a batch of pairs, by the method that suits the platform.
 
-    On a CPU the pairs are processed one after another (`jax.lax.scan`), so that the data of a pair
-    stay in the cache: 32 pairs of CD with gradient take .033 s at 1024 x 1024 points on one core,
-    `vmap` .051 s. While JAX traces, the batch is divided into at most four parts, which XLA may
-    process at the same time. On accelerators the pairs are processed together (`jax.vmap`). The
-    results agree up to rounding.
+    A CPU processes the pairs one after another (`jax.lax.scan`), so that the data of a pair stay in
+    the cache: 32 pairs of CD with gradient take .033 s at 1024 x 1024 points on one core, `vmap`
+    .051 s. While JAX traces, the batch is divided into up to four parts, which XLA may process at
+    the same time. Accelerators process all pairs together (`jax.vmap`). The results agree up to
+    rounding.
 
     Args:
       function: (pred [n, 3], gt [m, 3]) -> any pytree of arrays, for one pair.

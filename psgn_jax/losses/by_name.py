@@ -48,11 +48,9 @@ class LossTerm(NamedTuple):
 def parse_terms(config: LossConfig) -> tuple[LossTerm, ...]:
     """The terms of `loss.name`, in their order; the EMD gets `loss.emd_tolerance`.
 
-    Their distances raise ValueError for clouds that they do not accept.
-
     Raises:
       ConfigError: a term is not of the form `WEIGHT*NAME@POINTS`, its name is unknown, or a name
-        occurs twice. The message is one line and quotes the term.
+        occurs twice.
     """
     parts = [part.strip() for part in config.name.split("+")]
     terms: dict[str, LossTerm] = {}
@@ -75,26 +73,22 @@ def parse_terms(config: LossConfig) -> tuple[LossTerm, ...]:
         if name in terms:
             raise ConfigError(f"{where}: {name} occurs twice; accepted: each loss once")
         options = {"tolerance": config.emd_tolerance} if name.startswith("emd") else {}
-        distance = functools.partial(_distance, LOSSES[name], num_points, options)
+        loss = functools.partial(LOSSES[name], **options)
+        distance = functools.partial(_on_chosen, loss, num_points) if num_points else loss
         terms[name] = LossTerm(name, distance, weight, part)
     return tuple(terms.values())
 
 
-def _distance(
-    loss: Callable[..., Any], num_points: int, options: dict[str, Any], pred: Array, gt: Array
-) -> Any:
-    return loss(pred, chosen_points(gt, num_points) if num_points else gt, **options)
+def _on_chosen(loss: Callable[..., Any], num_points: int, pred: Array, gt: Array) -> Any:
+    return loss(pred, chosen_points(gt, num_points))
 
 
 def configured_loss(config: LossConfig) -> Callable[[Array, Array], tuple[Array, dict[str, Array]]]:
     """`loss.name` as a function of one pair, (pred, gt) -> (value, terms).
 
-    The value is the sum over k of w_k d_k(pred, gt_k), where gt_k are the points that
-    `chosen_points` selects for term k. `terms` has the values d_k without weights and gradient, by
-    name; it is {} for a loss that is just a name.
-
-    Raises:
-      ConfigError: as `parse_terms`.
+    The value is the sum over k of w_k d_k(pred, gt_k), where gt_k are the `chosen_points` of term
+    k. `terms` has the values d_k without weights and gradient, by name; it is {} for a loss that is
+    just a name. Errors: `parse_terms`.
     """
     terms = parse_terms(config)
 
@@ -109,13 +103,9 @@ def configured_loss(config: LossConfig) -> Callable[[Array, Array], tuple[Array,
 
 
 def chosen_points(gt: Array, num_points: int) -> Array:
-    """Selects `num_points` of the true points, always with the same indices.
+    """A fixed random choice of the true points; ValueError if there are fewer than `num_points`.
 
-    The indices are a fixed random choice. The first `num_points` points would be a biased choice: a
-    record stores its points sorted, so the first ones would lie on one side of the object.
-
-    Raises:
-      ValueError: gt has fewer than `num_points` points.
+    Records store their points sorted, so the first ones lie on one side of the object.
     """
     if num_points > len(gt):
         raise ValueError(f"gt: got {len(gt)} points, expected at least {num_points}")

@@ -24,9 +24,8 @@ _TILE = 32  # targets per step of a pass over all distances
 _UNIT = 2.0**-24  # unit roundoff of float32
 
 # The terms of a slack c + p - u are bounded by 2 extents plus the largest price. The error of the
-# slack (centring, cast, differences, squares, sums, roots, the backward sweep and its shift) is
-# below 24 unit roundoffs times that bound. Counting operations gives 18, if a square root is
-# accurate to 2 units in the last place.
+# slack is below 24 unit roundoffs times that bound: counting operations gives 18, if a square root
+# is accurate to 2 units in the last place.
 _ROUNDING = 24 * _UNIT
 
 
@@ -79,10 +78,9 @@ def least(x: Array) -> Array:
 
 
 def vary_with(value: Any, data: Array) -> Array:
-    """`value` with the shape of `data`, computed from it.
+    """`value` with the shape of `data`, computed from it; XLA optimises the `where` away.
 
-    Inside `jax.shard_map` a constant does not vary along the axes of the mesh, but the state of a
-    loop over sharded data must. XLA optimises the `where` away.
+    Inside `jax.shard_map`, the state of a loop over sharded data must vary along the mesh's axes.
     """
     return jnp.where(data == data, value, value)
 

@@ -31,9 +31,8 @@ class Nearest(NamedTuple):
     index: Int[Array, " n"]  # type: ignore[assignment]  # hides tuple.index
 
 
-# A tile of distances has _TILE rows and one column for each point of the shorter cloud: 256 kB at
-# 1,024 points. It stays in the cache of a core while the minima of rows and columns are taken. An
-# accelerator computes _AT_ONCE tiles together.
+# A tile of distances has _TILE rows and a column for each point of the shorter cloud: 256 kB at
+# 1,024 points, which stay in a core's cache. An accelerator computes _AT_ONCE tiles together.
 _TILE, _BLOCK, _AT_ONCE = 64, 32, 16
 
 
@@ -91,15 +90,15 @@ _nearest_jit = jax.jit(_nearest, static_argnums=2)  # compiled once per size, wi
 def nearest_both(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> tuple[Nearest, Nearest]:
     """The nearest point of gt for every point of pred, and of pred for every point of gt.
 
-    Squared distances are sums of squared coordinate differences, accurate to a few units in the
-    last place at any offset; |a|^2 - 2ab + |b|^2 would cancel. Of equally near points the lowest
-    index is returned. Gradient, with the neighbours held fixed: 2 (a_i - b_index) for a_i and its
-    negative for b_index; in reverse mode only (`jax.jacfwd` raises a TypeError). Memory beyond
-    inputs and outputs: about (64 + max(n, m) / 64) min(n, m) numbers; 16 times the 64 on a GPU.
+    Squared distances are accurate to a few units in the last place at any offset, unlike
+    |a|^2 - 2ab + |b|^2. Of equally near points the lowest index is returned. Gradient, with the
+    neighbours held fixed: 2 (a_i - b_index) for a_i and its negative for b_index; in reverse mode
+    only (`jax.jacfwd` raises a TypeError). Memory beyond inputs and outputs: about
+    (64 + max(n, m) / 64) min(n, m) numbers; 16 times the 64 on a GPU.
 
     Raises:
-      ValueError: wrong shape or dtype, or (outside `jit`) a non-finite coordinate. Inside `jit` a
-        non-finite coordinate makes all distances of the pair and their gradients NaN.
+      ValueError: wrong shape or dtype, or (outside `jit`) a non-finite coordinate. Inside `jit` it
+        makes all distances of the pair and their gradients NaN.
     """
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
     dtype = jnp.promote_types(pred.dtype, gt.dtype)

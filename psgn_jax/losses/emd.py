@@ -41,9 +41,9 @@ def matched_distances(
 
     Gradient, with the bijection held fixed: for pred_i the unit vector from gt_{s(i)} to pred_i,
     for gt_{s(i)} its negative, and 0 where the two coincide. For the optimal bijection this is the
-    gradient of the EMD at almost every pair of clouds, because there a small change of the clouds
-    does not change the bijection. Arguments and errors: `auction.assign`. Inside `jit`, `grad` and
-    `vmap`, a non-finite coordinate makes all distances of its pair and their gradients NaN.
+    gradient of the EMD at almost every pair of clouds. Arguments and errors: `auction.assign`.
+    Inside `jit`, `grad` and `vmap`, a non-finite coordinate makes all distances of its pair and
+    their gradients NaN.
 
     Examples:
       >>> import jax.numpy as jnp
@@ -67,8 +67,8 @@ def matched_distances(
 def emd_sum(pred: Float[Array, "n 3"], gt: Float[Array, "n 3"], **options: Any) -> Float[Array, ""]:
     """The EMD of the paper (unit): sum_i |pred_i - gt_{s(i)}|.
 
-    If the auction converged, this is at most (1 + tolerance) times the minimum over all bijections.
-    Options (`tolerance`, `max_bids`), errors and gradient: `matched_distances`.
+    At most (1 + tolerance) times the minimum if the auction converged. Options (`tolerance`,
+    `max_bids`), errors and gradient: `matched_distances`.
     """
     return matched_distances(pred, gt, **options).distance.sum()
 
@@ -90,9 +90,8 @@ class ExactAssignment(NamedTuple):
 def emd_exact(pred: Float[Array, "n 3"], gt: Float[Array, "n 3"]) -> ExactAssignment:
     """The optimal bijection, in float64 by scipy's `linear_sum_assignment` on the host.
 
-    For evaluation: it does not work inside `jit` and has no gradient. It needs 24 n^2 bytes, and
-    its time grows like n^3: about .1 to 1 s at 1,024 points. The error of `cost` is about 1e-12
-    of the extent.
+    For evaluation: no `jit`, no gradient, 24 n^2 bytes, a time like n^3 (.1 to 1 s at 1,024
+    points). The error of `cost` is about 1e-12 of the extent.
 
     Raises:
       ValueError: wrong shape or dtype, unequal sizes, a non-finite coordinate, or traced clouds.

@@ -23,13 +23,11 @@ def farthest_point_indices(points: Float[Array, "n 3"], num_samples: int) -> Int
 
     i_0 = 0,   i_t = argmax over j not yet chosen of min over s < t of |p_j - p_(i_s)|^2
 
-    Ties (in float arithmetic) go to the lowest index. The result is invariant to rigid motion up to
-    rounding. No index occurs twice, even if points coincide. The indices have no gradient;
-    `farthest_points` has one.
-
-    Memory beyond the input: 4 n numbers. For a batch use `jax.vmap`; on a CPU `jax.lax.map(...,
-    batch_size=2)` takes half the time, because two clouds fit in the cache. Inside `jit`, a
-    non-finite coordinate makes every index n (`farthest_points` then returns NaN).
+    Ties (in float arithmetic) go to the lowest index. No index occurs twice, even if points
+    coincide. The indices have no gradient; `farthest_points` has one. Memory beyond the input: 4 n
+    numbers. For a batch use `jax.vmap`; on a CPU `jax.lax.map(..., batch_size=2)` takes half the
+    time, because two clouds fit in the cache. Inside `jit`, a non-finite coordinate makes every
+    index n (`farthest_points` then returns NaN).
 
     Raises:
       ValueError: wrong shape or dtype, `num_samples` out of range, or (outside `jit`) a non-finite

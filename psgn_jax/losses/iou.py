@@ -1,9 +1,7 @@
 """Intersection over union of two volumes: soft for training, at a threshold for evaluation.
 
-Volumes are occupancies in [0, 1] on the same grid, of any shape; bool counts as 0 and 1. Different
-shapes and other dtypes than stated raise a ValueError. All functions take one pair. IoU has no
-unit. The grid of this project (`data.schema`) is [32, 32, 32], indexed [x, y, z], over [-1, 1] x
-[-1, 1] x [0, 2].
+Volumes are occupancies in [0, 1] on the same grid, of any shape; bool counts as 0 and 1. Other
+shapes and dtypes raise a ValueError. All functions take one pair. IoU has no unit.
 """
 
 import jax.numpy as jnp

@@ -3,9 +3,8 @@
     MoN(S_1, ..., S_n; S_gt) = min over j of d(S_j, S_gt)
 
 With the predictions S_j = G(image, r_j) for random r_j ~ N(0, I), MoN trains the network G to
-sample. Only one of the n clouds must be near the ground truth; the others may be other shapes that
-fit the image. If an image allows several shapes, the plain loss (n = 1) is minimal at their mean;
-MoN is minimal when different samples predict different shapes.
+sample. If an image allows several shapes, the plain loss (n = 1) is minimal at their mean, MoN when
+different samples predict different shapes.
 
 Source: Fan, Su, Guibas, "A Point Set Generation Network for 3D Object Reconstruction from a Single
 Image", CVPR 2017, section "Generation of Multiple Plausible Shapes". They report that n = 2
@@ -41,11 +40,8 @@ def min_of_n(
     """Turns a distance d of one pair into the MoN of several predictions and one ground truth.
 
     The winner is the first sample with the smallest distance. The gradient is that of d for the
-    winner and 0 for every other sample. A NaN distance wins, so that it is not hidden; an infinite
-    distance loses to every finite one.
-
-    Every distance is computed once, with its gradient. The gradients for the other samples are
-    multiplied by 0, so they must be finite (those of `losses` are).
+    winner and 0 for the others, whose gradients are multiplied by 0 and must therefore be finite,
+    as those of `losses` are. A NaN distance wins, so that it is not hidden.
 
     Args:
       distance: (pred [n, 3], gt [m, 3]) -> scalar, such as `chamfer_sq` or `emd_sum`; it may close

@@ -1,13 +1,12 @@
 """Convolutions on a CPU by oneDNN, with their gradients; elsewhere and otherwise XLA's.
 
-XLA computes convolutions without dilation about as fast as PyTorch. It is up to a hundred times
-slower where a dilation appears: in transposed convolutions and in the input gradients of strided
-ones. oneDNN is the library whose kernels PyTorch uses; a training step takes about half as long.
+XLA is up to a hundred times slower than PyTorch where a dilation appears: in transposed
+convolutions and in the input gradients of strided ones. With oneDNN, whose kernels PyTorch uses, a
+training step takes about half as long.
 
 The environment variable `PSGN_CONVOLUTIONS` selects `onednn` (an error where it is missing) or
-`xla`. Platform and variable are read when a function is traced; later changes have no effect on
-functions that `jax.jit` has already traced. With oneDNN there is no forward-mode
-derivative, and `jax.export` needs `plain_convolutions` or `xla`.
+`xla`; it is read when a function is traced. With oneDNN there is no forward-mode derivative, and
+`jax.export` needs `plain_convolutions` or `xla`.
 """
 
 import contextlib
@@ -29,10 +28,7 @@ _plain: contextvars.ContextVar[bool] = contextvars.ContextVar("plain_convolution
 
 @contextlib.contextmanager
 def plain_convolutions() -> Iterator[None]:
-    """Context in which XLA's own convolutions are traced, for programs that are exported.
-
-    Programs that call oneDNN cannot be exported.
-    """
+    """Context in which XLA's own convolutions are traced: with oneDNN, nothing can be exported."""
     token = _plain.set(True)
     try:
         yield
@@ -40,14 +36,12 @@ def plain_convolutions() -> Iterator[None]:
         _plain.reset(token)
 
 
-def convolve(x: Array, kernel: Array, stride: int, *, transposed: bool) -> Array | None:
-    """The convolutions of `layers`, where there is a faster way than XLA's; otherwise None."""
-    if kernel.shape[-2] != x.shape[-1]:
+def convolve(x: Array, kernel: Array, stride: int, groups: int) -> Array | None:
+    """`layers.convolve`, if there is a faster way than XLA's; `groups` is 1 or the channels."""
+    if groups > 1:
         return _convolve_depthwise(x, kernel, stride) if _on_cpu() else None
     if not _uses_onednn():
         return None
-    if transposed:
-        return _convolve_transposed(x, kernel, stride)
     return (_convolve_images if x.ndim == 4 else _convolve_volumes)(x, kernel, stride)
 
 
@@ -111,7 +105,11 @@ def _convolve_images(x: Array, kernel: Array, stride: int) -> Array:
     return _conv(x, kernel, _Geometry(stride, padding))
 
 
-def _convolve_transposed(x: Array, kernel: Array, stride: int) -> Array:
+def convolve_transposed(x: Array, kernel: Array, stride: int) -> Array | None:
+    """`layers.convolve_transposed`, if there is a faster way than XLA's."""
+    if not _uses_onednn():
+        return None
+
     def padding(k: int) -> tuple[int, int]:
         # `jax.lax.conv_transpose` pads the dilated input by `before`; this is the corresponding
         # padding of the output.

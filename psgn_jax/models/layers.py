@@ -1,25 +1,20 @@
 """Layers of the networks (convolution, transposed convolution, dense) and their initial values.
 
-The convolutions are XLA's, unless `cpu_convolution` has a faster way on a CPU; results agree up to
-rounding, so that checkpoints do not depend on what computes. Who copies a network leaves out
-`cpu_convolution`.
+XLA computes the convolutions, unless `cpu_convolution` has a faster way on a CPU, which agrees up
+to rounding. If you copy a network, leave it out.
 
 Every layer has float32 parameters named `kernel` and `bias`. It casts input, kernel and bias to its
 `dtype`, in which it also computes.
 
-Initial values (**ours**: choices of this implementation; the paper gives none). The networks have
-no normalisation layers. The variances of the initial kernels must therefore keep the activations at
-the same scale over some twenty layers (He et al. 2015, "Delving deep into rectifiers", section
-2.2):
+Initial values (**ours**: the paper gives none). The networks have no normalisation layers, so the
+variances of the initial kernels must keep the activations at the same scale over some twenty layers
+(He et al. 2015, "Delving deep into rectifiers", section 2.2):
 
 - `RELU`: variance 2 / fan_in, for a layer followed by a ReLU.
-- `SUMMED`: variance 1 / fan_in, for each of two linear layers whose sum goes through a ReLU (the
-  skip connections). The sum then has the variance of one `RELU` layer.
-- The fan-in of a transposed convolution of stride s is k * k * c_in / s^2, because an output is the
-  sum of that many products; the other kernel elements are multiplied by inserted zeros.
-- The biases of `PointOutNet` start at zero, except those of the output layers, which start at the
-  middle of an object (`cloud_bias`). The points of a deconv branch start on a plane that faces the
-  camera (`grid_offset`).
+- `SUMMED`: variance 1 / fan_in, for each of two linear layers whose sum goes through a ReLU.
+- The fan-in of a transposed convolution of stride s is k * k * c_in / s^2: an output is the sum of
+  that many products, the others have inserted zeros.
+- Biases start at zero, except those of the output layers (`cloud_bias`).
 """
 
 from collections.abc import Callable, Sequence
@@ -58,7 +53,7 @@ def convolve(
     groups = x.shape[-1] if kernel.shape[-2] == 1 else 1
     if x.shape[-1] != groups * kernel.shape[-2]:
         raise ValueError(f"a kernel of shape {kernel.shape} does not fit {x.shape[-1]} channels")
-    if (y := cpu_convolution.convolve(x, kernel, stride, transposed=False)) is not None:
+    if (y := cpu_convolution.convolve(x, kernel, stride, groups)) is not None:
         return y
     strides, layout = (stride,) * (x.ndim - 2), _LAYOUT[x.ndim]
     return lax.conv_general_dilated(
@@ -70,16 +65,13 @@ def convolve_transposed(
     x: Float[Array, "b h w c_in"], kernel: Float[Array, "kh kw c_in c_out"], stride: int = 2
 ) -> Float[Array, "b ho wo c_out"]:
     """Transposed convolution of images, SAME padding: the output is `stride` times as large."""
-    if (y := cpu_convolution.convolve(x, kernel, stride, transposed=True)) is not None:
+    if (y := cpu_convolution.convolve_transposed(x, kernel, stride)) is not None:
         return y
     return lax.conv_transpose(x, kernel, (stride,) * 2, "SAME", dimension_numbers=_LAYOUT[4])
 
 
 class Conv(nn.Module):
-    """`convolve(x, kernel, stride) + bias` for images, or with `ndim` 3 for volumes.
-
-    With `depthwise`, each channel by itself; `features` is then their number.
-    """
+    """`convolve(x, kernel, stride) + bias`; `depthwise` convolves each of `features` by itself."""
 
     features: int
     kernel_size: int = 3
@@ -92,7 +84,6 @@ class Conv(nn.Module):
 
     @nn.compact
     def __call__(self, x: Float[Array, "b *size c_in"]) -> Float[Array, "b *out c_out"]:
-        """Maps a batch of feature maps."""
         channels = 1 if self.depthwise else x.shape[-1]
         shape = (*(self.kernel_size,) * self.ndim, channels, self.features)
         kernel = self.param("kernel", self.kernel_init, shape, jnp.float32)
@@ -118,8 +109,6 @@ class ConvTranspose(nn.Module):
 
     @nn.compact
     def __call__(self, x: Float[Array, "b h w c_in"]) -> Float[Array, "b ho wo c_out"]:
-        """Maps a batch of feature maps."""
-
         def init(key: PRNGKey, shape: Sequence[int], dtype: Any) -> jax.Array:
             return self.stride * self.kernel_init(key, shape, dtype)
 
@@ -140,7 +129,6 @@ class Dense(nn.Module):
 
     @nn.compact
     def __call__(self, x: Float[Array, "b n_in"]) -> Float[Array, "b n_out"]:
-        """Maps a batch of vectors."""
         shape = (x.shape[-1], self.features)
         kernel = self.param("kernel", self.kernel_init, shape, jnp.float32)
         y = x.astype(self.dtype) @ kernel.astype(self.dtype)
@@ -155,10 +143,9 @@ def _add_bias(layer: Any, y: Array) -> Array:
 def cloud_bias(spread: float) -> Initializer:
     """Initial bias of an output layer: coordinates xyz, xyz, ... near the middle of an object.
 
-    This is **ours**. A dense output layer has its own bias for each point, so the first clouds can
-    be spread over the object, by a standard deviation of `spread` units; most points then soon
-    become the nearest ones to some part of the surface. A convolution has the same bias in all
-    cells; there the spread is 0, and `grid_offset` spreads the points.
+    This is **ours**. A dense output layer has a bias for each point; spread by a standard deviation
+    of `spread` units, most points soon become the nearest ones to some part of the surface. A
+    convolution has one bias for all cells (spread 0), and `grid_offset` spreads its points.
     """
 
     def init(key: PRNGKey, shape: Sequence[int], dtype: Any = jnp.float32) -> jax.Array:
@@ -172,14 +159,10 @@ def cloud_bias(spread: float) -> Initializer:
 def grid_offset(height: int, width: int, points_per_cell: int) -> np.ndarray:
     """Constant that the deconv branch adds to its linear output: [height, width, 3 * points].
 
-    This is **ours**. The cells form a grid in the plane x = 0, oriented like the image: y runs from
-    left to right, z decreases from top to bottom. The grid covers +-.57 units along y and +-.45
-    along z, the width of uniform distributions with the standard deviations of the ground truth.
-
-    Without the offset all cells start at nearly the same point, because they have the same kernel
-    and bias, and cells on the background see the same features. After a short training most of
-    their points are then still close together (`authors_small_cd.py` after 600 steps: CD .0150
-    without, .0135 with).
+    This is **ours**. The cells form a grid in the plane x = 0, oriented like the image, over +-.57
+    units along y and +-.45 along z: uniform distributions with the standard deviations of the
+    ground truth. Without it all cells start at nearly the same point, because they have the same
+    kernel and bias (`authors_small_cd.py` after 600 steps: CD .0150 without, .0135 with).
     """
     y = np.linspace(-1, 1, width) * np.sqrt(3) * 0.33
     z = np.linspace(1, -1, height) * np.sqrt(3) * 0.26

@@ -1,8 +1,6 @@
 """One door to the networks: constructors, initial parameters, inputs, predicted clouds.
 
-A new network that predicts clouds is a class with the properties of `PointOutNet` (`branches`,
-`grid`, `num_points`) and an entry of `NETWORKS`, whose key `config.experiment.Version` accepts. All
-random numbers are functions of the seed, of a purpose and of a step.
+All random numbers are functions of the seed, of a purpose and of a step.
 """
 
 import dataclasses
@@ -116,10 +114,7 @@ def random_key(seed: int, step: Array | int, *, train: bool = True) -> PRNGKey:
 
 
 def init_params(config: Config, model: nn.Module) -> Any:
-    """Initial parameters of the network and, with `model.posterior`, of the posterior network.
-
-    A pure function for use in jit.
-    """
+    """Initial parameters of the network and, with `model.posterior`, of the posterior network."""
     height, width = config.model.image_size
     image = jnp.zeros((1, height, width, config.model.in_channels))
     r = jnp.zeros((1, config.model.random_size)) if config.model.random_size else None
@@ -141,14 +136,10 @@ def input_keys(config: Config) -> tuple[str, ...]:
 def random_input(
     config: Config, step: Array | int, batch_size: int, *, train: bool
 ) -> Array | None:
-    """Random input r ~ N(0, I) [B, random_size], or None without one.
+    """Random input r ~ N(0, I) [B, random_size] of a training step or a batch; None without one.
 
-    For training with `loss.min_of_n` > 1 it is [B, min_of_n, random_size]. Source: paper, section
-    "Generation of Multiple Plausible Shapes".
-
-    Args:
-      step: number of the training step, or of the batch of an evaluation.
-      batch_size: B, over all devices and processes.
+    For training with `loss.min_of_n` > 1 it is [B, min_of_n, random_size]. B counts all devices and
+    processes. Source: paper, section "Generation of Multiple Plausible Shapes".
     """
     if not config.model.random_size:
         return None
@@ -169,25 +160,21 @@ def stack_channels(
 
     - "rgb", three channels: colour / 255; every background pixel is 191 / 255.
     - "mask", one channel: the **background** mask, 1 = background, 0 = object.
-    - "depth", two channels. The first is `distance - z`: how much nearer to the camera the surface
-      is than the frame's origin, in units. It is in [-1, 1] on the object, because the unit is the
-      bounding radius; it is not clipped. The second is 1 where depth was measured. Both are 0 on
-      the background and where the sensor measured nothing on the object (z <= 0 or not finite). The
-      "mask" channel distinguishes these holes from the background; the second depth channel
-      distinguishes them from a surface at the depth of the origin.
+    - "depth", two channels (**ours**: the sources do not say how a network gets depth). The first
+      is `distance - z`: how much nearer to the camera the surface is than the frame's origin, in
+      units; it is in [-1, 1] on the object. The second is 1 where depth was measured. Both are 0 on
+      the background and where the sensor measured nothing on the object (z <= 0 or not finite).
 
     Args:
       image: RGB.
       mask: True on the object.
-      depth: z along the optical axis in units (radius of the bounding hemisphere); required if
-        "depth" is in `channels`, otherwise ignored.
+      depth: z along the optical axis in units (radius of the bounding hemisphere); required for
+        "depth".
       channels: any of "rgb", "mask", "depth".
       distance: depth of the frame's origin along the optical axis, `extrinsics[2, 3]`; None: 3.6,
         the value of the default camera.
 
-    Source: the authors' published code and data, which store colours as BGR. Their files store
-    depth as 16-bit integers, (5.4 - z) / 3.6 * 65535. Neither the files nor the paper say how depth
-    is passed to a network; the two depth channels are **ours**.
+    Source: the authors' published code and data, which store colours as BGR.
     """
     image, mask = jnp.asarray(image), jnp.asarray(mask)
     planes = []

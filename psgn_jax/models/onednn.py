@@ -1,7 +1,6 @@
 """Convolutions of images on a CPU, computed by oneDNN through its C interface, version 3.
 
-oneDNN is the library whose kernels PyTorch uses on x86-64 processors; the package `onednn-cpu-gomp`
-contains it. The three parts of a convolution
+The package `onednn-cpu-gomp` contains the library. The three parts of a convolution
 
     y[o] = sum over taps t of x[stride * o + t - low] kernel[t]
 
@@ -10,10 +9,10 @@ respect to x, and `kernel_gradient`, the adjoint with respect to the kernel. Ima
 bfloat16 with the axes [batch, height, width, channels], kernels [kh, kw, c_in, c_out]. Sums are
 accumulated in float32. The results are deterministic for a fixed number of threads.
 
-XLA calls the library through a Python callback, which passes pointers and copies no images. For
-this reason, JAX keeps programs with these functions neither in its compilation cache nor in
-exported files. Each call uses all threads of oneDNN (`OMP_NUM_THREADS`, by default one for each
-core), and one call runs at a time. Primitives are kept for the life of the process.
+XLA calls the library through a Python callback, which passes pointers and copies no images.
+Therefore JAX neither caches nor exports programs with these functions. Each call uses all threads
+of oneDNN (`OMP_NUM_THREADS`, by default one for each core), and one call runs at a time. Primitives
+are kept for the life of the process.
 """
 
 import ctypes

@@ -18,26 +18,22 @@ Layers are 3x3 convolutions with ReLU unless stated otherwise.
 Output: first the fc points, then the deconv points row by row, with the points of one cell next to
 each other. Both output layers are linear, so that coordinates can be negative.
 
-Choices of this implementation (marked **ours** elsewhere), because the sources leave them open or
-disagree:
+**Ours**, because the sources leave it open or disagree:
 
 - Strided kernels are 3x3, except 5x5 into the bottleneck (`vanilla`, `two_branch`) or at the last
-  three levels (`hourglass`). The authors published these sizes; we count the levels from the
-  bottleneck, so that the rule also applies to fewer levels.
-- In the authors' two-branch network a ReLU follows the last transposed convolution, in their
-  hourglass it does not. Here that layer is linear in both networks.
-- The authors never published `vanilla`. Here it is the two-branch network without the deconv
-  branch, so it predicts only `fc_points` points; set this field to 1024 to get as many points as
-  from the other versions.
+  three levels (`hourglass`). These are the published sizes; we count from the bottleneck, so that
+  the rule also applies to fewer levels.
+- The last transposed convolution is linear. In the authors' two-branch network a ReLU follows it,
+  in their hourglass it does not.
+- The authors never published `vanilla`. Here it is `two_branch` without the deconv branch, so it
+  predicts only `fc_points` points.
 - Between its two passes the hourglass goes up to level 1, or to level 0 if `deconv_level` is 0.
-- The random input r: a dense layer without bias maps r to the shape of the bottleneck, and the
-  result is added before the ReLU of the bottleneck; each pass has its own dense layer.
-- Several samples of r per image: the layers before r, and the skip convolutions that read them, are
-  computed once per image. The other layers have a batch of b * draws.
-- Padding: if a side of the image is not a multiple of 2^(levels - 1), it is padded to the next one
-  by repeating border pixels, half on each side (an odd pixel at the bottom or right).
-- The output layers compute in float32 for every `dtype`, because bfloat16 numbers near 1 have steps
-  of .008. Initial values, and a constant that spreads the deconv points, are in `layers`.
+- The random input r: a dense layer without bias, one for each pass, maps r to the shape of the
+  bottleneck, and the result is added before the ReLU of the bottleneck. With several r per image,
+  the layers before r, and the skip convolutions that read them, are computed once per image.
+- If a side of the image is not a multiple of 2^(levels - 1), we pad it to the next one by repeating
+  border pixels, half on each side (an odd pixel at the bottom or right).
+- The output layers compute in float32, because bfloat16 numbers near 1 have steps of .008.
 """
 
 import functools
@@ -77,14 +73,13 @@ def _add(x: Array, per_image: Array) -> Array:
 
 
 class Bottleneck(nn.Module):
-    """ReLU(5x5 convolution of stride 2 + dense(r))."""
+    """ReLU(5x5 convolution of stride 2 + dense(r)); r has one row per image and sample."""
 
     width: int
     dtype: Any
 
     @nn.compact
     def __call__(self, x: Array, r: Array | None) -> Array:
-        """Halves the size; r is None or has one row per image and sample."""
         x = Conv(self.width, 5, stride=2, dtype=self.dtype, name="down")(x)
         if r is not None:
             dense = Dense(x[0].size, False, kernel_init=SUMMED, dtype=self.dtype, name="random")
@@ -95,18 +90,15 @@ class Bottleneck(nn.Module):
 class Encoder(nn.Module):
     """Two convolutions at each level, the first strided; one more above the bottleneck.
 
-    Attributes:
-      widths: feature maps per level, full size first; the last entry is the bottleneck.
-      num_wide: number of levels, counted from the bottleneck, with a strided 5x5 kernel.
+    Returns the features of all levels but the last, full size first, and the bottleneck.
     """
 
-    widths: tuple[int, ...]
-    num_wide: int
+    widths: tuple[int, ...]  # feature maps per level, full size first
+    num_wide: int  # levels, counted from the bottleneck, with a strided 5x5 kernel
     dtype: Any
 
     @nn.compact
     def __call__(self, x: Array, r: Array | None) -> tuple[list[Array], Array]:
-        """Returns the features of all levels but the last, full size first, and the bottleneck."""
         last, features = len(self.widths) - 1, []
         for level, width in enumerate(self.widths[:-1]):
             if level > 0:
@@ -126,14 +118,14 @@ class Merge(nn.Module):
     `down_size` is not 0 by a linear strided convolution of that kernel size.
     """
 
-    width: int
+    level_width: int  # the encoder's; here are half as many feature maps
     down_size: int
     dtype: Any
 
     @nn.compact
     def __call__(self, x: Array, skip: Array) -> Array:
-        """Returns features of the size of `skip`; x may have several rows for each of its rows."""
-        width, linear = self.width, {"kernel_init": SUMMED, "dtype": self.dtype}
+        width = max(1, self.level_width // 2)
+        linear: Any = {"kernel_init": SUMMED, "dtype": self.dtype}
         if self.down_size:
             x = Conv(width, self.down_size, stride=2, name="down", **linear)(x)
         else:
@@ -142,18 +134,8 @@ class Merge(nn.Module):
         return nn.relu(Conv(width, dtype=self.dtype, name="conv")(x))
 
 
-def _merge(x: Array, features: list[Array], sizes: dict[int, int], net: Any) -> list[Array]:
-    """`features` with each level of `sizes` (down_size by level) merged, at half its width."""
-    features = list(features)
-    for level, size in sizes.items():
-        width = max(1, net.widths[level] // 2)
-        x = Merge(width, size, net.dtype, name=f"level{level}")(x, features[level])
-        features[level] = x
-    return features
-
-
 class Decoder(nn.Module):
-    """Upsamples from the bottleneck to the level `top`; `widths` are those of the encoder."""
+    """Upsamples from the bottleneck; returns `features` with the levels >= `top` replaced."""
 
     widths: tuple[int, ...]
     top: int
@@ -161,12 +143,18 @@ class Decoder(nn.Module):
 
     @nn.compact
     def __call__(self, x: Array, features: list[Array]) -> list[Array]:
-        """Returns `features` with the levels >= `top` replaced by decoded features."""
-        return _merge(x, features, dict.fromkeys(reversed(range(self.top, len(features))), 0), self)
+        features = list(features)
+        for level in reversed(range(self.top, len(features))):
+            merge = Merge(self.widths[level], 0, self.dtype, name=f"level{level}")
+            x = features[level] = merge(x, features[level])
+        return features
 
 
 class Reencoder(nn.Module):
-    """The second downsampling pass of the hourglass, from the level `top` to the bottleneck."""
+    """The second downsampling pass of the hourglass, from the level `top` to the bottleneck.
+
+    Returns `features` with the levels > `top` replaced, and the bottleneck.
+    """
 
     widths: tuple[int, ...]
     top: int
@@ -175,16 +163,17 @@ class Reencoder(nn.Module):
 
     @nn.compact
     def __call__(self, features: list[Array], r: Array | None) -> tuple[list[Array], Array]:
-        """Returns `features` with the levels > `top` replaced, and the bottleneck."""
-        last = len(self.widths) - 1
-        sizes = {i: 5 if i > last - self.num_wide else 3 for i in range(self.top + 1, last)}
-        features = _merge(features[self.top], features, sizes, self)
-        bottleneck = Bottleneck(self.widths[-1], self.dtype, name="bottleneck")
-        return features, bottleneck(features[last - 1], r)
+        features, last = list(features), len(self.widths) - 1
+        x = features[self.top]
+        for level in range(self.top + 1, last):
+            size = 5 if level > last - self.num_wide else 3
+            merge = Merge(self.widths[level], size, self.dtype, name=f"level{level}")
+            x = features[level] = merge(x, features[level])
+        return features, Bottleneck(self.widths[-1], self.dtype, name="bottleneck")(x, r)
 
 
 class FullyConnected(nn.Module):
-    """The fc branch."""
+    """The fc branch: maps the bottlenecks of one or two passes to points [b, num_points, 3]."""
 
     num_points: int
     widths: tuple[int, ...]
@@ -192,7 +181,6 @@ class FullyConnected(nn.Module):
 
     @nn.compact
     def __call__(self, bottlenecks: list[Array]) -> Array:
-        """Maps the bottlenecks of one or two passes to points [b, num_points, 3]."""
         *first, last = [x.reshape(x.shape[0], -1) for x in bottlenecks]
         hidden, dtype = self.widths[0], self.dtype
         init = SUMMED if first else layers.RELU
@@ -210,32 +198,19 @@ class FullyConnected(nn.Module):
 
 
 class PointOutNet(nn.Module):
-    """Maps one image, and optionally a random vector r, to a point cloud.
+    """Maps one image, and optionally a random vector r, to a point cloud."""
 
-    Attributes:
-      version: "vanilla", "two_branch" or "hourglass".
-      image_size: (height, width) of the images in pixels, before padding.
-      in_channels: channels of the images.
-      widths: feature maps per level, full size first.
-      fc_points, fc_widths: number of points and hidden widths of the fc branch.
-      deconv_level, deconv_channels: last level of the deconv branch, and its output channels (3 per
-        point of a cell).
-      random_size: components of r; 0 = no random input.
-      make_encoder: constructor of a module that is called like `Encoder`, in its place.
-      dtype: dtype of the arithmetic in the hidden layers; parameters and points are float32.
-    """
-
-    version: str
-    image_size: tuple[int, int]
-    in_channels: int
-    widths: tuple[int, ...]
-    fc_points: int
-    fc_widths: tuple[int, ...]
-    deconv_level: int
-    deconv_channels: int
-    random_size: int = 0
-    make_encoder: Callable[..., nn.Module] | None = None
-    dtype: Any = jnp.float32
+    version: str  # "vanilla", "two_branch" or "hourglass"
+    image_size: tuple[int, int]  # (height, width) in pixels, before padding
+    in_channels: int  # of the images
+    widths: tuple[int, ...]  # feature maps per level, full size first
+    fc_points: int  # points of the fc branch
+    fc_widths: tuple[int, ...]  # its hidden widths
+    deconv_level: int  # last level of the deconv branch
+    deconv_channels: int  # its output channels, 3 per point of a cell
+    random_size: int = 0  # components of r; 0 = no random input
+    make_encoder: Callable[..., nn.Module] | None = None  # of a module called like `Encoder`
+    dtype: Any = jnp.float32  # of the arithmetic in hidden layers; parameters, points: float32
 
     @property
     def padded_size(self) -> tuple[int, int]:
@@ -271,13 +246,11 @@ class PointOutNet(nn.Module):
 
         Args:
           x: images, as returned by `networks.stack_channels`.
-          r: standard normal numbers: [b, random_size], or [b, draws, random_size] for several
-            clouds per image, for which the encoder runs once. None if and only if `random_size` is
-            0.
+          r: standard normal numbers [b, random_size], or [b, draws, random_size] for several clouds
+            per image; None if and only if `random_size` is 0.
 
         Returns:
-          Points in the project's frame, unit = radius of the bounding hemisphere; float32;
-          [b, n, 3], or [b, draws, n, 3].
+          Points in the project's frame, unit = radius of the bounding hemisphere; float32.
 
         Raises:
           ValueError: the shape of an argument does not match the network.

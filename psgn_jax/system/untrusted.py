@@ -159,14 +159,14 @@ def size_of(path: str | os.PathLike[str]) -> int:
 
 
 def one_line(text: object) -> str:
-    r"""A text in one line: line breaks (`\n`), control characters, undecodable bytes are escaped."""
+    r"""A text in one line: line breaks (`\n`) and unprintable characters are escaped."""
     return "".join(
         c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in str(text)
     )
 
 
 def message_line(error: object) -> str:
-    """An error's message as one line; for the operating system's errors, the file and the reason."""
+    """An error's message as one line; for errors of the operating system, file and reason."""
     text = str(error)
     if isinstance(error, MemoryError):
         text = f"not enough memory; {text}".rstrip("; ")
