@@ -1,36 +1,30 @@
 """Trains a network: `psgn train --config=base --workdir=runs/base`.
 
 `python -m psgn_jax.main` is the same command. `--config` takes the path of a file or the name of a
-configuration that comes with the package (`psgn_jax.config.recipes`).
+configuration that comes with the package. Any field of it can be given as a flag,
+`--config.train.steps=2000`. The same command resumes a stopped run.
 
-Any field of the configuration can be given as a flag, `--config.train.steps=2000`. The same command
-resumes a stopped run. Exit codes: 0 done; 2 a wrong configuration (the message names the field) or
-a file that cannot be written; 3 a loss that is not finite; 4 another process of the same training
-has ended; 5 a full disk; 143 stopped by SIGTERM; 130 stopped by Ctrl-C. In the last two cases, a
-checkpoint has been saved, unless the step took longer than `train.stop_seconds` or a second signal
-came.
-`system.group` describes training in several processes.
+Exit codes: 0 done; 2 a wrong configuration (the message names the field) or a file that cannot be
+written; 3 a loss that is not finite; 4 another process of the same training has ended; 5 a full
+disk; 143 stopped by SIGTERM; 130 stopped by Ctrl-C. In the last two cases, a checkpoint has been
+saved, unless the step took longer than `train.stop_seconds` or a second signal came.
 """
 
 import pathlib
 import sys
 from collections.abc import Sequence
 
-from absl import logging
-
-from psgn_jax.commands.common import define_group_flags, keep_compiled
+from psgn_jax.commands.common import define_group_flags, joined, keep_compiled
 from psgn_jax.config.command_line import HELP, Flags
 from psgn_jax.config.experiment import Config, check_paths, parse
 from psgn_jax.config.recipes import descriptions, path_of
 from psgn_jax.data.dataset import RecordReader
+from psgn_jax.system.cpu import keep_freed_memory
 from psgn_jax.system.files import check_folder
-from psgn_jax.system.group import joined
-from psgn_jax.system.memory import keep_freed_memory
 from psgn_jax.system.processes import start_command
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code."""
     argv = list(sys.argv[1:] if argv is None else argv)
     if not any(each.partition("=")[0] in {"--config", "-config", *HELP} for each in argv):
         lines = "".join(f"  {name:20} {what}\n" for name, what in descriptions().items())
@@ -46,7 +40,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _main(flags: Flags) -> int:
-    """Checks the configuration, then trains."""
     values = flags.values
     given = parse(values.config)
     stem = pathlib.Path(flags.config_file.partition(":")[0]).stem
@@ -63,9 +56,7 @@ def _main(flags: Flags) -> int:
     from psgn_jax.commands.default_data import with_default_data
     from psgn_jax.training.loop import train
 
-    with joined(values.coordinator, values.num_processes, values.process_id) as first:
-        if not first:
-            logging.set_verbosity(logging.WARNING)
+    with joined(values):
         outcome = train(with_default_data(given), workdir)
     return 128 + outcome.stopped_by if outcome.stopped_by else 0
 

@@ -1,35 +1,46 @@
 """Flags that several commands have, and the compilation cache."""
 
+import contextlib
 import platform
 import zlib
+from collections.abc import Iterator
+from typing import Any
 
 from absl import logging
 
 from psgn_jax.config.command_line import Flags
-from psgn_jax.system.cores import features_line
+from psgn_jax.system import group
+from psgn_jax.system.cpu import features_line
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import cache_folder, check_folder
 from psgn_jax.system.untrusted import message_line, refuse_special_files
 
 
 def define_network_flags(flags: Flags) -> None:
-    """Defines --workdir, --weights and --checkpoint, for `weights.opening.open_network`."""
+    """For `weights.opening.open_network`."""
     flags.string("workdir", None, "Folder of a run, instead of weights.")
     flags.string("weights", None, "Name or file of weights; default: those of the package.")
     flags.enum("checkpoint", "best", ["best", "last"], "Checkpoint of the run.")
 
 
 def define_group_flags(flags: Flags) -> None:
-    """Defines --coordinator, --num_processes and --process_id, for `system.group.joined`."""
+    """For `joined`."""
     flags.string("coordinator", None, "HOST:PORT of the first of several processes.")
     flags.integer("num_processes", None, "Number of processes that share the work.")
     flags.integer("process_id", None, "Index of this process, from 0.")
 
 
-def keep_compiled() -> None:
-    """Enables JAX's persistent compilation cache in the cache folder.
+@contextlib.contextmanager
+def joined(values: Any) -> Iterator[bool]:
+    """`system.group.joined` by flags; processes that are not the first one log only warnings."""
+    with group.joined(values.coordinator, values.num_processes, values.process_id) as first:
+        if not first:
+            logging.set_verbosity(logging.WARNING)
+        yield first
 
-    Call it before JAX compiles anything. JAX_COMPILATION_CACHE_DIR names another folder.
+
+def keep_compiled() -> None:
+    """Enables JAX's persistent compilation cache in the cache folder, before JAX compiles anything.
 
     The cache has one folder per type of processor, because a program that was compiled for one may
     not run on another. Without a home, or where the folder cannot be written, nothing is kept.

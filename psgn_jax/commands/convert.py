@@ -34,7 +34,6 @@ _MOST_VIEWS = max(layout.NUM_VIEWS for layout in LAYOUTS.values())
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code."""
     flags = Flags("psgn convert LAYOUT SRC DST", __doc__)
     flags.integer("views", None, "Views per model; by default all.", lower_bound=1,
                   upper_bound=_MOST_VIEWS)  # fmt: skip

@@ -1,7 +1,6 @@
-"""The default data set: procedural models that are rendered on first use and cached.
+"""The default data set of configurations without `data.path`, rendered on first use and cached.
 
-A configuration without `data.path` uses it. Commands render it with `data_gen` (extra `render`) to
-the cache folder, which takes a minute or two. `data_gen.default` describes its contents.
+Rendering needs the extra `render` and takes a minute or two. `data_gen.default` describes it.
 """
 
 import contextlib
@@ -21,7 +20,7 @@ from psgn_jax.system.files import cache_folder
 def with_default_data(config: Config) -> Config:
     """Adds the folder of the default data set to a configuration without `data.path`.
 
-    `data.path` is not changed, and therefore neither is the configuration in the folder of a run.
+    `data.path` stays empty, so the configuration in the folder of a run does not change.
     """
     if config.data.path:
         return config
@@ -30,13 +29,12 @@ def with_default_data(config: Config) -> Config:
 
 
 def default_dataset() -> str:
-    """Returns the folder of the default data set; renders the missing parts of it.
+    """The folder of the default data set, after rendering what is missing of it.
 
-    If the process is killed, the next call continues. If several processes call this, one renders
-    and the others wait.
+    If several processes call this, one renders and the others wait.
 
     Raises:
-      ConfigError: the data set does not exist and cannot be rendered; the message says what to do.
+      ConfigError: the data set does not exist and cannot be rendered.
     """
     from data_gen import default  # imports the loader and the renderer
 

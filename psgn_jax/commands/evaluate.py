@@ -12,12 +12,11 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from absl import logging
-
 from psgn_jax import tasks
 from psgn_jax.commands.common import (
     define_group_flags,
     define_network_flags,
+    joined,
     keep_compiled,
 )
 from psgn_jax.commands.default_data import with_default_data
@@ -29,8 +28,8 @@ from psgn_jax.evaluation import baselines, table
 from psgn_jax.evaluation.run import FRAMES, evaluate_run, output_folder, report_runs
 from psgn_jax.models import efficientnet, networks
 from psgn_jax.system import group
+from psgn_jax.system.cpu import keep_freed_memory
 from psgn_jax.system.files import check_folder, write_atomic
-from psgn_jax.system.memory import keep_freed_memory
 from psgn_jax.weights.mask import read_mask_network
 from psgn_jax.weights.opening import open_network
 from psgn_jax.weights.run_folder import Trained
@@ -66,33 +65,25 @@ def _baselines(run: Trained, split: str | None, out: str | None) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code."""
     flags = Flags("psgn evaluate", __doc__)
     define_network_flags(flags)
     flags.string("split", None, "Split; default: data.eval_split of the run.")
     flags.string("data", None, "Folder of records in place of those of the run.")
     flags.string(
-        "out",
-        None,
-        "Folder for the tables; default: a folder in the workdir or, for weights, in the current "
-        "folder.",
-    )
+        "out", None, "Folder for the tables; default: a folder in the workdir, or for weights in "
+        "the current folder.",
+    )  # fmt: skip
     flags.integer(
-        "draws",
-        0,
-        "Number of predictions per image; the best and the mean of their distances are also "
-        "measured; needs a network with a random input; 0 = off.",
-        lower_bound=0,
-    )
+        "draws", 0, "Number of predictions per image; the best and the mean of their distances are "
+        "also measured; needs a network with a random input; 0 = off.", lower_bound=0,
+    )  # fmt: skip
     flags.enum(
         "frame", "keep", list(FRAMES), "keep: images as they are; place: crop and place objects."
     )
     flags.bool(
-        "refine",
-        None,
-        "Measure clouds as psgn predict gives them: averaged with those of the mirror image, and "
-        "moved into the mask; default: eval.refine of the run.",
-    )
+        "refine", None, "Measure clouds as psgn predict gives them: averaged with those of the "
+        "mirror image, and moved into the mask; default: eval.refine of the run.",
+    )  # fmt: skip
     flags.bool(
         "baselines", False, "Compare the network with the floor and with simple baselines instead."
     )
@@ -113,22 +104,13 @@ def _main(flags: Flags) -> None:
     keep_freed_memory()
     if values.compare and not values.report:
         raise ConfigError(f"--compare={values.compare}: accepted only with --report=DIR")
-    if values.baselines and (
-        values.report
-        or values.draws
-        or values.num_processes
-        or values.refine
-        or values.frame != "keep"
-    ):
-        raise ConfigError(
-            "--baselines: accepted without --report, --draws, --frame, --refine and processes"
-        )
+    others = flags.given("report", "draws", "num_processes", "refine", "frame")
+    if values.baselines and others:
+        raise ConfigError(f"{others[0]}: not accepted with --baselines")
     if values.report is not None:
         check_folder(values.report, "--report")
     options: dict[str, Any] = {n: values[n].value for n in _OPTIONS}
-    with group.joined(values.coordinator, values.num_processes, values.process_id) as first:
-        if not first:
-            logging.set_verbosity(logging.WARNING)
+    with joined(values) as first:
         if values.report and group.index_and_count()[1] > 1:
             raise ConfigError(f"--report={values.report}: accepted only with one process")
         opening = {"checkpoint": values.checkpoint, "data": values.data}

@@ -20,7 +20,6 @@ from psgn_jax.weights.run_folder import Trained
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code."""
     flags = Flags("psgn export --out=FOLDER", __doc__)
     define_network_flags(flags)
     flags.string("out", None, "Folder for the files.")

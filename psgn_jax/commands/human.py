@@ -58,7 +58,6 @@ def _score(folder: pathlib.Path, values: Any) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code."""
     flags = Flags("psgn human [ARGUMENT...]", __doc__)
     flags.string("data", "", "Folder of records; `score` needs it only if it was moved.")
     flags.string("out", "", "Folder for the page; with `score`: for tables and figures.")

@@ -21,7 +21,6 @@ from psgn_jax.viewing.dataset import make_sheet, report
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code."""
     flags = Flags("psgn inspect PATH", __doc__)
     flags.string("sheet", "", "Contact sheet; default: PATH/sheet.png.")
     flags.integer("samples", 12, "Samples on the sheet.", lower_bound=1)

@@ -20,7 +20,6 @@ from psgn_jax.web.page.serve import server
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code."""
     flags = Flags("psgn page", __doc__)
     define_network_flags(flags)
     flags.string("out", "page", "Folder for the page.")

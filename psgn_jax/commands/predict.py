@@ -30,37 +30,24 @@ _OPTIONS = [
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code."""
     flags = Flags("psgn predict IMAGE...", __doc__)
     define_network_flags(flags)
     flags.string("out", "out", "Folder for the results.")
     flags.string("mask", None, "File of the mask, or folder with one for each image.")
     flags.enum("mask_from", "auto", list(masks.METHODS), "How to find a mask.")
     flags.bool(
-        "invert_mask",
-        None,
-        "Whether the given masks are white outside the object; without it, those are that cover "
-        "the border and not the middle.",
-    )
-    flags.bool("accept_mask", False, "Whether to use masks of which the network is not certain.")
-    flags.enum(
-        "normal_form",
-        "auto",
-        list(NORMAL_FORMS),
-        "Whether to move the points onto the ground and scale them to radius 1.",
-    )
-    flags.enum(
-        "frame",
-        "auto",
-        ["auto", "place", "keep"],
-        "Crop to the object (place), or use the image as it is (keep).",
-    )
+        "invert_mask", None, "The given masks are white outside the object; default: those that "
+        "cover the border and not the middle.",
+    )  # fmt: skip
+    flags.bool("accept_mask", False, "Use masks of which the network is not certain.")
+    flags.enum("normal_form", "auto", list(NORMAL_FORMS),
+               "Move the points onto the ground and scale them to radius 1.")  # fmt: skip
+    flags.enum("frame", "auto", ["auto", "place", "keep"],
+               "Crop to the object (place), or use the image as it is (keep).")  # fmt: skip
     flags.bool(
-        "refine",
-        True,
-        "Whether to average the cloud with that of the mirror image, and to move points that "
+        "refine", True, "Average the cloud with that of the mirror image, and move points that "
         "project outside the mask into it.",
-    )
+    )  # fmt: skip
     flags.integer("samples", 1, "Number of clouds per image.")
     flags.integer("seed", 0, "Seed of the random input.")
     flags.list("formats", list(DEFAULT_FORMATS), "Formats of the clouds: ply, xyz, obj, npz, glb.")

@@ -3,8 +3,7 @@
     psgn train --config=quickstart
     psgn predict photo.jpg --workdir=runs/quickstart --out=out
 
-The module of a command is imported only when the command runs. Its function `main` defines the
-flags, the help and the exit codes.
+The module of a command is imported only when the command runs.
 """
 
 import importlib
@@ -51,8 +50,8 @@ def module(name: str) -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs a subcommand and returns its exit code.
 
-    `argv` are the arguments without the name of the program. Without them, this is the console
-    script: it takes those of the process, and changes its environment (`processes.start_command`).
+    Without `argv` this is the console script: it takes the arguments of the process, and changes
+    its environment (`processes.start_command`).
     """
     if argv is None:
         start_command()

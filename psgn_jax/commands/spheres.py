@@ -17,7 +17,6 @@ _FIELDS = ("points", "colours", "seen", "branch", "image", "intrinsics", "extrin
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code."""
     flags = Flags("psgn spheres NPZ... --out=FILE", __doc__)
     flags.string("out", None, "PNG file to write.")
     flags.integer("columns", 1, "Columns of the sheet.", lower_bound=1)

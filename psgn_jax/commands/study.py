@@ -20,8 +20,8 @@ from absl import logging
 from psgn_jax.commands.common import keep_compiled
 from psgn_jax.config.command_line import Flags
 from psgn_jax.config.experiment import ConfigError, suggestion
+from psgn_jax.system.cpu import keep_freed_memory
 from psgn_jax.system.files import cache_folder
-from psgn_jax.system.memory import keep_freed_memory
 
 
 def _usual(_: str) -> str:
@@ -83,15 +83,12 @@ STUDIES: dict[str, Callable[[str], str]] = {
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code."""
     flags = Flags("psgn study NAME", __doc__)
     flags.string("workdir", None, "Folder of the runs and the results; default: runs/NAME.")
     flags.string(
-        "data",
-        None,
-        "Folder of records; default: records/authors if it exists, or the default data set; "
-        "ambiguity and comparison render their own.",
-    )
+        "data", None, "Folder of records; default: records/authors if it exists, or the default "
+        "data set; ambiguity and comparison render their own.",
+    )  # fmt: skip
     flags.integer("seeds", 1, "Runs of each configuration.", lower_bound=1)
     flags.integer("steps", 0, "Steps of a training; 0 = default.", lower_bound=0)
     flags.string("only", "", "CONFIG:SEED: train only this run, and measure nothing.")

@@ -11,7 +11,6 @@ from psgn_jax.viewing.predictions import read_prediction
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code."""
     flags = Flags("psgn view NPZ... --out=FILE", __doc__)
     flags.string("out", None, "HTML file to write.")
     flags.string("title", "psgn_jax", "Title of the page.")

@@ -7,8 +7,7 @@
 
 `list` shows the network, metrics, data and licences of the weights in the package, or of the given
 ones. `export` writes a checkpoint of a run as a file, for `--weights=FILE` of the other commands
-and for `--config.train.init=FILE`. The format is described in `psgn_jax.weights.file`. Exit codes:
-0 done, 2 error, 5 disk full.
+and for `--config.train.init=FILE`. Exit codes: 0 done, 2 error, 5 disk full.
 """
 
 import contextlib
@@ -43,7 +42,6 @@ _METRICS = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code."""
     flags = Flags("psgn weights COMMAND [NAME|FILE...]", __doc__)
     flags.string("workdir", "", "export: folder of the run.")
     flags.string("out", "", "export: file to be written, *.safetensors.")
@@ -135,7 +133,7 @@ def _data_of(config: Config) -> list[dict[str, Any]]:
 
 
 def describe(weights: Weights, path: pathlib.Path, *, is_default: bool = False) -> str:
-    """A description of a file of weights in a few lines."""
+    """A file of weights in a few lines."""
     config, figures = weights.config, weights.figures
     branches = networks.build(config.model).branches
     height, width = config.data.image_size
@@ -151,7 +149,10 @@ def describe(weights: Weights, path: pathlib.Path, *, is_default: bool = False) 
         "data": ", ".join(map(_data, figures["data"])) or "not stated",
         "licences": "; ".join(map(_licences, weights.sources)) or "not stated",
     }
-    title = path.stem + (" (default)" if is_default else "")
+    return _section(path.stem + (" (default)" if is_default else ""), rows)
+
+
+def _section(title: str, rows: Mapping[str, str]) -> str:
     lines = [title, *(f"  {name:9} {text}" for name, text in rows.items())]
     return "".join(f"{one_line(line)}\n" for line in lines)
 
@@ -165,8 +166,7 @@ def _describe_mask_network() -> str:
         "training": f"{texts['figures']['composites']} composites of renders and photographs",
         "licences": "; ".join(map(_licences, texts["sources"])),
     }
-    lines = ["mask", *(f"  {name:9} {text}" for name, text in rows.items())]
-    return "".join(f"{one_line(line)}\n" for line in lines)
+    return _section("mask", rows)
 
 
 def _data(row: Mapping[str, Any]) -> str:

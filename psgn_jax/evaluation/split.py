@@ -18,7 +18,7 @@ from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.data import loader
 from psgn_jax.evaluation.results import Evaluation, SampleName
 from psgn_jax.system import group
-from psgn_jax.system.cores import compiler_options
+from psgn_jax.system.cpu import compiler_options
 
 OnBatch = Callable[[int, Any, np.ndarray], None]
 

@@ -43,14 +43,10 @@ def points_task(config: Config, workdir: pathlib.Path) -> Task:
     - `loss_step`: the loss, without the L2 and KL terms.
     - `loss_<name>`, if the loss is a sum: each term of `loss_step`, without its weight.
     - `loss_of_draws`, if `loss.min_of_n` > 1: mean of the distances over all draws. `loss_step` is
-      the mean of the smallest distances; the difference shows how much the draws differ.
+      the mean of the smallest distances.
     - `l2`, unless `loss.l2` is "none": the L2 term.
-
-    With `model.posterior` also:
-
-    - `kl`: divergence in nats, summed over the dimensions of z and averaged over the samples.
-    - `kl_of_dims`: vector of the divergences of the dimensions.
-    - `kl_weight`: weight of `kl` in the objective.
+    - `kl`, `kl_of_dims` and `kl_weight`, with `model.posterior`: the divergence in nats, summed
+      over the dimensions of z and averaged over the samples, that of each, the weight of `kl`.
     """
     model = networks.build(config.model)
     _check_loss(config, model.num_points)
@@ -170,8 +166,8 @@ def kl_weight_at(config: Config, step: Array | int) -> Array:
 def l2_authors(params: Any) -> Array:
     """The authors' L2 terms: half the sum of squares of each kernel, weighted by layer type.
 
-    The weights are 1e-5 for convolutions, 1e-4 for the dense layer `carry` in the fc branch of the
-    hourglass (`models.point_out_net`), and 1e-3 for other dense layers. Biases are left out.
+    The weights are 1e-5 for convolutions, 1e-4 for the dense layer `carry` of the hourglass, and
+    1e-3 for other dense layers. Biases are left out.
     """
     total = jnp.float32(0)
     for path, leaf in jax.tree_util.tree_flatten_with_path(params)[0]:
@@ -189,12 +185,10 @@ def min_of_n_loss(
     """Batch mean of the Min-of-N distance over the draws of r [B,draws,k].
 
     Value and gradient equal those of `min_of_n` applied to `predict` with all draws, up to
-    rounding, at less cost. Only the best draw of each sample has a gradient. All draws are
-    therefore computed without storing activations, and only the best draw of each sample is
-    computed again for the backward pass. The parts that do not depend on r (the encoder; in
-    `hourglass` the encoder of the first pass) are the same in both passes, and XLA computes them
-    once. The loss is not computed twice: its derivative with respect to the points is kept from the
-    first pass and used in the backward pass of the second.
+    rounding, at less cost. Only the best draw of each sample has a gradient, so all draws are
+    computed without storing activations, and the best ones again for the backward pass. XLA
+    computes the parts that do not depend on r once. The derivative of the loss with respect to the
+    points is kept from the first pass and used in the backward pass of the second.
     """
     constant = jax.lax.stop_gradient(params)
     preds = networks.predict(config, model, constant, batch, r)
@@ -218,12 +212,8 @@ def with_draws(
     """An evaluation step that also measures K = `num_draws` draws for each image.
 
     It adds to the metrics of `eval_step`: best-of-K and mean-of-K of the Chamfer distance, the same
-    of the EMD if `eval.emd_tolerance` is set, and `total_mutual_difference_radius2` if K > 1. They
-    are defined in `prediction.sampling`. The draws are those of its `sampler` with the
-    configuration's seed.
-
-    Raises:
-      ConfigError: the network has no random input.
+    of the EMD if `eval.emd_tolerance` is set, and `total_mutual_difference_radius2` if K > 1
+    (`prediction.sampling`). `ConfigError` if the network has no random input.
     """
     sample = sampling.sampler(config, model, num_draws)
 
@@ -253,10 +243,7 @@ def with_draws(
 
 
 def _check_loss(config: Config, num_points: int) -> None:
-    """Raises `ConfigError` if the loss cannot compare the network's points with the ground truth.
-
-    An EMD requires equal numbers of points.
-    """
+    """Raises `ConfigError` if the loss does not accept the numbers of points."""
     pred, gt = (
         jax.ShapeDtypeStruct((n, 3), np.float32) for n in (num_points, config.data.num_points)
     )

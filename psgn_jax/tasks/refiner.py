@@ -1,13 +1,11 @@
 """The task "refiner": maps the clouds of trained networks to a solid volume.
 
 Source: paper, implementation details, "Post processing". For comparison, the IoU of each cloud's
-splat without the refiner is measured too; its threshold is chosen in the same way as that of the
-refiner.
+splat without the refiner is measured too, with a threshold of its own.
 
 The networks that predict the clouds (and the log-volume) are frozen. They run inside the training
-step of the refiner, so that augmentation applies to their inputs. They are better on the images
-that they were trained on than on new ones, so during training the refiner sees better clouds than
-at test time.
+step of the refiner, so that augmentation applies to their inputs. During training the refiner sees
+better clouds than at test time, because they are better on the images they were trained on.
 """
 
 import pathlib

@@ -18,30 +18,26 @@ def no_columns(step: Any, batch_size: int, *, train: bool) -> dict[str, Any]:
 
 @dataclasses.dataclass(frozen=True)
 class Task:
-    """What a run trains and measures.
+    """What a run trains and measures."""
 
-    Attributes:
-      title: name of the network, for the log.
-      keys: keys of the arrays of a batch that the device needs.
-      init_params: () -> initial parameters, a function of the seed. It can run inside jit.
-      objective: (params, batch, step) -> (value to be minimised, metrics), a
-        `jax.tree_util.Partial` whose leaves are arrays that training does not change. The batch
-        includes `random_columns`. The metric `loss_step` is the value without regularisation.
-      evaluate: (params, split=None, max_samples=0, on_batch=None, chosen=None, draws=0) -> metrics
-        on a split, as `evaluation.split.evaluate_split` measures them. `chosen` are thresholds of
-        an earlier evaluation; missing ones are chosen on this split. `draws` is the number of
-        predictions per image whose distances are measured too (points only).
-      picture: params -> an image of some predictions, uint8 [h, w, 3], or None.
-      random_columns: (step, batch_size, train=) -> random inputs of a training step, or of a batch
-        of an evaluation, a row for each sample.
-      keep_sources: copies other runs that this run reads into its folder.
-    """
-
-    title: str
-    keys: tuple[str, ...]
+    title: str  # name of the network, for the log
+    keys: tuple[str, ...]  # of the arrays of a batch that the device needs
+    # () -> initial parameters, a function of the seed. It can run inside jit.
     init_params: Callable[[], Any]
+    # (params, batch, step) -> (value to be minimised, metrics), a `jax.tree_util.Partial` whose
+    # leaves are arrays that training does not change. The batch includes `random_columns`. The
+    # metric `loss_step` is the value without regularisation.
     objective: Callable[[Any, Batch, Any], tuple[Any, dict[str, Any]]]
+    # (params, split=None, max_samples=0, on_batch=None, chosen=None, draws=0) -> metrics on a
+    # split, as `evaluation.split.evaluate_split` measures them. `chosen` are thresholds of an
+    # earlier evaluation; missing ones are chosen on this split. `draws` is the number of
+    # predictions per image whose distances are measured too (points only).
     evaluate: Callable[..., Evaluation]
+    # params -> an image of some predictions, uint8 [h, w, 3], or None.
     picture: Callable[[Any], np.ndarray | None] = lambda params: None
+    # (step, batch_size, train=) -> random inputs of a training step, or of a batch of an
+    # evaluation, a row for each sample.
     random_columns: Callable[..., dict[str, Any]] = no_columns
-    keep_sources: Callable[[], None] = lambda: None
+    keep_sources: Callable[[], None] = lambda: (
+        None
+    )  # copies runs that this run reads into its folder

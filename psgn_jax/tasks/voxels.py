@@ -43,12 +43,10 @@ def voxel_task(
     random_columns: Callable[..., dict[str, Any]] = no_columns,
     keep_sources: Callable[[], None] = lambda: None,
 ) -> Task:
-    """A task on solid volumes; arguments that are not listed are those of `Task`.
+    """A task on solid volumes; the other arguments are those of `Task`.
 
-    Args:
-      measure: (params, batch) -> predictions and metrics [B] or, if a threshold is to be chosen,
-        [B, thresholds].
-      best: name of the IoU that decides which checkpoint is the best; "" = none.
+    `measure` maps (params, batch) to predictions and metrics [B] or, if a threshold is to be
+    chosen, [B, thresholds]. The metric `best` decides which checkpoint is the best; "" = none.
     """
     keys = (*(key for key in networks.input_keys(config) if key != "points"), "occupancy")
     eval_step = compile_measure(measure, random_columns, keys, config.eval.batch_size)
@@ -71,10 +69,9 @@ def voxel_task(
 
 
 def volume_task(config: Config, workdir: pathlib.Path) -> Task:
-    """Maps an image to the logarithm of the object's volume (`models.voxels.VolumeNet`).
+    """Maps an image to the natural logarithm of the object's volume (`models.voxels.VolumeNet`).
 
-    The loss is the squared error of the natural logarithm, the metric `log_volume_abs_error` its
-    absolute error.
+    The loss is its squared error, the metric `log_volume_abs_error` its absolute error.
     """
     model, sizes = networks.build_volume_net(config.model), config.model
 
@@ -101,13 +98,11 @@ def views_task(config: Config, workdir: pathlib.Path) -> Task:
     """3D-R2N2 (`models.r2n2`): from one or more images to a solid volume, trained by cross-entropy.
 
     Source: Choy et al., "3D-R2N2", ECCV 2016. **Ours**: the network predicts in the frame of the
-    first view, like all networks of this project. The original predicts in the frame of the data
-    set, which is the same for all views. With one view, the input and the frame are those of the
-    point networks. With several views the network must infer how the other views are rotated
-    relative to the first one.
+    first view, like all networks of this project, so it must infer how other views are rotated. The
+    original predicts in the frame of the data set, the same for all views.
 
     Metrics: `iou_1_views`, `iou_3_views`, ..., one for each number of views in `voxels.eval_views`.
-    The predictions that `evaluate` passes to `on_batch` are those for the first of these numbers.
+    `on_batch` of `evaluate` gets the predictions for the first of these numbers.
     """
     model, sizes = networks.build_r2n2(config.model, config.voxels), config.model
     names = {count: f"iou_{count}_views" for count in config.voxels.eval_views}

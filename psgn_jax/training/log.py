@@ -1,9 +1,8 @@
 """The output of training: JSON lines, TensorBoard files, and progress on the terminal.
 
-Only this file imports tensorboardX. Each line of `metrics.jsonl` is a JSON object with `step`,
-`kind` ("train" or "eval") and metrics, which are numbers or lists of numbers. A resumed run removes
-the lines after the step it resumes from, because it will write them again. So no line is lost or
-duplicated.
+Each line of `metrics.jsonl` is a JSON object with `step`, `kind` ("train" or "eval") and metrics,
+which are numbers or lists of numbers. A resumed run removes the lines after the step it resumes
+from and writes them again, so that none is lost or duplicated.
 """
 
 import collections
@@ -36,20 +35,12 @@ class NonFiniteError(UserError):
 
 
 class TrainingLog:
-    """Logs the metrics of training steps.
+    """Logs the metrics of training steps to the terminal and a `writer`.
 
-    Between two lines it reads the metrics two steps late, so that the device does not wait for the
-    host, and keeps the host at most two steps ahead of the device. A line has the metrics of its
-    last step and `loss`, the mean of `loss_step` over the steps since the line before.
-
-    Args:
-      plan: length of the training and steps between lines.
-      writer: gets the lines; None = only the terminal does.
-      losses: sum and number of the losses before `start` that belong to the next line.
-
-    Attributes:
-      loss_sum: sum of the losses since the last line, float32.
-      loss_count: their number.
+    A line has the metrics of its last step and `loss`, the mean of `loss_step` since the line
+    before. Between lines it reads the metrics two steps late: the device does not wait for the
+    host, and the host is at most two steps ahead. `loss_sum` (float32) and `loss_count` are the
+    losses since the last line; `losses` has those before `start`.
     """
 
     def __init__(
@@ -141,16 +132,11 @@ class TrainingLog:
             left = datetime.timedelta(seconds=round((total - step) * seconds / steps))
             speed = f", {values['samples_per_second']:.3g} samples/s, {left} left"
         terms = [k for k in values if k.startswith("loss_") and k != "loss_of_draws"]
+        each = "".join(f", {k.removeprefix('loss_')} {values[k]:.4g}" for k in terms)
         logging.info(
             "step %d/%d: loss %.5g%s%s, gradient norm %.3g%s",
-            step,
-            total,
-            values["loss"],
-            "".join(f", {k.removeprefix('loss_')} {values[k]:.4g}" for k in terms),
-            kl,
-            values["grad_norm"],
-            speed,
-        )
+            step, total, values["loss"], each, kl, values["grad_norm"], speed,
+        )  # fmt: skip
         if self._writer:
             self._writer.scalars(step, "train", values, vectors)
 
@@ -158,8 +144,7 @@ class TrainingLog:
 def read_metrics(path: str | pathlib.Path) -> list[dict[str, Any]]:
     """The lines of a `metrics.jsonl`; an empty list if the file does not exist.
 
-    An incomplete last line, as a killed process leaves it, is skipped. Damaged lines are skipped
-    with a warning.
+    An incomplete last line is skipped, damaged lines with a warning.
     """
     entries, damaged = [], 0
     with contextlib.suppress(FileNotFoundError), open(path, "rb") as file:
@@ -175,12 +160,10 @@ def read_metrics(path: str | pathlib.Path) -> list[dict[str, Any]]:
 
 
 class MetricsWriter:
-    """Writes the metrics of one run to `workdir`.
+    """Writes the metrics of a run to `metrics.jsonl` and `tensorboard/` in `workdir`.
 
-    Args:
-      workdir: folder for `metrics.jsonl` and the folder `tensorboard`.
-      step: step at which the run starts or resumes; later lines are removed.
-      evaluated: whether the evaluation at `step` is complete; if not, its line is removed too.
+    Lines after `step`, where the run starts or resumes, are removed, and the evaluation at `step`
+    unless it is complete (`evaluated`).
     """
 
     def __init__(self, workdir: str | pathlib.Path, step: int = 0, *, evaluated: bool = True):
@@ -205,10 +188,7 @@ class MetricsWriter:
         values: Mapping[str, float],
         vectors: Mapping[str, np.ndarray] = types.MappingProxyType({}),
     ) -> None:
-        """Writes one line, and the same metrics to TensorBoard as `kind/name`.
-
-        `vectors` are lists in the line and histograms in TensorBoard.
-        """
+        """Writes a line, and `kind/name` to TensorBoard; `vectors` are lists or histograms."""
         lists = {name: vector.tolist() for name, vector in vectors.items()}
         # The whole line in one write in append mode: if the process is killed, the line is complete
         # or, rarely, cut off.
@@ -228,7 +208,6 @@ class MetricsWriter:
             self._board.add_image(name, image, step, dataformats="HWC")
 
     def close(self) -> None:
-        """Closes the files."""
         os.close(self._file)
         if "_board" in vars(self):
             with self._named():

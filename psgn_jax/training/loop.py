@@ -39,30 +39,15 @@ from psgn_jax.weights.leaves import from_named_leaves, named_leaves
 from psgn_jax.weights.opening import initial_params, open_initial
 from psgn_jax.weights.run_folder import locked
 
-MAY_CHANGE = frozenset(
-    {
-        "data.path",  # a folder can be moved
-        "data.eval_path",
-        "data.eval_split",
-        "data.num_eval_points",
-        "data.num_workers",
-        "data.cache_gb",
-        "train.steps",
-        "train.log_every",
-        "train.eval_every",
-        "train.checkpoint_every",
-        "train.images_every",
-        "train.num_images",
-        "train.keep_checkpoints",
-        "train.stop_seconds",
-        "eval.batch_size",
-        "eval.max_samples",
-        "eval.fscore_threshold",
-        "eval.emd_tolerance",
-        "eval.visible_tolerance",
-    }
-)
-"""Fields that may differ when a run is resumed; a difference in any other field is an error."""
+MAY_CHANGE = frozenset((
+    "data.path", "data.eval_path",  # folders can be moved
+    "data.eval_split", "data.num_eval_points", "data.num_workers", "data.cache_gb",
+    "train.steps", "train.log_every", "train.eval_every", "train.checkpoint_every",
+    "train.images_every", "train.num_images", "train.keep_checkpoints", "train.stop_seconds",
+    "eval.batch_size", "eval.max_samples", "eval.fscore_threshold", "eval.emd_tolerance",
+    "eval.visible_tolerance",
+))  # fmt: skip
+"""Fields that may differ when a run is resumed."""
 
 
 class Outcome(NamedTuple):
@@ -82,13 +67,12 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
       config: a `Config`, or a mapping for `config.parse`.
 
     Raises:
-      ConfigError: raised before compilation if (a) the configuration is wrong, (b) it differs from
-        the checkpoint's in a field that is not in `MAY_CHANGE`, (c) another process trains in
-        this folder, or (d) the processes of this training have different configurations.
+      ConfigError: before compilation, if the configuration is wrong, differs from the checkpoint's
+        in a field that is not in `MAY_CHANGE` or from that of another process of this training, or
+        if another process trains in this folder.
       UserError: no file can be written to `workdir`.
       OSError: during training, for example if the disk is full.
-      NonFiniteError: the loss or the norm of the gradient is not finite; the message names the
-        metric and the step.
+      NonFiniteError: the loss or the norm of the gradient is not finite.
     """
     check_main_guard()
     config = config if isinstance(config, Config) else parse(config)
@@ -251,11 +235,7 @@ def _losses(log_every: int, checkpoint: Checkpoint | None) -> tuple[float, int]:
 
 
 def _initial(config: Config, task: tasks.Task) -> Callable[[Any], Any] | None:
-    """Maps random parameters to those of `train.init`; None if that is empty.
-
-    Raises:
-      ConfigError, CheckpointError, WeightsError: the network is missing, damaged or does not fit.
-    """
+    """Maps random parameters to those of `train.init`; None if that is empty."""
     if not config.train.init:
         return None
     opened = open_initial(config)
@@ -299,17 +279,12 @@ def _describe(
     workdir: pathlib.Path,
     start: int,
 ) -> None:
-    count = sum(leaf.size for leaf in jax.tree.leaves(state.params))
+    millions = sum(leaf.size for leaf in jax.tree.leaves(state.params)) / 1e6
+    data = ", ".join(f"{n} samples in {split!r}" for split, n in sizes.items())
+    on = f"{devices} {jax.default_backend()} device{'s' * (devices > 1)}"
+    what = f"resuming at step {start}" if start else "starting"
     logging.info(
-        "%s, %.2f M parameters, %s, %d %s device%s; %s -> %s",
-        title,
-        count / 1e6,
-        ", ".join(f"{n} samples in {split!r}" for split, n in sizes.items()),
-        devices,
-        jax.default_backend(),
-        "" if devices == 1 else "s",
-        f"resuming at step {start}" if start else "starting",
-        workdir,
+        "%s, %.2f M parameters, %s, %s; %s -> %s", title, millions, data, on, what, workdir
     )
 
 

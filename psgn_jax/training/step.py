@@ -16,29 +16,18 @@ from jax.sharding import Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
 
 from psgn_jax.array_types import Array
-from psgn_jax.system.cores import compiler_options
+from psgn_jax.system.cpu import compiler_options
 
 Batch = Mapping[str, Any]
 
 
 class TrainState(NamedTuple):
-    """State of training, which is stored completely in a checkpoint.
+    """State of training, stored in a checkpoint; batches and random numbers follow from `step`."""
 
-    The position in the data is not part of it, because the batch of a step and all random numbers
-    are functions of (seed, step).
-
-    Attributes:
-      step: int32, number of updates.
-      params: parameters of the network, float32; with `model.posterior` also those of the posterior
-        network, under the name "posterior", which the network itself ignores.
-      opt_state: state of the optimiser.
-      ema: averaged parameters, or `()`.
-    """
-
-    step: Array
-    params: Any
+    step: Array  # int32, number of updates
+    params: Any  # float32; with `model.posterior` those of the posterior network as "posterior"
     opt_state: Any
-    ema: Any
+    ema: Any  # averaged parameters, or `()`
 
 
 def eval_params(state: TrainState) -> Any:
@@ -52,7 +41,7 @@ def data_mesh(devices: list[jax.Device] | None = None) -> Mesh:
 
 
 def put_batch(batch: Batch, mesh: Mesh, keys: tuple[str, ...]) -> dict[str, jax.Array]:
-    """Puts this process's share of a batch on the mesh, split along the first axis."""
+    """Puts this process's share of a batch on the mesh, split by samples."""
     sharding = NamedSharding(mesh, P("data"))
     return {k: jax.make_array_from_process_local_data(sharding, batch[k]) for k in keys}
 
@@ -80,15 +69,15 @@ def make_train_step(
 ) -> Callable[[TrainState, Mapping[str, jax.Array]], tuple[TrainState, dict[str, Array]]]:
     """Compiled `(state, batch) -> (state, metrics)`; the state is donated.
 
-    The metrics are those of the objective, averaged over the devices, and `objective`, the value
-    that is minimised, `grad_norm`, the norm of the gradient before clipping, and `learning_rate`.
+    The metrics are those of the objective, averaged over the devices, `objective` (the value that
+    is minimised), `grad_norm` (of the gradient before clipping), and `learning_rate`.
 
     Args:
-      objective: (params, batch, step) -> (value to be minimised, metrics). It is a pytree; its
-        leaves are constants, such as the parameters of frozen networks.
+      objective: (params, batch, step) -> (value to be minimised, metrics); a pytree, whose leaves
+        are constants, such as the parameters of frozen networks.
       random_columns: step -> further arrays of the batch, a row for each sample.
       tx: the optimiser, which includes the schedule `rate`.
-      ema_decay: largest decay of the averaged parameters; 0 = they are not kept.
+      ema_decay: largest decay of the averaged parameters; 0 = none.
     """
     everywhere, split = NamedSharding(mesh, P()), NamedSharding(mesh, P("data"))
 

@@ -1,10 +1,9 @@
 """Checkpoints of a run, written in the background; the newest ones and the best one are kept.
 
-Only this module imports orbax. In the given folder, `<step>/` contains a checkpoint: the arrays by
-dotted name, and a JSON item `meta` with the caller's data and a checksum of every array.
-`scores.json` contains the metrics of the checkpoints that were evaluated. Orbax writes under a
-temporary name and renames the folder when it is complete, so a process that is killed while writing
-leaves no incomplete checkpoint behind; the checksums detect later damage.
+In the given folder, `<step>/` contains a checkpoint: the arrays by dotted name, and a JSON item
+`meta` with the caller's data and a checksum of every array. `scores.json` contains the metrics of
+the checkpoints that were evaluated. Orbax renames a folder when it is complete, so a process that
+is killed leaves no incomplete checkpoint; the checksums detect later damage.
 
 Orbax's `CheckpointManager` is not enough: it ranks checkpoints only by metrics that are known when
 they are saved, returns wrong numbers for a flipped bit, and ends with an error at a damaged
@@ -56,13 +55,9 @@ class CheckpointError(UserError):
 
 
 class Checkpoints:
-    """The checkpoints in one folder.
+    """The checkpoints in one folder, of which the `keep` newest and the best one are kept.
 
-    Args:
-      directory: created when something is saved.
-      keep: number of newest checkpoints to keep, in addition to the best one.
-      read_only: change nothing in the folder, not even leftovers of an interrupted save, because a
-        training may be running.
+    With `read_only` nothing in the folder changes, because a training may be running.
     """
 
     def __init__(self, directory: str | pathlib.Path, keep: int = 2, *, read_only: bool = False):
@@ -100,15 +95,10 @@ class Checkpoints:
         write_atomic(self._directory / "scores.json", text)
 
     def save(self, step: int, leaves: Mapping[str, Any], meta: Mapping[str, Any]) -> None:
-        """Copies the arrays to the host and writes them in the background.
+        """Copies the arrays to the host, waits for the previous save and writes in the background.
 
-        Waits for the previous save. `close` (or the next save) waits for this one.
-
-        Raises:
-          OSError: the disk is full.
-          CheckpointError: the checkpoint cannot be written for another reason.
-
-        An error while writing in the background is raised by the next `save`, `wait` or `close`.
+        `OSError` for a full disk and `CheckpointError` for another error of writing are raised
+        here or by the next `save`, `wait` or `close`.
         """
         self.wait()
         # A copy, because the caller donates these buffers while the writer still reads them.
@@ -137,9 +127,8 @@ class Checkpoints:
         a warning, and moved to `damaged/` unless read-only.
 
         Raises:
-          CheckpointError: (a) There are checkpoints but none can be read. The cause is then
-            probably the disk or a permission, not damage to every checkpoint, so nothing is moved.
-            (b) The checkpoint was written by a later version of this package.
+          CheckpointError: none of the checkpoints can be read (nothing is moved, because the cause
+            is probably the disk or a permission), or a later version of this package wrote it.
         """
         steps, best = self.steps()[::-1], self.best_step()
         if best_first:
@@ -169,10 +158,7 @@ class Checkpoints:
         return None
 
     def _read(self, step: int) -> tuple[int, Checkpoint | None]:
-        """The format of a checkpoint, and the checkpoint if the format is `FORMAT`.
-
-        Raises if it cannot be read or fails its checksums.
-        """
+        """The format of a checkpoint, and the checkpoint if the format is `FORMAT`."""
         folder = self._directory / str(step)
         reader = _of_this_process(ocp.Checkpointer)
         try:

@@ -1,8 +1,7 @@
 """The file format of weights: safetensors with configuration, metrics, data and licences.
 
-This is the only module that imports safetensors. A file contains the parameters of a network, as
-float16 or float32. Their names are those of the leaves of a checkpoint (`params.<layer>.kernel`).
-The metadata consist of these texts:
+A file contains the parameters of a network, as float16 or float32, named like the leaves of a
+checkpoint (`params.<layer>.kernel`). The metadata consist of these texts:
 
     format    "psgn_jax weights 1"
     config    the configuration of the training, like `config.json` but without local paths
@@ -84,26 +83,17 @@ class WeightsError(UserError):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Weights:
-    """The parameters of a network with metadata.
-
-    Attributes:
-      figures: `step`, `samples_seen`, `parameters`, `averaged`, `metrics` and `data`, described in
-        the module's docstring.
-      sources: the data and their licences, a row for each source; () = not stated.
-    """
+    """The parameters of a network with metadata, described in the module's docstring."""
 
     config: Config
     params: Any
     figures: Mapping[str, Any]
-    sources: Sequence[Mapping[str, Any]] = ()
+    sources: Sequence[Mapping[str, Any]] = ()  # a row for each source; () = not stated
     dtype: str = "float16"
 
 
 def write_weights(path: str | os.PathLike[str], weights: Weights) -> None:
-    """Writes a file of weights atomically.
-
-    Paths in the configuration do not exist on other machines. Each name in `train.init` is reduced
-    to its last part; the paths in `data` are removed.
+    """Writes a file of weights atomically, without the paths in its configuration.
 
     Raises:
       ConfigError: the task is not "points".
@@ -154,11 +144,7 @@ def write_arrays(
 
 
 def read_weights(path: str | os.PathLike[str]) -> Weights:
-    """Reads and checks a file of weights.
-
-    Raises:
-      WeightsError: the file is missing, damaged, from another program, or inconsistent.
-    """
+    """Reads a file of weights; `WeightsError` if it is missing, damaged or from another program."""
     metadata, leaves, dtype = read_arrays(path, FORMAT)
     try:
         config = from_json(metadata["config"])
@@ -175,11 +161,7 @@ def read_weights(path: str | os.PathLike[str]) -> Weights:
 def read_arrays(
     path: str | os.PathLike[str], form: str
 ) -> tuple[dict[str, str], dict[str, np.ndarray], str]:
-    """The texts and the arrays, as float32, of a file of this format, and its dtype.
-
-    Raises:
-      WeightsError: the file is missing, damaged or from another program.
-    """
+    """The texts and the arrays, as float32, of a file of this format, and its dtype."""
     path = pathlib.Path(path)
     _check_sizes(path)
     try:
@@ -204,11 +186,7 @@ def read_arrays(
 
 
 def read_sources(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
-    """The data and licences that a JSON file lists, as objects with `source` and `licences`.
-
-    Raises:
-      ConfigError: the file cannot be read or does not contain such a list.
-    """
+    """The data and licences that a JSON file lists; `ConfigError` if it does not."""
     try:
         rows = read_json(path)
         if rows == []:

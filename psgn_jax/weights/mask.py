@@ -17,11 +17,7 @@ FORMAT = "psgn_jax mask network 1"
 
 
 def read_mask_network(path: str | os.PathLike[str] = FILE) -> tuple[Any, dict[str, Any]]:
-    """The parameters, float32, and `figures` and `sources`.
-
-    Raises:
-      WeightsError: the file is missing, damaged or from another program.
-    """
+    """The parameters, float32, and `figures` and `sources`; errors: `read_weights`."""
     texts, leaves, _ = read_arrays(path, FORMAT)
     image = jax.ShapeDtypeStruct((1, 32, 32, 3), jnp.float32)
     shapes = {"params": jax.eval_shape(MaskNet().init, jax.random.key(0), image)["params"]}

@@ -33,11 +33,7 @@ def shipped() -> dict[str, pathlib.Path]:
 
 
 def weights_path(name_or_file: str = "") -> pathlib.Path:
-    """The file of weights for a name or a path; "" is `DEFAULT`.
-
-    Raises:
-      ConfigError: there is no such file; the message says what is accepted.
-    """
+    """The file of weights for a name or a path; "" is `DEFAULT`. `ConfigError` if there is none."""
     known = shipped()
     if not name_or_file:
         if DEFAULT not in known:
@@ -89,9 +85,9 @@ def open_network(
 def open_initial(config: Config) -> Trained:
     """Opens the network that `train.init` names: the folder of a run, a file of weights, or a name.
 
-    Several, separated by commas, must have the same layers; the result has the mean of their
-    parameters. The mean of networks that were trained from the same parameters with different
-    seeds is often better than each of them (Wortsman et al., "Model soups", ICML 2022).
+    Of several, separated by commas, the result has the mean of the parameters. It is often better
+    than each network if they were trained from the same parameters with different seeds (Wortsman
+    et al., "Model soups", ICML 2022).
 
     Raises:
       ConfigError: there is no such network, its task differs, or the layers of several differ.
@@ -139,13 +135,9 @@ def _open(config: Config, init: str) -> Trained:
 
 
 def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
-    """The trained parameters, with random ones for the layers in `train.init_skip`.
+    """The trained parameters, with those of `drawn` for the layers in `train.init_skip`.
 
-    Args:
-      drawn: random parameters (or their shapes) of the new network, a nested dict.
-
-    Returns:
-      A tree like `drawn`: NumPy arrays for trained layers, the leaves of `drawn` for the others.
+    `drawn` are random parameters of the new network, a nested dict, or their shapes.
 
     Raises:
       ConfigError: layers of the two networks differ and are not skipped (the message lists them),

@@ -21,28 +21,16 @@ from psgn_jax.weights.leaves import params_from_named_leaves
 
 
 class Trained(NamedTuple):
-    """A trained network: a run opened at one checkpoint, or a file of weights.
-
-    Attributes:
-      config: configuration of the run.
-      step: step of the checkpoint.
-      params: parameters for evaluation: the averaged ones if the run has them.
-      scores: metrics and chosen thresholds that were recorded for this checkpoint during training;
-        empty if it was not evaluated.
-      source: the folder of the run, or the name of the weights.
-      source_kind: "workdir" if `source` is a folder, "weights" if it is the name of weights.
-      sources: the data of weights and their licences, as in `weights.file.Weights`.
-      checkpoint: the checkpoint that was asked for, "best" or "last".
-    """
+    """A trained network: a run opened at one checkpoint, or a file of weights."""
 
     config: Config
     step: int
-    params: Any
-    scores: dict[str, float]
-    source: str = ""
-    source_kind: str = "workdir"
-    sources: Sequence[Mapping[str, Any]] = ()
-    checkpoint: str = "best"
+    params: Any  # for evaluation: the averaged ones if the run has them
+    scores: dict[str, float]  # metrics and chosen thresholds recorded for this checkpoint, if any
+    source: str = ""  # the folder of the run, or the name of the weights
+    source_kind: str = "workdir"  # or "weights"
+    sources: Sequence[Mapping[str, Any]] = ()  # data and licences, as in `weights.file.Weights`
+    checkpoint: str = "best"  # the checkpoint that was asked for, "best" or "last"
 
 
 def open_run(
@@ -51,9 +39,9 @@ def open_run(
     """Opens a run at its best or last checkpoint.
 
     Args:
-      checkpoint: "last", or "best" on the validation metric. If no checkpoint was evaluated or the
-        best one is damaged, "best" is the last one, with a warning. If `config.json` is damaged,
-        the copy in the checkpoint is used, with a warning.
+      checkpoint: "last", or "best" on the validation metric. With a warning, the last one replaces
+        a best one that is missing or damaged, and the copy in the checkpoint a damaged
+        `config.json`.
 
     Raises:
       ConfigError: there is no run, or its configuration does not fit the checkpoint.
@@ -99,12 +87,7 @@ def _check_fits(config: Config, trained: Config, run: str, step: int) -> None:
 
 
 def load_config(workdir: str | os.PathLike[str]) -> Config:
-    """The configuration of a run.
-
-    Raises:
-      ConfigError: there is none.
-      OSError: a file of the run is a named pipe, a socket or a device.
-    """
+    """The configuration of a run; `ConfigError` if there is none, `OSError` if it has a pipe."""
     path = pathlib.Path(workdir) / "config.json"
     _refuse_pipes(workdir)
     try:
@@ -126,9 +109,7 @@ def _refuse_pipes(workdir: str | os.PathLike[str]) -> None:
 
 @contextlib.contextmanager
 def locked(workdir: str | pathlib.Path) -> Iterator[None]:
-    """Locks a run's folder against other trainings; the lock also ends if the process is killed.
-
-    Temporary files that trainings left behind when they were killed are removed.
+    """Locks a run's folder against other trainings, and removes temporary files of killed ones.
 
     Raises:
       ConfigError: another process holds the lock.

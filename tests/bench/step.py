@@ -95,7 +95,7 @@ def build_jax(
     os.environ.pop("PSGN_CONVOLUTIONS", None)
     if convolutions:
         os.environ["PSGN_CONVOLUTIONS"] = convolutions
-    from psgn_jax.system.memory import keep_freed_memory
+    from psgn_jax.system.cpu import keep_freed_memory
 
     if keep_memory:
         keep_freed_memory()

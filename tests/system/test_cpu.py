@@ -1,14 +1,19 @@
-"""The process keeps freed memory; in separate processes, because the setting is permanent."""
+"""Settings for programs on a CPU; memory in separate processes, because it is permanent."""
 
 import subprocess
 import sys
 
+import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
+
+from psgn_jax.system import cpu
 
 _PAGE_FAULTS_OF_SECOND = """
 import resource, threading
 import numpy as np
-from psgn_jax.system.memory import keep_freed_memory
+from psgn_jax.system.cpu import keep_freed_memory
 
 if {keep}:
     assert keep_freed_memory()
@@ -39,3 +44,10 @@ def test_memory_is_used_again_without_page_faults(keep):
     for faults in map(int, done.stdout.split()):
         # 128 MiB are 32,768 pages of 4 KiB, or 64 huge pages.
         assert (faults < 50) == keep
+
+
+def test_xla_knows_the_option(monkeypatch, rng):
+    monkeypatch.setattr(cpu, "features_line", lambda: "flags : avx512_bf16")
+    x = rng.normal(size=100).astype(np.float32)
+    total = jax.jit(jnp.sum, compiler_options=cpu.compiler_options())(x)
+    np.testing.assert_allclose(total, x.sum(), rtol=1e-5)
