@@ -10,14 +10,11 @@ from scipy import ndimage
 def default_camera(
     image_size: tuple[int, int] = (192, 256), *, tilt_degrees: float = 20.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The authors' camera, fitted to the silhouettes in their images (to half a pixel).
+    """Intrinsics float32 [3, 3] and extrinsics [3, 4] of the authors' camera.
 
-    It looks at the object from +x, down by `tilt_degrees`. The origin is at the depth 3.6 along the
-    optical axis and 0.252 below it, in units of the frame. The focal length is 400 pixels in an
-    image of 192x256 pixels and is scaled to other sizes.
-
-    Returns:
-      intrinsics float32 [3, 3] and extrinsics float32 [3, 4].
+    It was fitted to the silhouettes in their images, to half a pixel. It looks at the object from
+    +x, down by `tilt_degrees`. The origin is at the depth 3.6 along the optical axis and 0.252
+    below it. The focal length is 400 pixels at 192x256 pixels.
     """
     intrinsics = np.array([[400.0, 0, 128.0], [0, 400.0, 96.0], [0, 0, 1]])
     sine, cosine = np.sin(np.deg2rad(tilt_degrees)), np.cos(np.deg2rad(tilt_degrees))
@@ -55,11 +52,7 @@ def project(
 
 
 def back_project(depth: np.ndarray, intrinsics: np.ndarray, extrinsics: np.ndarray) -> np.ndarray:
-    """Back-projects the centres of all pixels with a depth to the project's frame.
-
-    `depth` [H, W] is along the optical axis, 0 = no surface. The result, float32 [n, 3], has one
-    point per pixel with depth > 0, in row-major order.
-    """
+    """The centres of all pixels with depth [H, W] > 0 in the project's frame, float32 [n, 3]."""
     rows, columns = np.nonzero(depth > 0)
     z = depth[rows, columns].astype(np.float64)
     rays = np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))])
@@ -71,8 +64,7 @@ def back_project(depth: np.ndarray, intrinsics: np.ndarray, extrinsics: np.ndarr
 def inside_mask(pixels: np.ndarray, mask: np.ndarray, radius: int = 0) -> np.ndarray:
     """Whether each of `pixels` [n, 2], as of `project`, is on the mask or `radius` pixels from it.
 
-    The result, bool [n], is False for pixels more than `radius` outside the image and for
-    non-finite ones.
+    False for non-finite pixels, and for those more than `radius` outside the image.
     """
     # The border of the padding stays False, so clipped coordinates give False.
     near = ndimage.maximum_filter(np.pad(mask, radius + 1), 2 * radius + 1, mode="constant")

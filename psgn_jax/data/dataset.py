@@ -1,12 +1,12 @@
 """Data sets on disk: shards of records with random access and checksums.
 
 A data set is a folder with a `manifest.json` (`data.manifest`) and shards
-`<split>-<number>.arrayrecord`. A shard is an ArrayRecord file with one record (`data.codec`) per
-group. In data sets written by `data.shards`, a digest follows the number in the file name.
+`<split>-<number>.arrayrecord`: ArrayRecord files with one record (`data.codec`) per group. In data
+sets written by `data.shards`, a digest follows the number.
 
-Shards are written under a temporary name, fsynced and renamed. The data set is complete if the
-field `complete` of its manifest is true; this is written last. ArrayRecord detects damaged blocks
-by its own hashes. The CRC-32 of a record also detects changes between encoder and decoder.
+Shards are written under a temporary name, fsynced and renamed. Last, the field `complete` of the
+manifest becomes true. ArrayRecord detects damaged blocks by its own hashes; the CRC-32 of a record
+also detects changes between encoder and decoder.
 """
 
 import collections
@@ -51,7 +51,7 @@ _READER_OPTIONS = "readahead_buffer_size:0"
 
 
 def shard_name(split: str, number: int, tag: str = "") -> str:
-    """File name of a shard; the tag distinguishes shards of a split with the same number."""
+    """File name of a shard; the tag distinguishes shards with the same number."""
     if not SPLIT_NAME.fullmatch(split):
         raise ValueError(f"split {split!r}: expected lower-case letters, digits and _")
     return f"{split}-{number:05d}{tag and '-'}{tag}.arrayrecord"
@@ -60,9 +60,8 @@ def shard_name(split: str, number: int, tag: str = "") -> str:
 class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
     """Context that writes one shard; the file gets its name when the block ends without error.
 
-    After the block, `shard` describes the file. `digest` identifies its inputs; the file name holds
-    its beginning. If the file cannot be written, for instance because the disk is full, `write` or
-    the end of the block raises `OSError`, and no file is left.
+    After the block, `shard` describes the file. `digest` identifies its inputs. If the file cannot
+    be written, `write` or the end of the block raises `OSError`, and no file is left.
     """
 
     def __init__(self, folder: pathlib.Path, split: str, number: int, digest: str = "") -> None:
@@ -124,14 +123,7 @@ def write_dataset(
     source: str,
     records_per_shard: int = 512,
 ) -> Manifest:
-    """Writes a data set; one sample is in memory at a time.
-
-    Args:
-      records_per_shard: maximum number of records per file.
-
-    Raises:
-      RecordError: there is a data set in the folder.
-    """
+    """Writes a data set, one sample in memory at a time; `RecordError` if the folder has one."""
     folder = pathlib.Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     if (folder / MANIFEST).exists():
@@ -156,9 +148,9 @@ def write_dataset(
 class RecordReader:
     """Random access to the records of one split of one or more data sets, concatenated.
 
-    Folders without the split are skipped; a folder that is repeated counts again. A reader can be
-    pickled and shared between threads. The constructor checks that every shard exists and has the
-    size stated in the manifest. Decoding a record checks its CRC-32; `read` does not.
+    Folders without the split are skipped; a repeated folder counts again. A reader can be pickled
+    and shared between threads. The constructor checks that every shard exists and has its size.
+    Decoding a record checks its CRC-32; `read` does not.
 
     Raises:
       RecordError: a folder has no complete data set, none has the split, or a shard is missing.
@@ -192,17 +184,14 @@ class RecordReader:
         self.__setstate__({})
 
     def __getstate__(self) -> dict[str, Any]:
-        """The state without open files; the copy opens them again."""
         return {k: v for k, v in self.__dict__.items() if k not in ("_readers", "_lock")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restores the reader without open files."""
         self.__dict__.update(state)
         self._readers: dict[pathlib.Path, Any] = {}
         self._lock = threading.Lock()
 
     def __len__(self) -> int:
-        """Number of records."""
         return int(self._ends[-1]) if len(self._ends) else 0
 
     def _find(self, index: int) -> tuple[int, int]:
@@ -236,12 +225,7 @@ class RecordReader:
             return decoder(reader.read([position])[0])
 
     def read(self, index: int) -> bytes:
-        """The bytes of one record.
-
-        Raises:
-          RecordError: the record cannot be read; the message names file and record.
-          IndexError: `index` is not in [0, len).
-        """
+        """The bytes of one record; `RecordError` names the file and record that cannot be read."""
         return self._decoded(index, bytes)
 
     def stored(self, index: int, fields: Iterable[str] = schema.FIELDS) -> Any:
@@ -255,11 +239,7 @@ class RecordReader:
         return (self[i] for i in range(len(self)))
 
     def verify(self) -> None:
-        """Reads every shard and compares its checksum.
-
-        Raises:
-          RecordError: a shard is damaged or cannot be read; the message names the first one.
-        """
+        """Compares the checksum of every shard; `RecordError` names the first damaged one."""
         for path, shard in zip(self._paths, self.shards, strict=True):
             _check_readable(path)
             if file_crc32(path) != shard.crc32:
@@ -269,11 +249,7 @@ class RecordReader:
 
 
 def read_shard(path: str | os.PathLike[str]) -> list[bytes]:
-    """The bytes of all records of one file; no manifest is needed.
-
-    Raises:
-      RecordError: the file is missing or damaged.
-    """
+    """The bytes of all records of one file; `RecordError` if it is missing or damaged."""
     path = pathlib.Path(path)
     with _shard_errors(path, f"shard {path} is damaged"):
         reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)

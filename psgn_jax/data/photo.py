@@ -23,8 +23,8 @@ MAX_PIXELS = 150_000_000
 """Larger images are refused before they are decoded: a small file can decode to gigabytes."""
 
 MAX_SIDE = 2048
-"""A photo is reduced by an integer factor, so that its longer side is below twice this, unless its
-shorter side would fall below `MIN_SIDE`."""
+"""A photo is reduced by an integer factor so that its longer side is below twice this, as far as
+its shorter side stays at least `MIN_SIDE`."""
 
 MIN_SIDE = 16
 
@@ -45,23 +45,14 @@ class PhotoError(UserError):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Photo:
-    """An image as read, upright.
+    """An image as read, upright."""
 
-    Attributes:
-      image: uint8 [h, w, 3] RGB, possibly reduced.
-      alpha: uint8 [h, w], or None if there is none or it is no mask, see `useful_alpha`.
-      size: (H, W) in the file, upright; `image` may be smaller.
-      orientation: EXIF's number, 1 = as stored.
-      focal: focal length in pixels of the file, from EXIF's length for 35 mm film; None without.
-      path: the file; None for a photo from elsewhere.
-    """
-
-    image: np.ndarray
-    alpha: np.ndarray | None
-    size: tuple[int, int]
-    orientation: int = 1
-    focal: float | None = None
-    path: pathlib.Path | None = None
+    image: np.ndarray  # uint8 [h, w, 3] RGB, possibly reduced
+    alpha: np.ndarray | None  # uint8 [h, w], if it is a mask (`useful_alpha`)
+    size: tuple[int, int]  # (H, W) in the file, upright; `image` may be smaller
+    orientation: int = 1  # EXIF's number, 1 = as stored
+    focal: float | None = None  # in pixels of the file, from EXIF's length for 35 mm film
+    path: pathlib.Path | None = None  # None for a photo from elsewhere
 
 
 Source = str | os.PathLike[str] | IO[bytes] | Image.Image | np.ndarray
@@ -70,8 +61,6 @@ Source = str | os.PathLike[str] | IO[bytes] | Image.Image | np.ndarray
 
 def read_photo(image: Source | Photo) -> Photo:
     """Reads an image of any common format: the first frame, upright, as 8-bit RGB.
-
-    EXIF's orientation is honoured; CMYK, palettes, grey and 16 bits are converted.
 
     Args:
       image: a path, a binary file such as `io.BytesIO`, a PIL image, or an array uint8 [h, w],
@@ -93,10 +82,10 @@ def read_photo(image: Source | Photo) -> Photo:
 def read_mask(mask: Source, photo: Photo) -> np.ndarray:
     """Reads the mask of a photo: bool [h, w] of `photo.image`'s shape, True on the object.
 
-    Pixels brighter than half of the largest value belong to the object, so masks with 0/1 and with
-    0/255 both work, and arrays of any dtype. In a file with transparency, alpha is used instead of
-    brightness. The mask may have another size in the same proportions. If EXIF rotates the photo,
-    and the mask has the proportions of the unrotated photo, the mask is rotated too.
+    Pixels brighter than half of the largest value belong to the object, in arrays of any dtype. In
+    a file with transparency, alpha is used instead of brightness. The mask may have another size in
+    the same proportions. If EXIF rotates the photo, a mask with the proportions of the unrotated
+    photo is rotated too.
 
     Raises:
       PhotoError: as `read_photo`; or the mask has other proportions than the photo, is empty or
@@ -136,10 +125,9 @@ def read_mask(mask: Source, photo: Photo) -> np.ndarray:
 
 
 def useful_alpha(alpha: np.ndarray | None) -> np.ndarray | None:
-    """The alpha channel [h, w], or None if it is not the mask of an object.
+    """The alpha channel [h, w]; None if fewer than .5 % of its pixels are transparent.
 
-    At least .5 % of the pixels of a mask are transparent. Some programs leave a few pixels of an
-    ordinary photo not fully opaque.
+    Some programs leave a few pixels of an ordinary photo not fully opaque.
     """
     return None if alpha is None or (alpha < 128).mean() < _LEAST_TRANSPARENT else alpha
 
@@ -270,11 +258,8 @@ def _to_rgb(picture: Image.Image) -> tuple[Image.Image, np.ndarray | None]:
 
 
 def _to_bytes(values: np.ndarray) -> np.ndarray:
-    """Grey values as 8 bits; full scale is 1, 255 or 65535, or the largest value beyond that.
-
-    Floats may exceed the full scale by a tenth, as they do after resampling.
-    """
-    slack = 1.1 if values.dtype.kind == "f" else 1
+    """Grey values as 8 bits; full scale is 1, 255 or 65535, or the largest value beyond that."""
+    slack = 1.1 if values.dtype.kind == "f" else 1  # floats overshoot after resampling
     top = values.max(initial=0, where=np.isfinite(values))
     full = next((scale for scale in (1.0, 255.0, 65535.0) if top <= slack * scale), top)
     levels = np.clip(values / np.float64(full), 0, 1)

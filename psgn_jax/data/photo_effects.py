@@ -1,19 +1,15 @@
 """Augmentation of training images with the effects of photos and of their masks: `disturb`.
 
-The settings and their units are described in `psgn_jax.config.data.PhotoEffects`; lengths are in
-pixels of an image with 192 rows. The effects are applied in the order in which they arise in a
-photo:
+`psgn_jax.config.data.PhotoEffects` describes the settings; lengths are in pixels of an image with
+192 rows. The effects are applied in the order in which they arise in a photo:
 
 1. An occluder in front of an edge of the object's box.
 2. A background of smooth colours instead of plain grey, because masks of photos include pixels of
-   the background at their edges.
+   the background at their edges. At the end, it is grey again.
 3. Light: exposure and white balance as factors of linear values, v -> 255 (g (v/255)^2.2)^(1/2.2).
 4. Lens and sensor: Gaussian blur, Gaussian noise.
 5. JPEG compression.
 6. The mask: eroded or dilated, with a ragged edge.
-
-The points do not change: they are the ground truth of the whole object. At the end, pixels outside
-the mask are grey again.
 """
 
 import io
@@ -35,14 +31,10 @@ _GRAIN = 8  # node distance of the random field of ragged edges, in pixels for 1
 def disturb(
     image: np.ndarray, mask: np.ndarray, rng: np.random.Generator, effects: PhotoEffects
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Applies the enabled effects to the image and mask of a sample.
+    """Image uint8 [h, w, 3], grey 191 outside the mask, and mask bool [h, w], with the effects.
 
-    Each effect has its own random generator, so its choices do not depend on the others. The noise,
-    the backdrop and the blocks of JPEG also depend on the size of the object's surroundings.
-
-    Returns:
-      uint8 [h, w, 3], grey 191 outside the mask, and bool [h, w], as new arrays. If no effect is
-      enabled or the mask is empty, these are the arguments themselves.
+    Each effect has its own random generator, so its choices do not depend on the others. Without
+    an effect or an object, the arguments are returned.
     """
     if not effects.any() or not mask.any():
         return image, mask

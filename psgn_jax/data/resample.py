@@ -21,11 +21,9 @@ _GREY = (schema.BACKGROUND_GREY,) * 3
 def stretch(
     image: np.ndarray, mask: np.ndarray, source: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Image and mask with the columns at the coordinates `source`, which ascend.
+    """Image and mask of `augment.stretch`, with the columns at the ascending coordinates `source`.
 
-    Column i has its centre at i + 0.5. Colours are interpolated, with weights rounded to 1/256; the
-    mask takes the nearest column. Columns without source pixels become background, see
-    `augment.stretch`.
+    Column i has its centre at i + 0.5. The weights of colours are rounded to 1/256.
     """
     rows, part = slice(None), slice(None)
     if window := _window(image, mask):
@@ -55,10 +53,9 @@ def take_nearest(plane: np.ndarray, source: np.ndarray) -> tuple[np.ndarray, np.
 def recrop(
     image: np.ndarray, mask: np.ndarray, factor: float, offset: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Image and mask, scaled and moved: row i becomes row `factor * i + offset[0]`.
+    """Image and mask of `augment.recrop`: row i becomes row `factor * i + offset[0]`.
 
-    Colours are interpolated, the mask takes the nearest pixel. Pixels without a source become
-    background, see `augment.recrop`. The object must stay inside.
+    The object must stay inside.
     """
     size = mask.shape
     moved = resample(mask.astype(np.uint8), size, factor, offset).astype(np.bool_)
@@ -143,9 +140,8 @@ def _extend(
 ) -> np.ndarray:
     """The image with its background extended by `rows` and `columns` pixels (before, after).
 
-    The margins mirror the image at its edges. Where a mirrored pixel belongs to the object, the
-    pixel at the edge is repeated instead. Where the pixel at the edge also belongs to the object,
-    the margin is grey.
+    The margins mirror the image at its edges. Where the object would be mirrored, they repeat the
+    pixel at the edge, or are grey if that belongs to the object as well.
     """
     margins = (rows, columns)
     larger = np.pad(image, (*margins, (0, 0)), "symmetric")

@@ -56,13 +56,11 @@ def smooth_mask(mask: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
 
 
 def resize_depth(depth: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Resizes a depth map [H, W] (0 = none) to the size of a mask that is already resized.
+    """Resizes a depth map [H, W] (0 or non-finite = none) to a mask that is already resized.
 
     Depths are not averaged, because an average across an edge is wrong. Each new pixel takes the
-    depth of the old pixel at its centre. If there is none, it takes the first depth at the centres
-    of its four quarters. Holes narrower than a new pixel are therefore filled; wider ones remain.
-    The result is 0 outside `mask`, and where all five positions have no depth. Non-finite depths
-    count as none.
+    depth of the old pixel at its centre, or else the first one at the centres of its four quarters,
+    which fills holes narrower than a new pixel. The result is 0 outside the mask.
     """
     depth = np.where(np.isfinite(depth), depth, np.float32(0))
     if depth.shape == mask.shape:

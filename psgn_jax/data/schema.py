@@ -9,10 +9,9 @@ OpenCV's: x to the right of the image, y down, z forward along the optical axis.
 projects a point X of the camera frame to the image, `(column, row) = (K @ X)[:2] / (K @ X)[2]`.
 
 **Pixels**: image coordinates are continuous, with (0, 0) at the outer corner of the first pixel.
-Pixel (row i, column j) covers [i, i+1) x [j, j+1), and its **centre is at (i + 0.5, j + 0.5)**. A
-point falls into the pixel `floor(row), floor(column)`. Resizing an image only scales the
-intrinsics. (With the camera that was fitted to the authors' images, this convention puts more
-points inside the masks than a shift by half a pixel in either direction.)
+Pixel (row i, column j) covers [i, i+1) x [j, j+1), and its **centre is at (i + 0.5, j + 0.5)**.
+Resizing an image only scales the intrinsics. (In the authors' images, this puts more points inside
+the masks than a shift by half a pixel in either direction.)
 """
 
 import dataclasses
@@ -104,11 +103,7 @@ def _check_array(
 
 
 def validate(sample: Sample) -> Sample:
-    """Checks every field of a sample and returns the sample.
-
-    Raises:
-      ValueError: a field is wrong; the message names it, its value and what is expected.
-    """
+    """Returns the sample; ValueError names a wrong field, its value and what is expected."""
     _check_array("image", sample.image, np.uint8, (None, None, 3))
     size = sample.image.shape[:2]
     _check_array("mask", sample.mask, np.bool_, size)
@@ -150,11 +145,7 @@ def check_labels(sample: Any) -> None:
 
 
 def check_content(sample: Sample) -> None:
-    """Checks that a sample shows an object; converters leave out samples that do not.
-
-    Raises:
-      ValueError: the mask or the volume is empty, or all points are in one place.
-    """
+    """ValueError if a sample shows no object: an empty mask or volume, all points in one place."""
     if not sample.mask.any():
         raise ValueError("the mask is empty: no pixel shows the object")
     extent = float(np.ptp(sample.points, axis=0).max())
@@ -165,11 +156,7 @@ def check_content(sample: Sample) -> None:
 
 
 def check_camera(intrinsics: np.ndarray, extrinsics: np.ndarray) -> None:
-    """Checks that a camera is valid: finite, positive focal lengths, a right-handed rotation.
-
-    Raises:
-      ValueError: it is not; the message names `intrinsics` or `extrinsics`.
-    """
+    """ValueError if a camera is not finite, with positive focal lengths and a proper rotation."""
     for name, matrix in (("intrinsics", intrinsics), ("extrinsics", extrinsics)):
         if not np.isfinite(matrix).all():
             _fail(name, matrix.tolist(), "finite values")

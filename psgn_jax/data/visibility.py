@@ -1,24 +1,18 @@
 """Decides which points of a surface are visible in a depth image, in numpy.
 
-It runs in the loader, when a batch of an evaluation is made. A point P is **visible** if it is
-within a tolerance t of a surface point that the depth image measured:
+A point P is **visible** if it is within a tolerance t of a surface point that the depth image of
+the record, at its full size, measured; all others are **hidden**:
 
     |P - Q| <= t for some pixel with a depth, where Q is its back-projected centre
 
-All other points are **hidden**.
-
-- The depth image is that of the record, at its full size. The classes therefore do not depend on
-  the image size of a network.
-- t must be several pixels wide: neighbouring points Q are (one pixel) / cos(a) apart on a surface
-  tilted by the angle a. In the authors' images .025 covers surfaces tilted by up to 80 degrees.
-- A strip of width t behind an occluding contour counts as visible, and so does the back of a sheet
-  thinner than t. Points that are only seen through a hole in the depth are hidden.
-
-The default of t, `config.eval.visible_tolerance` = .025, has the lowest rate of errors on synthetic
+t must be several pixels wide: neighbouring points Q are (one pixel) / cos(a) apart on a surface
+tilted by the angle a. In the authors' images .025 covers tilts of up to 80 degrees. A strip of
+width t behind an occluding contour counts as visible, and so does the back of a sheet thinner than
+t. The default, `config.eval.visible_tolerance` = .025, has the lowest rate of errors on synthetic
 convex solids, whose visibility is known exactly: 3.5 % of all points (.015: 6.1 %, .04: 4.1 %).
 
-*Predicted* points have no class. A point off the surface is neither visible nor occluded. If such a
-point got the class of the nearest true point, its class would depend on its error.
+*Predicted* points have no class: a point off the surface is neither visible nor occluded, and the
+class of the nearest true point would depend on the error.
 """
 
 import numpy as np
@@ -34,18 +28,16 @@ def visible_points(
     extrinsics: np.ndarray,
     tolerance: float,
 ) -> np.ndarray:
-    """Returns whether each point is visible, by the rule of the module.
+    """Whether each point is visible, by the rule of the module: bool [n].
+
+    False for points that are not finite, behind the camera, or less than t in front of it.
 
     Args:
       points: [n, 3] in the project's frame.
       depth: [H, W] along the optical axis, unit of the frame; 0 (or not finite) = none.
       intrinsics: [3, 3] in pixels of `depth`.
       extrinsics: [3, 4].
-      tolerance: t, in units, finite and positive.
-
-    Returns:
-      bool [n]; False for points that are not finite, behind the camera, or less than t in front of
-      it.
+      tolerance: t > 0, in units.
     """
     finite = np.isfinite(points).all(axis=1)
     place = camera.to_camera(

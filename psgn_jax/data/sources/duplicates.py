@@ -6,9 +6,9 @@ mirrored to fit best, are no farther apart than two samples of one surface, up t
     mean |a - b(a)|^2 + mean |b - a(b)|^2 < 1.2 (mean |a - a'(a)|^2 + mean |b - b'(b)|^2)
 
 where b(a) is the point of the other cloud nearest to a, and a'(a) the nearest other point of the
-same cloud. Both clouds are moved to their centroid and scaled to the same mean square distance from
-it before. A cheap descriptor selects the pairs that are compared: the histogram of the distances
-from the vertical axis and the heights, which turning and mirroring do not change.
+same cloud. Before, both clouds are centred and scaled to the same mean square distance from their
+centroid. A descriptor selects the pairs that are compared: the histogram of distances from the
+vertical axis and heights, which turning and mirroring do not change.
 """
 
 import numpy as np
