@@ -35,11 +35,8 @@ class Flags:
     no flags of the program that calls it.
 
     Attributes:
-      string, integer, float, bool, enum, list, multi_string: define a flag, with the parameters of
+      string, integer, bool, enum, list, multi_string: define a flag, with the parameters of
         `absl.flags.DEFINE_string` and so on.
-      values: the values of the flags, by name; set by `run`, like the next two.
-      arguments: the arguments that are not flags.
-      config_file: the file given as `--config`, after a call of `config`.
     """
 
     def __init__(self, usage: str, doc: str | None, details: Callable[[], str] = str) -> None:
@@ -53,25 +50,21 @@ class Flags:
         """
         self._usage, self._doc, self._details = usage, doc, details
         self._config: tuple[Any, Callable[[str], str], str] | None = None
-        self.values: Any = absl_flags.FlagValues()
-        self.arguments: list[str] = []
-        self.config_file = ""
+        self.values: Any = absl_flags.FlagValues()  # by name; set by `run`
+        self.arguments: list[str] = []  # that are not flags
+        self.config_file = ""  # given as `--config`
         own = {"flag_values": self.values}
         self.string = functools.partial(absl_flags.DEFINE_string, **own)
         self.integer = functools.partial(absl_flags.DEFINE_integer, **own)
-        self.float = functools.partial(absl_flags.DEFINE_float, **own)
         self.bool = functools.partial(absl_flags.DEFINE_bool, **own)
         self.enum = functools.partial(absl_flags.DEFINE_enum, **own)
         self.list = functools.partial(absl_flags.DEFINE_list, **own)
         self.multi_string = functools.partial(absl_flags.DEFINE_multi_string, **own)
 
     def config(self, defaults: Any, path_of: Callable[[str], str] = str, file: str = "") -> None:
-        """Defines `--config=FILE` and `--config.FIELD=VALUE`.
+        """Defines `--config=FILE` (default: `file`) and `--config.FIELD=VALUE`.
 
-        Args:
-          defaults: a dataclass with all fields.
-          path_of: from the value of `--config` to a path.
-          file: used without `--config`; "" = none.
+        `defaults` is a dataclass with all fields; `path_of` maps the value of `--config` to a path.
         """
         self._config = defaults, path_of, file
 
@@ -85,16 +78,10 @@ class Flags:
         argv: Sequence[str] | None = None,
         wrong_input: tuple[type[Exception], ...] = (),
     ) -> int:
-        """Runs a command in this process, which logs to the terminal from now on.
+        """Runs `body` and returns its exit code (None = 0); from now on we log to the terminal.
 
-        Args:
-          body: the command; it gets this object and returns an exit code, None = 0.
-          argv: the arguments without the name of the program; default: those of the process.
-          wrong_input: errors of `body` that mean wrong input, besides those with an
-            `exit_code_of`.
-
-        Returns:
-          the exit code. An error that the user can fix is one line on stderr.
+        An error that the user can fix is one line on stderr: one with an `exit_code_of`, or one of
+        the types `wrong_input`. `argv` are the arguments, by default those of the process.
         """
         argv = list(sys.argv[1:] if argv is None else argv)
         if HELP.intersection(argv[: argv.index("--") if "--" in argv else None]):
@@ -185,11 +172,7 @@ class Flags:
 def load_file(value: str) -> Any:
     """The `ml_collections.ConfigDict` of a configuration, whose file is executed.
 
-    Args:
-      value: path of the file. Text after a colon is the argument of `get_config`.
-
-    Raises:
-      ConfigError: the file is not a configuration, or `get_config` fails.
+    Text after a colon is the argument of `get_config`. `ConfigError` if it fails.
     """
     from ml_collections import ConfigDict
 
@@ -244,6 +227,5 @@ class _OneLine(python_logging.Formatter):
     """Escapes control characters in messages; tracebacks keep their lines."""
 
     def formatMessage(self, record: python_logging.LogRecord) -> str:  # noqa: N802
-        """The text of a record."""
         record.message = one_line(record.message)
         return super().formatMessage(record)

@@ -25,9 +25,8 @@ class PhotoEffects:
     erode: Pixels = 0.0
     dilate: Pixels = 0.0
     ragged: Pixels = 0.0  # Largest random displacement of the edge of the mask.
-    # Probability of an occluder at an edge of the object's bounding box, an ellipse or a rectangle
-    # with semi-axes of 10 to 30 % of the sides of the box. In half of the cases the occluder is
-    # removed from the mask; otherwise the mask is not changed.
+    # Probability of an occluder at an edge of the object's bounding box: an ellipse or a rectangle
+    # with semi-axes of 10 to 30 % of the sides of the box, in half of the cases cut from the mask.
     occluders: Fraction = 0.0
     blur: Pixels = 0.0  # Largest standard deviation of a Gaussian blur.
     noise: Fraction = 0.0  # Largest standard deviation of Gaussian noise, 1 = full range.
@@ -38,7 +37,6 @@ class PhotoEffects:
     exposure: Annotated[float, Bounds(low=0, high=4)] = 0.0
 
     def any(self) -> bool:
-        """Whether any effect is enabled."""
         return any(getattr(self, field.name) for field in dataclasses.fields(self))
 
 
@@ -46,9 +44,8 @@ class PhotoEffects:
 class DataConfig:
     """The records, and how batches are made from them."""
 
-    # Folders of records, separated by commas, whose splits are joined; empty = the default data set
-    # (procedural models, rendered on first use). With `FOLDER*N`, the training samples of the
-    # folder count N times.
+    # Folders of records, separated by commas, whose splits are joined; empty = the default data
+    # set, rendered on first use. With `FOLDER*N`, its training samples count N times.
     path: str = ""
     eval_path: str = ""  # Folders for evaluation, in the same form; empty = those of `path`.
     train_split: str = "train"  # Name of the split for training.
@@ -68,33 +65,28 @@ class DataConfig:
     # Largest shift of that crop, as a fraction of the height and width of the image.
     shift: Annotated[float, Bounds(low=0, high=0.5)] = 0.0
     # Probability that the object of a training sample is cropped and placed by the rule of
-    # `data.framing`, like objects in photos. Image and points are moved together. For samples from
-    # other angles than the authors', see `augment.reframe`.
+    # `data.framing`, like objects in photos, with its points (`augment.reframe`).
     place: Fraction = 0.0
-    # Standard deviation of the logarithm of a further random scale of image and points. The
-    # logarithm is normally distributed and clipped at two standard deviations. The scale is reduced
-    # if the object would leave the image. The authors' images deviate from the rule with a standard
-    # deviation of 0.12.
+    # Standard deviation of the logarithm of a further random scale of image and points; it is
+    # normally distributed, clipped at two standard deviations, and reduced if the object would
+    # leave the image. In the authors' images it is 0.12.
     reframe_scale: Annotated[float, Bounds(low=0, high=0.3)] = 0.0
-    # Standard deviation of a further random shift along rows and columns, as a fraction of the
-    # image height; it is clipped and reduced in the same way. For the authors' images it is 0.07.
+    # Likewise of a random shift along rows and columns, as a fraction of the image height; 0.07.
     reframe_shift: Annotated[float, Bounds(low=0, high=0.3)] = 0.0
     photo: PhotoEffects = dataclasses.field(default_factory=PhotoEffects)  # Effects of photos.
     # Strength of random changes of brightness, contrast and channel gains; 0 = off.
     colour_jitter: Fraction = 0.0
     # Number of processes that make training batches; 0 = threads in this process.
     num_workers: Annotated[int, Bounds(low=0, high=256)] = 0
-    # Size in GB up to which a training keeps decoded samples in memory, shared by the decoding
-    # processes; 0 = none.
+    # GB of decoded samples that a training keeps in memory, over all its processes; 0 = none.
     cache_gb: Annotated[float, Bounds(low=0, high=1000)] = 0.5
 
     # Filled in from `task` and `voxels`; not keys of a configuration file.
     # Whether batches contain the solid volume.
     occupancy: bool = dataclasses.field(default=False, metadata=DERIVED)
-    # Largest number of images of the same model in each row of a training batch; 0 = one image,
-    # without an axis of views.
+    # Images of the same model in each row of a training batch (at most) or an evaluation batch;
+    # 0 = one image, without an axis of views.
     train_views: int = dataclasses.field(default=0, metadata=DERIVED)
-    # Number of images of the same model in each row of an evaluation batch; otherwise the same.
     eval_views: int = dataclasses.field(default=0, metadata=DERIVED)
     # "place" = evaluations place every sample as `place` does; "keep" = unchanged.
     eval_frame: str = dataclasses.field(default="keep", metadata={"derived": "frame of evaluate"})

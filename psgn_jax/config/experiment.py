@@ -1,12 +1,8 @@
 """The configuration: frozen dataclasses, and checks that involve several fields.
 
-`parse` turns an `ml_collections.ConfigDict` (or any nested mapping) into a `Config`. The names,
-annotations and defaults of the dataclasses here and in `config.data` are the complete
-specification. Every error is a `ConfigError` with a message of one line, which names the field, its
-value and what is accepted.
-
-Lengths are in the project's unit, the radius of the object's bounding hemisphere; image sizes are
-(height, width) in pixels.
+`parse` makes a `Config` of an `ml_collections.ConfigDict` or any nested mapping. The dataclasses
+here and in `config.data` are the complete specification. Lengths are in the project's unit, the
+radius of the object's bounding hemisphere; image sizes are (height, width) in pixels.
 """
 
 import dataclasses
@@ -43,26 +39,18 @@ Task = Literal["points", "refiner", "volume", "views"]
 Version = Literal["vanilla", "two_branch", "hourglass", "lite0"]
 
 
-def has_deconv_branch(version: str) -> bool:
-    """Whether a version of the network has a deconv branch besides the fc branch."""
-    return version != "vanilla"
-
-
 CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 2})
 """Number of channels of each input, see `models.networks.stack_channels`."""
 
 
 @dataclasses.dataclass(frozen=True)
 class ModelConfig:
-    """The network (paper, section "Point Set Prediction Network").
-
-    The default sizes are those of the authors' published network.
-    """
+    """The network (paper, section "Point Set Prediction Network"); by default the published one."""
 
     # Version of the network, see `models.point_out_net`, or `lite0` (`models.efficientnet`).
     name: Version = "two_branch"
-    # Number of feature maps at each resolution level, full size first; each level halves the size.
-    # `lite0` has seven levels, of which the decoder reads those from `deconv_level` on.
+    # Feature maps at each resolution level, full size first; each level halves the size. `lite0`
+    # has seven levels, of which the decoder reads those from `deconv_level` on.
     widths: tuple[Size, ...] = (16, 32, 64, 128, 256, 512, 512)
     # Factor of all hidden widths, except those of the posterior network. If it is not 1, the
     # results are rounded to multiples of 8 and are at least 8.
@@ -78,9 +66,9 @@ class ModelConfig:
     # How many of the encoder's 16 blocks are trained, counted from the last one (`lite0` only). The
     # others keep the parameters of `train.init`.
     trained_blocks: Annotated[int, Bounds(low=0, high=16)] = 0
-    # Train as a conditional variational autoencoder: in training, r is drawn from the distribution
-    # that the posterior network predicts from the ground truth (`models.posterior`). Elsewhere r is
-    # drawn from the prior N(0, I).
+    # Train as a conditional variational autoencoder: r is drawn from the distribution that the
+    # posterior network predicts from the ground truth (`models.posterior`), elsewhere from the
+    # prior N(0, I).
     posterior: bool = False
     # Feature maps of the posterior network's 3D convolutions, each of which halves the 32^3 grid.
     posterior_widths: tuple[Size, ...] = (32, 64, 128)
@@ -113,9 +101,8 @@ class LossConfig:
     # nearest to the truth counts (`losses.min_of_n`); 2 in the paper. Evaluation uses one draw.
     min_of_n: Annotated[int, Bounds(low=1, high=1000)] = 1
     # With `model.posterior`: weight of the Kullback-Leibler divergence from the prior, in the unit
-    # of the loss per nat. The variational bound has weight 1 if the loss is -log p of the truth,
-    # and 2 sigma^2 if the loss is a sum of squared distances, where sigma is the assumed standard
-    # deviation of each coordinate of a point.
+    # of the loss per nat. In the variational bound it is 1 if the loss is -log p of the truth, and
+    # 2 sigma^2 for a sum of squared distances of points with the standard deviation sigma.
     kl_weight: NonNegative = 1.0
     kl_warmup_steps: Count = 0  # Steps at the start in which the weight grows linearly from 0.
 
@@ -141,28 +128,23 @@ class OptimConfig:
 
 @dataclasses.dataclass(frozen=True)
 class TrainConfig:
-    """Length of the training and intervals of its output.
-
-    An interval of 0 disables the output; only `log_every` must be at least 1. A checkpoint is also
-    written at each evaluation and at the end.
-    """
+    """Length of the training and intervals of its output; 0 disables an output."""
 
     batch_size: Size = 32  # Samples per step, over all devices and processes.
     steps: PositiveInt = 300_000  # Total number of updates; 300,000 in the paper.
     log_every: PositiveInt = 100  # Steps between lines of metrics.
     eval_every: Count = 5_000  # Steps between evaluations on `data.eval_split`; also at the end.
-    checkpoint_every: Count = 1_000  # Steps between checkpoints.
+    checkpoint_every: Count = 1_000  # Steps between checkpoints; also at evaluations, at the end.
     # Steps between images of predictions in TensorBoard; also at the end.
     images_every: Count = 5_000
     num_images: Annotated[int, Bounds(low=1, high=1000)] = 6  # Number of samples in such an image.
     keep_checkpoints: PositiveInt = 2  # Number of newest checkpoints kept, besides the best one.
     # Time after SIGTERM or Ctrl-C in which the current step may end and be saved. Then the process
-    # ends, but not before a checkpoint that is being written is complete.
+    # ends, after completing a checkpoint that is being written.
     stop_seconds: NonNegative = 20.0
     # Source of the initial parameters, instead of random ones: a file of weights, the name of
     # weights in the package, or the folder of a trained run (its best checkpoint). Several,
-    # separated by commas: the mean of their parameters. They are read only before the first step.
-    # The state of the optimiser is not restored.
+    # separated by commas: the mean of their parameters.
     init: str = ""
     # Patterns of the names of layers that keep random initial parameters; `*` matches any text.
     init_skip: tuple[str, ...] = ()
@@ -181,8 +163,7 @@ class EvalConfig:
     # equally many true points; 0 = no EMD.
     emd_tolerance: NonNegative = 0.01
     # A true point is visible if a surface point of the depth image is within this distance, in
-    # units (`data.visibility`); 0 = no metrics of visible and hidden points. Records without depth
-    # never have these metrics.
+    # units (`data.visibility`); 0, or records without depth: no metrics of visible points.
     visible_tolerance: Annotated[float, Bounds(low=0, high=0.1)] = 0.025
     # Whether to measure, during training as well, the distances after the best scale and shift of
     # each prediction (`evaluation.aligned`, about 35 ms of a CPU core per sample). The command
@@ -195,23 +176,16 @@ class EvalConfig:
 
 @dataclasses.dataclass(frozen=True)
 class VoxelConfig:
-    """Settings of the tasks on solid volumes (see `Config`).
+    """Settings of the tasks on solid volumes; each comment begins with the task that reads it."""
 
-    The description of each field begins with the task that reads it.
-    """
-
-    # "refiner": folder of a run trained by CD, whose clouds are an input. At least one of `from_cd`
-    # and `from_emd` is required. When the refiner starts for the first time, it copies the best
-    # checkpoint of that run into its own folder; the copy does not change later.
+    # "refiner": folder of a run trained by CD, whose clouds are an input; this or `from_emd` is
+    # required. When the refiner starts, it copies the best checkpoint of that run into its folder.
     from_cd: str = ""
     from_emd: str = ""  # "refiner": likewise, of a run trained by EMD.
-    # "refiner": folder of a run of the task "volume", whose prediction is an input as well; "" =
-    # no such input.
-    from_volume: str = ""
+    from_volume: str = ""  # "refiner": folder of a run of the task "volume", a further input.
     widths: tuple[Size, Size, Size, Size, Size] = (16,) * 5  # "refiner": of the hidden layers.
     width_multiplier: Factor = 1.0  # "views": factor of all widths.
-    # "views": largest number of views of each model in a training batch; the number is drawn for
-    # each batch, at least 1.
+    # "views": largest number of views of each model in a training batch, drawn for each batch.
     max_views: Annotated[int, Bounds(low=1, high=1000)] = 5
     # "views": numbers of views in an evaluation; the best checkpoint is chosen by the first one.
     eval_views: tuple[PositiveInt, ...] = (1, 3, 5)
@@ -242,14 +216,11 @@ class Config:
 
 
 def parse(config: Any) -> Config:
-    """Checks a nested mapping and converts it to a `Config`; missing keys have their defaults.
-
-    Args:
-      config: an `ml_collections.ConfigDict` or a nested mapping; lists are accepted for tuples.
+    """Converts an `ml_collections.ConfigDict` or a nested mapping; missing keys have defaults.
 
     Raises:
       ConfigError: a key is unknown, a type is wrong, a value is out of range, or fields contradict
-        each other; the message names the field, its value and what is accepted.
+        each other; one line names the field, its value and what is accepted.
     """
     parsed = build(Config, config)
     views = parsed.task == "views"
@@ -297,27 +268,20 @@ class DamagedError(ConfigError):
 
 
 def from_json(text: str) -> Config:
-    """Reads the text of `to_json`.
-
-    Raises:
-      DamagedError: it is not a text of `to_json`.
-      ConfigError: the configuration is wrong.
-    """
+    """Reads the text of `to_json`; `DamagedError` if it is none, `ConfigError` if it is wrong."""
     try:
-        raw = parse_json(text)
+        return parse(without_checksum(parse_json(text)))
+    except ConfigError:
+        raise
     except ValueError as error:
-        raise DamagedError(f"it is not JSON: {error}") from None
-    try:
-        return parse(without_checksum(raw))
-    except ValueError as error:
-        raise error if isinstance(error, ConfigError) else DamagedError(str(error)) from None
+        raise DamagedError(f"damaged: {error}") from None
 
 
 def _check_together(config: Config) -> None:
     """Checks that involve several fields, or that annotations cannot express."""
     data, model, loss, voxels = config.data, config.model, config.loss, config.voxels
     task, steps, deepest = config.task, config.train.steps, len(model.widths) - 2
-    levels, deconv = f"(model.widths has {deepest + 2} levels)", has_deconv_branch(model.name)
+    levels, deconv = f"(model.widths has {deepest + 2} levels)", model.name != "vanilla"
     on_volumes, views, counts = task != "points", task == "views", voxels.eval_views
     lite = model.name == "lite0"
     # Smaller images would consist mostly of padding (to multiples of the divisor).

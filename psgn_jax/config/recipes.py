@@ -37,12 +37,9 @@ def load(name: str) -> ml_collections.ConfigDict:
 
 
 def path_of(value: str) -> str:
-    """The path of a configuration that is given as a path or as a name.
+    """The path of a configuration that is given as a path or as a name; `ConfigError` if neither.
 
     Text after a colon is kept: `authors:small` becomes `.../authors.py:small`.
-
-    Raises:
-      ConfigError: there is neither a file nor a configuration with this name.
     """
     given, colon, rest = value.partition(":")
     if pathlib.Path(given).is_file():

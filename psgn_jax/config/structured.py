@@ -1,11 +1,8 @@
 """Builds frozen dataclasses from nested mappings and validates every key and value.
 
 The dataclass is the specification: its field names, annotations (`Annotated[int, Bounds(low=1)]`,
-`Literal`, tuples, nested dataclasses) and defaults. A wrong key or value raises a `ConfigError`.
-Its message is one line with the field, its value and the accepted values.
-
-A field with the metadata `{"derived": "NAMES"}` is computed from the fields or flags in NAMES. It
-is not accepted as a key and is not written out.
+`Literal`, tuples, nested dataclasses) and defaults. Fields with the metadata `{"derived": "NAMES"}`
+are computed from the fields or flags in NAMES; they are no keys and are not written out.
 """
 
 import dataclasses
@@ -78,14 +75,11 @@ Fraction = Annotated[float, Bounds(low=0, high=1)]
 
 
 def build(cls: type[T], node: Any, prefix: str = "") -> T:
-    """Builds a dataclass from a mapping; missing keys get their defaults.
-
-    Args:
-      node: an `ml_collections.ConfigDict` or a mapping; lists are accepted as tuples.
-      prefix: prefix of the field names in messages, such as "model.".
+    """Builds a dataclass from an `ml_collections.ConfigDict` or a mapping; lists count as tuples.
 
     Raises:
-      ConfigError: an unknown key, a wrong type or a value out of range.
+      ConfigError: an unknown key, a wrong type or a value out of range; one line with the field
+        after `prefix`, such as "model.", the value and what is accepted.
     """
     if hasattr(node, "to_dict"):
         node = node.to_dict()

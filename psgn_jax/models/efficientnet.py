@@ -58,7 +58,6 @@ class Block(nn.Module):
 
     @nn.compact
     def __call__(self, x: Float[Array, "b h w c_in"]) -> Float[Array, "b ho wo c_out"]:
-        """Maps a batch of feature maps; adds the input if the block is residual."""
         y, shape = x, self.shape
         if shape.expansion > 1:
             y = nn.relu6(layers.Conv(x.shape[-1] * shape.expansion, 1, name="expand")(y))
@@ -71,21 +70,15 @@ class Block(nn.Module):
 
 
 class EfficientNetLite0(nn.Module):
-    """Feature maps of a batch of images.
+    """Maps RGB images with values in [0, 1] to five maps, of strides 2, 4, 8, 16 and 32.
 
-    Attributes:
-      trained: number of blocks, counted from the last one, that training changes. The other layers
-        get no gradient.
+    The map of a stride is the last one of that size, a linear projection, times `SCALES`.
     """
 
-    trained: int = 0
+    trained: int = 0  # blocks, counted from the last one, that get a gradient
 
     @nn.compact
     def __call__(self, image: Float[Array, "b h w 3"]) -> list[Float[Array, "b hs ws c"]]:
-        """Maps RGB images with values in [0, 1] to five maps, of strides 2, 4, 8, 16 and 32.
-
-        The map of a stride is the last one of that size, a linear projection, times `SCALES`.
-        """
         x = nn.relu6(layers.Conv(STEM, 3, stride=2, name="stem")((255 * image - 127) / 128))
         features: dict[int, Array] = {}
         for number, shape in enumerate(BLOCKS):
@@ -103,19 +96,14 @@ class PhotoEncoder(nn.Module):
     It is **ours**. The features of EfficientNet-Lite0 take the place of the encoder's levels 1 to 5
     of `two_branch`; the bottleneck is level 6. The maps that the branches read also have the other
     inputs (mask, depth) as channels, averaged over their cells.
-
-    Attributes:
-      width: feature maps of the bottleneck.
-      trained: blocks of the EfficientNet that training changes, see there.
     """
 
-    width: int
+    width: int  # feature maps of the bottleneck
     trained: int
     dtype: Any
 
     @nn.compact
     def __call__(self, x: Array, r: Array | None) -> tuple[list[Array], Array]:
-        """Returns the input and five feature maps, and the bottleneck, like `Encoder`."""
         features, others = [x], x[..., 3:]
         for maps in EfficientNetLite0(self.trained, name=NAME)(x[..., :3]):
             others = nn.avg_pool(others, (2, 2), (2, 2))

@@ -32,7 +32,6 @@ class MaskDecoder(nn.Module):
 
     @nn.compact
     def __call__(self, maps: list[Float[Array, "b _ _ _"]]) -> Float[Array, "b h2 w2"]:
-        """Maps the maps of strides 2 to 32 to logits of stride 2."""
         *finer, coarse = maps
         where = jnp.broadcast_to(positions(*coarse.shape[1:3]), (*coarse.shape[:3], 3))
         x = jnp.concatenate([coarse, where], axis=-1)
@@ -48,10 +47,12 @@ class MaskDecoder(nn.Module):
 
 
 class MaskNet(nn.Module):
-    """Probabilities of the object at half the size of the images."""
+    """Probabilities of the object, at half the size of RGB images in [0, 1].
+
+    Height and width of the images are multiples of 32.
+    """
 
     @nn.compact
     def __call__(self, image: Float[Array, "b h w 3"]) -> Float[Array, "b h2 w2"]:
-        """Maps RGB images with values in [0, 1]; height and width are multiples of 32."""
         maps = efficientnet.EfficientNetLite0(name=efficientnet.NAME)(image)
         return nn.sigmoid(MaskDecoder(name="decoder")(maps))

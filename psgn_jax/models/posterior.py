@@ -14,14 +14,11 @@ to it as its random input r.
 The authors did not publish code for this version, and the paper gives no sizes. It refers to VoxNet
 (Maturana and Scherer, IROS 2015). The following is **ours**:
 
-- VoxNet has a 5^3 convolution of stride 2, a 3^3 convolution, pooling and a dense layer of 128.
-  Here all convolutions have stride 2 and a ReLU (three by default: 5^3, 3^3, 3^3), and there is no
-  pooling, as in the paper's network for images. A dense layer of 128 with ReLU and a linear layer
-  to mean and log-variance follow.
-- The volume is computed from the ground-truth points of the sample (`occupied`), not from the solid
-  occupancy in the records. It therefore includes the augmentation of the sample (flip, stretch),
-  and it exists for data sets without occupancy too, such as the authors' batches. VoxNet calls this
-  a "hit grid": the cells that contain points of the surface.
+- All convolutions have stride 2 and a ReLU (three by default: 5^3, 3^3, 3^3). A dense layer of 128
+  with ReLU and a linear layer to mean and log-variance follow. VoxNet has a pooling layer instead.
+- The volume is the cells that contain ground-truth points of the sample (`occupied`), VoxNet's "hit
+  grid", not the solid occupancy in the records. It therefore includes the augmentation (flip,
+  stretch), and exists for all data sets.
 - The last layer has small initial values, so that Q starts near N(0, I) and the divergence near 0.
 """
 
@@ -57,21 +54,14 @@ class Gaussian(NamedTuple):
 
 
 class Posterior(nn.Module):
-    """Maps volumes to distributions of z; the module's docstring describes the layers.
+    """Maps volumes from `occupied` to distributions of z, in float32."""
 
-    Attributes:
-      widths: feature maps of the convolutions.
-      hidden: width of the dense layer.
-      size: components of z.
-    """
-
-    widths: tuple[int, ...]
-    hidden: int
-    size: int
+    widths: tuple[int, ...]  # feature maps of the convolutions
+    hidden: int  # width of the dense layer
+    size: int  # components of z
 
     @nn.compact
     def __call__(self, volume: Float[Array, "b x y z"]) -> Gaussian:
-        """Maps a batch of volumes from `occupied`; all arithmetic is float32."""
         x = volume[..., None]
         for i, width in enumerate(self.widths):
             x = nn.relu(Conv3D(width, 3 if i else 5, stride=2, name=f"conv{i}")(x))
@@ -84,8 +74,7 @@ class Posterior(nn.Module):
 def occupied(points: Float[Array, "n 3"]) -> Float[Array, "32 32 32"]:
     """1 in the cells of `GRID` that contain a point, 0 in the others; it has no gradient.
 
-    A point outside the grid counts for the nearest cell, because stretching may make an object
-    wider than the grid. The result does not depend on the order of the points.
+    A point outside the grid, for instance after stretching, counts for the nearest cell.
     """
     place = (points - jnp.asarray(_LOW, points.dtype)[None, :]) / _CELL
     cell = jnp.clip(jnp.floor(place), 0, OCCUPANCY_SIZE - 1).astype(jnp.int32)

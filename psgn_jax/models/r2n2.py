@@ -9,14 +9,14 @@ Reconstruction", ECCV 2016. The sizes are those of its published code
   padding of one pixel: 127 pixels become 64, 33, 17, 9, 5, 3. A dense layer of 1024 follows.
   Shortcuts: levels 2, 3 and 5 add a 1x1 convolution of their input, level 6 adds its input, levels
   1 and 4 have none.
-- `VolumeCell`: the recurrent unit, a grid of 4^3 cells with 128 numbers each. A 3x3x3 convolution
-  connects neighbouring cells. A dense layer without bias, with separate weights for each cell,
-  reads the view. GRU: `h = u h + (1 - u) tanh(W x + U (r h) + b)`.
-- `VolumeDecoder`: three levels with 128, 128 and 64 feature maps. Each level doubles the size by
-  unpooling (each number goes to one corner of 2^3 cells, the others are 0), applies two 3x3x3
-  convolutions and adds the unpooled volume (at 64 feature maps through a 1x1x1 convolution). At
-  32^3 two convolutions with 32 feature maps follow; a third one reads the output of the first and
-  is added to the output of the second. A last convolution has 2 outputs per cell.
+- `VolumeCell`: a GRU on a grid of 4^3 cells with 128 numbers each,
+  `h = u h + (1 - u) tanh(W x + U (r h) + b)`. U is a 3x3x3 convolution over the cells; W is a dense
+  layer that reads the view, with separate weights for each cell.
+- `VolumeDecoder`: three levels with 128, 128 and 64 feature maps. Each level unpools (each number
+  goes to one corner of 2^3 cells, the others are 0), applies two 3x3x3 convolutions and adds the
+  unpooled volume (at 64 feature maps through a 1x1x1 convolution). At 32^3 two convolutions with 32
+  feature maps follow; a third one reads the output of the first and is added to that of the second.
+  A last convolution has 2 outputs per cell.
 
 The network has 35,968,706 parameters for images of 127 or 128 pixels. A leaky ReLU (.01) follows
 every convolution of the encoder and decoder, except shortcuts and the last convolution. The loss is
@@ -58,7 +58,7 @@ def _leaky(x: Array) -> Array:
 
 
 class ImageEncoder(nn.Module):
-    """Maps an image to a vector."""
+    """Maps images to vectors."""
 
     widths: tuple[int, ...]
     dense: int
@@ -66,7 +66,6 @@ class ImageEncoder(nn.Module):
 
     @nn.compact
     def __call__(self, x: Float[Array, "b h w c"]) -> Float[Array, "b n"]:
-        """Encodes a batch of images."""
         conv = functools.partial(_Conv, dtype=self.dtype)
         for level, width in enumerate(self.widths, start=1):
             shortcut: Array | None = None
@@ -96,7 +95,7 @@ class _Gate(nn.Module):
 
 
 class VolumeCell(nn.Module):
-    """The recurrent unit, a GRU."""
+    """The recurrent unit; returns the hidden state after one more view."""
 
     dtype: Any
 
@@ -104,7 +103,6 @@ class VolumeCell(nn.Module):
     def __call__(
         self, x: Float[Array, "b n"], hidden: Float[Array, "b 4 4 4 c"]
     ) -> Float[Array, "b 4 4 4 c"]:
-        """Returns the hidden state after one more view."""
         update = nn.sigmoid(_Gate(self.dtype, name="update")(x, hidden))
         reset = nn.sigmoid(_Gate(self.dtype, name="reset")(x, hidden))
         new = jnp.tanh(_Gate(self.dtype, name="candidate")(x, reset * hidden))
@@ -119,7 +117,6 @@ class VolumeDecoder(nn.Module):
 
     @nn.compact
     def __call__(self, x: Float[Array, "b n n n c"]) -> Float[Array, "b m m m 2"]:
-        """Decodes a batch of hidden states."""
         *unpooled_widths, last_width = self.widths
         conv = functools.partial(_Conv3D, dtype=self.dtype)
         for level, width in enumerate(unpooled_widths):
@@ -136,7 +133,11 @@ class VolumeDecoder(nn.Module):
 
 
 class RecurrentVolume(nn.Module):
-    """Maps views of an object to the logits of its 32^3 cells; the last layer is in float32."""
+    """Maps v >= 1 views of an object to the logits (empty, occupied) of its 32^3 cells.
+
+    The views are, for example, RGB in [0, 1] of 127x127 pixels. The shapes of the parameters do not
+    depend on v. The last layer is in float32.
+    """
 
     conv_widths: tuple[int, ...] = CONV_WIDTHS
     dense_width: int = DENSE_WIDTH
@@ -146,11 +147,6 @@ class RecurrentVolume(nn.Module):
 
     @nn.compact
     def __call__(self, views: Float[Array, "b v h w c"]) -> Float[Array, "b x y z 2"]:
-        """Returns the logits (empty, occupied) after the last view.
-
-        The views are v >= 1 images of each object, for example RGB in [0, 1] of 127x127 pixels. The
-        shapes of the parameters do not depend on v.
-        """
         batch, count = views.shape[:2]
         encoder = ImageEncoder(self.conv_widths, self.dense_width, self.dtype, name="encoder")
         codes = encoder(views.reshape(batch * count, *views.shape[2:]).astype(self.dtype))

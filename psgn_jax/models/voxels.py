@@ -31,8 +31,7 @@ from psgn_jax.models.layers import Conv3D, Dense
 GRID_ORIGIN = (-1.0, -1.0, 0.0)
 GRID_EDGE = 2.0
 
-# Initial bias of `VolumeNet`: e^-1 = .37 unit^3, about a tenth of the bounding box of the
-# hemisphere. The exact value does not matter.
+# Initial bias of `VolumeNet`: e^-1 = .37 unit^3, about a tenth of the hemisphere's bounding box.
 _LOG_VOLUME = -1.0
 # Initial bias of `VoxelRefiner`: a probability of 5 % everywhere, because few cells are occupied.
 _FIRST_LOGIT = -3.0
@@ -45,14 +44,9 @@ def splat(
 
     grid[c] = min(1, sum_i prod_axis max(0, 1 - |u_i - (c + 1/2)|)),   u = (p - origin) size / 2
 
-    Each cube is as large as a cell. A point at the centre of a cell fills that cell; otherwise its
-    cube intersects up to eight cells. Parts of cubes outside the grid are ignored. The function is
-    differentiable in the points; cells that are clipped to 1 have gradient 0. One non-finite
-    coordinate makes the whole grid NaN.
-
-    Args:
-      points: [n, 3] in the project's frame.
-      size: number of cells along an edge of the grid (static).
+    Each cube is as large as a cell; parts outside the grid are ignored. The function is
+    differentiable in the points [n, 3], in the project's frame; cells that are clipped to 1 have
+    gradient 0. One non-finite coordinate makes the whole grid NaN.
     """
     points = jnp.asarray(points)
     u = (points - jnp.asarray(GRID_ORIGIN, points.dtype)[None]) * (size / GRID_EDGE) - 0.5
@@ -84,10 +78,10 @@ def log_volume(occupancy: Bool[Array, "s s s"]) -> Float[Array, ""]:
 
 
 class VoxelRefiner(nn.Module):
-    """Maps splats, and optionally a volume, to the probability that each cell is occupied.
+    """Maps `splat_clouds`, and optionally log-volumes, to the probability of each cell.
 
-    Six 3x3x3 convolutions with ReLU between them and a sigmoid at the end. The receptive field is
-    13 cells along each axis. It works for any grid size. The last layer computes in float32.
+    Six 3x3x3 convolutions with ReLU between them and a sigmoid at the end, for any grid size. The
+    last layer computes in float32.
     """
 
     widths: tuple[int, ...] = (16, 16, 16, 16, 16)
@@ -99,7 +93,6 @@ class VoxelRefiner(nn.Module):
         splats: Float[Array, "b x y z c"],
         log_volumes: Float[Array, " b"] | None = None,
     ) -> Float[Array, "b x y z"]:
-        """Probabilities in [0, 1] from `splat_clouds`, and optionally from log-volumes."""
         x = splats
         if log_volumes is not None:
             channel = jnp.broadcast_to(
@@ -118,11 +111,10 @@ class VoxelRefiner(nn.Module):
 
 
 class VolumeNet(nn.Module):
-    """Maps an image to the logarithm of the object's volume in unit^3.
+    """Maps images, with sides that are multiples of 2^(levels - 1), to `log_volume` of the object.
 
     The network is the encoder of `PointOutNet`, a dense layer of `hidden` with ReLU and a linear
-    layer with one output, in float32. It is trained on the squared error to `log_volume`
-    (**ours**).
+    layer in float32 (**ours**).
     """
 
     widths: tuple[int, ...]
@@ -131,7 +123,6 @@ class VolumeNet(nn.Module):
 
     @nn.compact
     def __call__(self, images: Float[Array, "b h w c"]) -> Float[Array, " b"]:
-        """Predicts log-volumes of images whose sides are multiples of 2^(levels - 1)."""
         encoder = point_out_net.Encoder(self.widths, 1, self.dtype, name="encoder")
         _, x = encoder(images.astype(self.dtype), None)
         x = x.reshape(x.shape[0], -1)

@@ -74,9 +74,9 @@ def test_a_configuration_that_does_not_fit_its_checkpoint(run, old, new, message
     ("old", "new", "why"),
     [
         ('"fscore_threshold": 0.01', '"fscore_threshold": 0.03', "its checksum does not match"),
-        ("{", "[" * 100_000, "it is not JSON"),
-        ("{", "\0", "it is not JSON"),
-        ("{", "\N{REPLACEMENT CHARACTER}", "it is not JSON"),
+        ("{", "[" * 100_000, "brackets nested"),
+        ("{", "\0", "Expecting"),
+        ("{", "\N{REPLACEMENT CHARACTER}", "Expecting"),
     ],
 )
 def test_a_damaged_configuration_is_that_of_the_checkpoint(run, old, new, why, caplog):
@@ -85,7 +85,7 @@ def test_a_damaged_configuration_is_that_of_the_checkpoint(run, old, new, why, c
     caplog.clear()
     assert open_run(run).config == config
     (line,) = [r.message for r in caplog.records if "config.json" in r.message]
-    assert f"config.json: {why}" in line
+    assert f"config.json: damaged: {why}" in line
     assert line.endswith("using the configuration in the checkpoint")
 
 
