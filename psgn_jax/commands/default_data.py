@@ -3,7 +3,6 @@
 Rendering needs the extra `render` and takes a minute or two. `data_gen.default` describes it.
 """
 
-import contextlib
 import dataclasses
 import pathlib
 
@@ -14,7 +13,7 @@ from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.schema import RecordError
 from psgn_jax.system.claims import locked
 from psgn_jax.system.cores import num_cores
-from psgn_jax.system.files import cache_folder
+from psgn_jax.system.files import cache_folder, check_folder
 
 
 def with_default_data(config: Config) -> Config:
@@ -46,18 +45,9 @@ def default_dataset() -> str:
             "data.path is empty, and rendering the default data set needs Mitsuba: "
             "pip install 'psgn-jax[render]'; or set data.path to a folder of records"
         )
-    with contextlib.ExitStack() as stack:
-        try:
-            stack.enter_context(
-                locked(
-                    folder.with_name(f".{default.NAME}.lock"),
-                    waiting="waiting for another process that renders the default data set",
-                )
-            )
-        except OSError as error:
-            raise ConfigError(
-                f"the cache folder (environment variable PSGN_CACHE): {error}"
-            ) from error
+    check_folder(folder.parent, "PSGN_CACHE")
+    lock = folder.with_name(f".{default.NAME}.lock")
+    with locked(lock, waiting="waiting for another process that renders the default data set"):
         if not _is_complete(folder):
             minutes = max(1, round(default.CORE_SECONDS / 60 / num_cores()))
             logging.info(

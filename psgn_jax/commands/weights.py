@@ -69,11 +69,8 @@ def _main(flags: Flags) -> None:
 
 
 def _list(names: Sequence[str]) -> str:
-    known = list(shipped())
-    if not known and not names:
-        return "no weights come with this version of the package\n"
     texts = []
-    for name in names or known:
+    for name in names or shipped():
         path = weights_path(name)
         is_default = path == shipped().get(DEFAULT)
         texts.append(describe(read_weights(path), path, is_default=is_default))

@@ -7,7 +7,6 @@ process was killed ends by itself.
 
 import atexit
 import concurrent.futures
-import functools
 import multiprocessing
 import multiprocessing.connection
 import os
@@ -31,7 +30,9 @@ def start_sheltered(start: Callable[[], T]) -> T:
     `start` is called in a thread that blocks both signals. New processes and threads inherit the
     blocked signals before they run any code. This process still handles signals as usual.
     """
-    _kill_at_exit()
+    # Remaining workers end before Python, at its exit, sends them SIGTERM and waits.
+    atexit.unregister(_kill_workers)
+    atexit.register(_kill_workers)
     # A tracker that is started later would unblock the signals of the thread that starts it.
     resource_tracker.ensure_running()
     others = set(multiprocessing.active_children())
@@ -53,26 +54,19 @@ def check_main_guard() -> None:
 
 def end_with_parent(*_: int) -> None:
     """In a worker: ends this process as soon as its parent has ended, whatever it is doing."""
-    threading.Thread(target=_wait_for_parent, daemon=True).start()
 
+    def wait() -> None:
+        if parent := multiprocessing.parent_process():
+            # `sentinel` becomes ready when the parent ends, and is ready if it has ended already.
+            # (PR_SET_PDEATHSIG would act at the end of the parent's *thread*.)
+            multiprocessing.connection.wait([parent.sentinel])
+            os._exit(1)
 
-def _wait_for_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        # `sentinel` becomes ready when the parent ends, and is ready if it has ended already.
-        # (PR_SET_PDEATHSIG would act at the end of the parent's *thread*.)
-        multiprocessing.connection.wait([parent.sentinel])
-        os._exit(1)
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def _block_signals() -> None:
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM, signal.SIGINT})
-
-
-@functools.cache
-def _kill_at_exit() -> None:
-    """Makes remaining workers end before Python, at its exit, sends them SIGTERM and waits."""
-    atexit.register(_kill_workers)
 
 
 def _kill_workers() -> None:

@@ -136,15 +136,12 @@ class Checkpoints:
         unreadable: list[tuple[int, Exception]] = []
         for step in steps:
             try:
-                version, checkpoint = self._read(step)
+                checkpoint = self._read(step)
+            except CheckpointError:  # of a later version
+                raise
             except Exception as error:  # orbax raises many types of errors for unreadable files
                 unreadable.append((step, error))
                 continue
-            if checkpoint is None:
-                raise CheckpointError(
-                    f"{self._directory / str(step)} was made by a later version of psgn_jax: its "
-                    f"format is {version}, this version reads {FORMAT}; use a newer psgn_jax"
-                )
             for newer, why in unreadable:
                 self._set_aside(newer, why)
             return checkpoint
@@ -157,15 +154,17 @@ class Checkpoints:
             )
         return None
 
-    def _read(self, step: int) -> tuple[int, Checkpoint | None]:
-        """The format of a checkpoint, and the checkpoint if the format is `FORMAT`."""
+    def _read(self, step: int) -> Checkpoint:
         folder = self._directory / str(step)
         reader = _of_this_process(ocp.Checkpointer)
         try:
             items = ocp.args.Composite(meta=ocp.args.JsonRestore())
             document = without_checksum(reader.restore(folder, args=items).meta)
             if document["format"] != FORMAT:
-                return document["format"], None
+                raise CheckpointError(
+                    f"{folder} was made by a later version of psgn_jax: its format is "
+                    f"{document['format']}, this version reads {FORMAT}; use a newer psgn_jax"
+                )
             template = {
                 name: np.zeros(leaf["shape"], leaf["dtype"])
                 for name, leaf in document["leaves"].items()
@@ -178,7 +177,7 @@ class Checkpoints:
         for name, leaf in leaves.items():
             if _checksum(leaf) != document["leaves"][name]["crc32"]:
                 raise ValueError(f"the checksum of {name} does not match")
-        return FORMAT, Checkpoint(step, leaves, document["meta"])
+        return Checkpoint(step, leaves, document["meta"])
 
     def wait(self) -> None:
         """Waits until the last save is complete, then deletes checkpoints that are not kept."""

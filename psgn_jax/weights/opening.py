@@ -34,22 +34,15 @@ def shipped() -> dict[str, pathlib.Path]:
 
 def weights_path(name_or_file: str = "") -> pathlib.Path:
     """The file of weights for a name or a path; "" is `DEFAULT`. `ConfigError` if there is none."""
-    known = shipped()
-    if not name_or_file:
-        if DEFAULT not in known:
-            raise ConfigError(
-                "this version of the package has no weights; expected a trained run "
-                "or a file of weights"
-            )
-        return known[DEFAULT]
-    path = pathlib.Path(name_or_file)
-    if name_or_file in known and not path.is_file():
-        return known[name_or_file]
+    known, name = shipped(), name_or_file or DEFAULT
+    path = pathlib.Path(name)
+    if name in known and not path.is_file():
+        return known[name]
     if path.suffix == SUFFIX or path.is_file():
         return path
     raise ConfigError(
-        f"weights={name_or_file}: {suggestion(name_or_file, known)}accepted: a file of weights"
-        + (f", or one of {', '.join(known)}" if known else " (this version contains no weights)")
+        f"weights={name}: {suggestion(name, known)}accepted: a file of weights, or one of "
+        f"{', '.join(known)}"
     )
 
 
@@ -119,14 +112,12 @@ def open_initial(config: Config) -> Trained:
 
 def _open(config: Config, init: str) -> Trained:
     path = pathlib.Path(init)
-    if path.exists() or init in shipped():
-        run = open_network(path) if path.is_dir() else open_network(weights=init)
-    else:
-        names = ", ".join(shipped()) or "none in this version"
+    if not path.exists() and init not in shipped():
         raise ConfigError(
             f"train.init={init!r}: does not exist; accepted: the folder of a trained run, a file "
-            f"of weights, or the name of weights in the package ({names})"
+            f"of weights, or the name of weights in the package ({', '.join(shipped())})"
         )
+    run = open_network(path) if path.is_dir() else open_network(weights=init)
     if run.config.task != config.task:
         raise ConfigError(
             f"train.init={init!r} has the task {run.config.task!r}; accepted: {config.task!r}"
