@@ -17,6 +17,7 @@ variances of the initial kernels must keep the activations at the same scale ove
 - Biases start at zero, except those of the output layers (`cloud_bias`).
 """
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -33,6 +34,8 @@ Initializer = Callable[[PRNGKey, Sequence[int], Any], jax.Array]
 
 RELU: Initializer = nn.initializers.variance_scaling(2.0, "fan_in", "truncated_normal")
 SUMMED: Initializer = nn.initializers.variance_scaling(1.0, "fan_in", "truncated_normal")
+
+Dense = functools.partial(nn.Dense, kernel_init=RELU, dtype=jnp.float32)
 
 # Rounded mean and standard deviation of the ground-truth points in 384 samples of the authors'
 # batches (mean -.002, .008, .324; standard deviations .33, .33, .26), in the project's frame.
@@ -91,10 +94,7 @@ class Conv(nn.Module):
         return _add_bias(self, y)
 
 
-class Conv3D(Conv):
-    """`Conv` for volumes."""
-
-    ndim: int = 3
+Conv3D = functools.partial(Conv, ndim=3)  # for volumes
 
 
 class ConvTranspose(nn.Module):
@@ -116,23 +116,6 @@ class ConvTranspose(nn.Module):
         kernel = self.param("kernel", init, shape, jnp.float32)
         y = convolve_transposed(x.astype(self.dtype), kernel.astype(self.dtype), self.stride)
         return _add_bias(self, y)
-
-
-class Dense(nn.Module):
-    """`x @ kernel + bias`."""
-
-    features: int
-    use_bias: bool = True
-    kernel_init: Initializer = RELU
-    bias_init: Initializer = nn.initializers.zeros_init()
-    dtype: Any = jnp.float32
-
-    @nn.compact
-    def __call__(self, x: Float[Array, "b n_in"]) -> Float[Array, "b n_out"]:
-        shape = (x.shape[-1], self.features)
-        kernel = self.param("kernel", self.kernel_init, shape, jnp.float32)
-        y = x.astype(self.dtype) @ kernel.astype(self.dtype)
-        return _add_bias(self, y) if self.use_bias else y
 
 
 def _add_bias(layer: Any, y: Array) -> Array:

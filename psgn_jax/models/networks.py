@@ -121,7 +121,7 @@ def init_params(config: Config, model: nn.Module) -> Any:
     params = model.init(init_key(config), image, r)["params"]
     if config.model.posterior:
         key = jax.random.fold_in(jax.random.key(config.seed), _INIT_POSTERIOR)
-        own = build_posterior(config.model).init(key, jnp.zeros((1, *posterior.GRID)))["params"]
+        own = build_posterior(config.model).init(key, jnp.zeros((1, *voxels.GRID)))["params"]
         params = {**params, posterior.NAME: own}
     return params
 

@@ -32,18 +32,13 @@ from psgn_jax.array_types import Array, Float
 from psgn_jax.data.schema import OCCUPANCY_SIZE
 from psgn_jax.models import layers
 from psgn_jax.models.layers import Conv3D, Dense
+from psgn_jax.models.voxels import GRID, GRID_EDGE, GRID_ORIGIN
 
 NAME = "posterior"
 """Key of the posterior's parameters next to those of the generator."""
 
-GRID = (OCCUPANCY_SIZE,) * 3
-"""Cells of the volume along x, y, z. It covers [-1, 1] x [-1, 1] x [0, 2], see `data.schema`."""
-
 ACTIVE = 0.01
 """A dimension of z is active if its divergence (nats, mean over samples) exceeds this."""
-
-_LOW = (-1.0, -1.0, 0.0)
-_CELL = 2 / OCCUPANCY_SIZE
 
 
 class Gaussian(NamedTuple):
@@ -72,11 +67,13 @@ class Posterior(nn.Module):
 
 
 def occupied(points: Float[Array, "n 3"]) -> Float[Array, "32 32 32"]:
-    """1 in the cells of `GRID` that contain a point, 0 in the others; it has no gradient.
+    """1 in the cells of the grid of `data.schema` that contain a point, 0 in the others; it has no gradient.
 
     A point outside the grid, for instance after stretching, counts for the nearest cell.
     """
-    place = (points - jnp.asarray(_LOW, points.dtype)[None, :]) / _CELL
+    place = (points - jnp.asarray(GRID_ORIGIN, points.dtype)[None, :]) / (
+        GRID_EDGE / OCCUPANCY_SIZE
+    )
     cell = jnp.clip(jnp.floor(place), 0, OCCUPANCY_SIZE - 1).astype(jnp.int32)
     volume = jnp.zeros(GRID, jnp.float32).at[cell[:, 0], cell[:, 1], cell[:, 2]].set(1.0)
     return jax.lax.stop_gradient(volume)

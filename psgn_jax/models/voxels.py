@@ -28,6 +28,7 @@ from psgn_jax.data.schema import OCCUPANCY_SIZE
 from psgn_jax.models import layers, point_out_net
 from psgn_jax.models.layers import Conv3D, Dense
 
+GRID = (OCCUPANCY_SIZE,) * 3
 GRID_ORIGIN = (-1.0, -1.0, 0.0)
 GRID_EDGE = 2.0
 

@@ -23,7 +23,7 @@ from psgn_jax.losses.iou import iou_sweep, soft_iou_loss
 from psgn_jax.models import networks, voxels
 from psgn_jax.system.files import write_atomic
 from psgn_jax.tasks.task import Batch, Task
-from psgn_jax.tasks.voxels import GRID, apply, voxel_task
+from psgn_jax.tasks.voxels import apply, voxel_task
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.leaves import named_leaves
 from psgn_jax.weights.run_folder import Trained, open_run
@@ -81,7 +81,7 @@ def refiner_task(config: Config, workdir: pathlib.Path) -> Task:
     model = voxels.VoxelRefiner(config.voxels.widths, networks.DTYPES[config.model.compute_dtype])
 
     def init_params() -> Any:
-        grids = jnp.zeros((1, *GRID, len(clouds)))
+        grids = jnp.zeros((1, *voxels.GRID, len(clouds)))
         volumes = None if volume_net is None else jnp.zeros(1)
         return model.init(networks.init_key(config), grids, volumes)["params"]
 

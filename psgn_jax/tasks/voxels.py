@@ -17,14 +17,11 @@ from jax.tree_util import Partial
 
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config
-from psgn_jax.data.schema import OCCUPANCY_SIZE
 from psgn_jax.evaluation.results import Evaluation, at_thresholds
 from psgn_jax.evaluation.split import compile_measure, evaluate_split
 from psgn_jax.losses.iou import iou_sweep
 from psgn_jax.models import networks, r2n2, voxels
 from psgn_jax.tasks.task import Batch, Task, no_columns
-
-GRID = (OCCUPANCY_SIZE,) * 3
 
 
 def apply(model: nn.Module, params: Any, *inputs: Any) -> Array:
