@@ -67,7 +67,7 @@ class Posterior(nn.Module):
 
 
 def occupied(points: Float[Array, "n 3"]) -> Float[Array, "32 32 32"]:
-    """1 in the cells of the grid of `data.schema` that contain a point, 0 in the others; it has no gradient.
+    """1 in the cells of `voxels.GRID` that contain a point, 0 in the others; it has no gradient.
 
     A point outside the grid, for instance after stretching, counts for the nearest cell.
     """
