@@ -31,13 +31,6 @@ def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
       (pred [B, n, 3], gt [B, m, 3]) -> the pytree with a leading axis B on every array. If the
       function takes further arrays, they need the same leading axis. It raises ValueError if the
       batches differ in size.
-
-    Examples:
-      >>> import jax.numpy as jnp
-      >>> from psgn_jax import losses
-      >>> preds, gts = jnp.zeros((2, 1, 3)), jnp.ones((2, 5, 3))
-      >>> losses.map_pairs(losses.chamfer_sq_mean)(preds, gts).tolist()
-      [6.0, 6.0]
     """
 
     # Defined here, not in `over_batch`, so that every call passes the same function to `scan`. JAX

@@ -44,17 +44,6 @@ def matched_distances(
     gradient of the EMD at almost every pair of clouds. Arguments and errors: `auction.assign`.
     Inside `jit`, `grad` and `vmap`, a non-finite coordinate makes all distances of its pair and
     their gradients NaN.
-
-    Examples:
-      >>> import jax.numpy as jnp
-      >>> from psgn_jax import losses
-      >>> pred = jnp.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0]])
-      >>> gt = jnp.array([[4.0, 0.0, 1.0], [0.0, 2.0, 0.0]])
-      >>> distance, assignment = losses.matched_distances(pred, gt)
-      >>> assignment.index.tolist(), distance.tolist()
-      ([1, 0], [2.0, 1.0])
-      >>> bool(assignment.converged)  # the proven relative error, `assignment.gap`, is at most .01
-      True
     """
     matched = assign(pred, gt, tolerance=tolerance, max_bids=max_bids, names=("pred", "gt"))
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")

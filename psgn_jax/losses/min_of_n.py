@@ -52,14 +52,6 @@ def min_of_n(
     Returns:
       (preds [draws, n, 3], gt [m, 3]) -> `MinOfN`, for any draws >= 1. It raises ValueError for a
       wrong shape of `preds`, and the errors of `distance`.
-
-    Examples:
-      >>> import jax.numpy as jnp
-      >>> from psgn_jax import losses
-      >>> preds = jnp.array([[[0.0, 0.0, 0.0]], [[0.0, 0.0, 2.0]]])  # two draws of one point
-      >>> result = losses.min_of_n(losses.chamfer_sq)(preds, jnp.array([[0.0, 0.0, 3.0]]))
-      >>> float(result.value), int(result.winner), result.distances.tolist()
-      (2.0, 1, [18.0, 2.0])
     """
 
     def over_draws(preds: Array, gt: Array) -> MinOfN:
