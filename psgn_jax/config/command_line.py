@@ -35,7 +35,7 @@ class Flags:
     no flags of the program that calls it.
 
     Attributes:
-      string, integer, bool, enum, list, multi_string: define a flag, with the parameters of
+      string, integer, float, bool, enum, list, multi_string: define a flag, with the parameters of
         `absl.flags.DEFINE_string` and so on.
     """
 
@@ -56,6 +56,7 @@ class Flags:
         own = {"flag_values": self.values}
         self.string = functools.partial(absl_flags.DEFINE_string, **own)
         self.integer = functools.partial(absl_flags.DEFINE_integer, **own)
+        self.float = functools.partial(absl_flags.DEFINE_float, **own)
         self.bool = functools.partial(absl_flags.DEFINE_bool, **own)
         self.enum = functools.partial(absl_flags.DEFINE_enum, **own)
         self.list = functools.partial(absl_flags.DEFINE_list, **own)
