@@ -45,10 +45,7 @@ def _cabinets(workdir: str) -> str:
         image_size=(64, 64), azimuth=(0.0, 0.0), elevation=(0.0, 0.0), aim=(0.45, 0.45)
     )
     options = settings.Settings(views=1, num_points=4096, models_per_shard=64, camera=camera)
-    try:
-        job.render_catalogue(cabinets.cabinets((80, 8), (4, 8)), folder, options)
-    except (RuntimeError, ValueError) as error:
-        raise ConfigError(f"the study's data set: {error}") from error
+    job.render_catalogue(cabinets.cabinets((80, 8), (4, 8)), folder, options)
     return str(folder)
 
 
@@ -63,10 +60,7 @@ def _views(_: str) -> str:
         )
     folder = cache_folder() / f"{default.NAME.rsplit('-', 1)[0]}-40-views-5"
     options = settings.Settings(views=5, models_per_shard=64)
-    try:
-        return default.build(folder, models_per_category=40, options=options)
-    except (RuntimeError, ValueError) as error:
-        raise ConfigError(f"the study's data set: {error}") from error
+    return default.build(folder, models_per_category=40, options=options)
 
 
 STUDIES: dict[str, Callable[[str], str]] = {
@@ -122,7 +116,10 @@ def _main(flags: Flags) -> None:
     data = values.data or ""
     own_data = bool(values.runs) and bool(load_config(values.runs[0]).data.path)
     if not data and not own_data:
-        data = STUDIES[name](workdir)
+        try:
+            data = STUDIES[name](workdir)
+        except (RuntimeError, ValueError) as error:
+            raise ConfigError(f"the study's data set: {error}") from error
     text = run(
         importlib.import_module(f"psgn_jax.studies.{name}").STUDY,
         workdir,
