@@ -252,9 +252,9 @@ def _solve_batch(size: int, mapped: Sequence[bool], *arrays: Array) -> Any:
 
 
 class Assignment(NamedTuple):
-    """A bijection, a[i] with b[index[i]], its certificate, and the number of bids (`iterations`).
+    """A bijection, pred[i] with gt[index[i]], its certificate, and the number of bids (`iterations`).
 
-    `prices` are dual prices of the points of b, in the unit of the clouds; the smallest is 0. They
+    `prices` are dual prices of the points of gt, in the unit of the clouds; the smallest is 0. They
     prove `gap`, a bound on (cost - OPT) / OPT, which is infinite if no positive lower bound on OPT
     is known. `converged` is gap <= tolerance.
     """
@@ -267,14 +267,13 @@ class Assignment(NamedTuple):
 
 
 def assign(
-    a: Float[Array, "n 3"],
-    b: Float[Array, "n 3"],
+    pred: Float[Array, "n 3"],
+    gt: Float[Array, "n 3"],
     *,
     tolerance: float | Array = TOLERANCE,
     max_bids: int | Array | None = None,
-    names: tuple[str, str] = ("a", "b"),
 ) -> Assignment:
-    """A bijection between a and b with a nearly minimal sum of Euclidean distances, and its gap.
+    """A bijection of pred and gt with a nearly minimal sum of Euclidean distances, and its gap.
 
     The solver stops after the first phase with `gap` <= tolerance. When half of the budget is
     spent, epsilon grows until a phase ends with a matching, as in the paper, and falls again while
@@ -283,22 +282,21 @@ def assign(
     a `vmap` in parallel; an exception there ends the calling program.
 
     Args:
-      a: [n, 3], n >= 1, a floating dtype, any unit; solved in float32.
-      b: [n, 3].
+      pred: [n, 3], n >= 1, a floating dtype, any unit; solved in float32.
+      gt: [n, 3].
       tolerance: >= 0, accepted (cost - OPT) / OPT. Float32 cannot prove gaps below about 1e-4.
       max_bids: >= 0, the budget; None: 2000 n. One bid is a pass over the n distances of a point.
-      names: names of a and b in error messages.
 
     Raises:
       ValueError: wrong shape or dtype, unequal sizes, a negative tolerance or budget, or (outside
         `jit`) a non-finite coordinate. Inside `jit`, such a coordinate, or an extent in (0, 1e-38),
         gives the bijection i -> i, `converged` False and a NaN gap.
     """
-    a, b = check_points(a, names[0]), check_points(b, names[1])
+    a, b = check_points(pred, "pred"), check_points(gt, "gt")
     if len(a) != len(b):
         raise ValueError(
-            f"{names[1]}: got {len(b)} points, expected as many as {names[0]} has ({len(a)}): a"
-            " bijection needs equal sizes (take a subset, or use a Chamfer distance)"
+            f"gt: got {len(b)} points, expected as many as pred has ({len(a)}): a bijection needs"
+            " equal sizes (take a subset, or use a Chamfer distance)"
         )
     if max_bids is None:
         max_bids = min(BIDS_PER_POINT * len(a), 2**30)

@@ -45,7 +45,7 @@ def matched_distances(
     Inside `jit`, `grad` and `vmap`, a non-finite coordinate makes all distances of its pair and
     their gradients NaN.
     """
-    matched = assign(pred, gt, tolerance=tolerance, max_bids=max_bids, names=("pred", "gt"))
+    matched = assign(pred, gt, tolerance=tolerance, max_bids=max_bids)
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
     square = jnp.square(pred - gt[matched.index]).sum(axis=-1)
     # A product instead of `where`, so that the gradient of a non-finite pair is NaN as well.

@@ -157,13 +157,13 @@ def test_an_extent_that_underflows_proves_nothing():
     assert np.isnan(found.gap)
 
 
-@pytest.mark.parametrize(("argument", "bad"), [("a", np.inf), ("b", np.nan)])
+@pytest.mark.parametrize(("argument", "bad"), [("pred", np.inf), ("gt", np.nan)])
 def test_non_finite(rng, bad, argument):
-    pair = dict(zip(("a", "b"), clouds(rng, 128), strict=True))
+    pair = dict(zip(("pred", "gt"), clouds(rng, 128), strict=True))
     pair[argument][33, 1] = bad
     with pytest.raises(ValueError, match=f"{argument}: point 33 of .* finite"):
         losses.assign(**pair)
-    found = traced_solve(pair["a"], pair["b"])
+    found = traced_solve(pair["pred"], pair["gt"])
     np.testing.assert_array_equal(found.index, np.arange(128))
     assert not found.converged
     assert np.isnan(found.gap)
@@ -173,9 +173,11 @@ def test_non_finite(rng, bad, argument):
 def test_wrong_arguments():
     good = np.ones((4, 3), np.float32)
     for call in (losses.assign, jax.jit(losses.assign)):
-        with pytest.raises(ValueError, match=r"b: got 3 points, expected as many as a has \(4\)"):
+        with pytest.raises(
+            ValueError, match=r"gt: got 3 points, expected as many as pred has \(4\)"
+        ):
             call(good, good[:3])
-        with pytest.raises(ValueError, match=r"a: got float32\[0, 3\], expected an array"):
+        with pytest.raises(ValueError, match=r"pred: got float32\[0, 3\], expected an array"):
             call(good[:0], good)
     with pytest.raises(ValueError, match="tolerance: got -1, expected >= 0"):
         losses.assign(good, good, tolerance=-1)
