@@ -252,7 +252,7 @@ def _solve_batch(size: int, mapped: Sequence[bool], *arrays: Array) -> Any:
 
 
 class Assignment(NamedTuple):
-    """A bijection, pred[i] with gt[index[i]], its certificate, and the number of bids (`iterations`).
+    """A bijection, pred[i] with gt[index[i]], its certificate, and its `iterations` (bids).
 
     `prices` are dual prices of the points of gt, in the unit of the clouds; the smallest is 0. They
     prove `gap`, a bound on (cost - OPT) / OPT, which is infinite if no positive lower bound on OPT
