@@ -29,16 +29,12 @@ from psgn_jax.data.sources import shapenet
 from psgn_jax.system.files import check_folder
 from psgn_jax.system.untrusted import one_line
 
-_MOST_POINTS = 1_000_000
-_MOST_VIEWS = max(layout.NUM_VIEWS for layout in LAYOUTS.values())
-
 
 def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn convert LAYOUT SRC DST", __doc__)
-    flags.integer("views", None, "Views per model; by default all.", lower_bound=1,
-                  upper_bound=_MOST_VIEWS)  # fmt: skip
+    flags.integer("views", None, "Views per model; by default all.")
     flags.integer("points", shapenet.NUM_POINTS, "Points per sample, at most.", lower_bound=1,
-                  upper_bound=_MOST_POINTS)  # fmt: skip
+                  upper_bound=1_000_000)  # fmt: skip
     flags.bool("strict", False, "Stop at the first bad file.")
     return flags.run(_main, argv, wrong_input=(ValueError,))
 
@@ -46,24 +42,19 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _main(flags: Flags) -> int:
     layout, source, destination = flags.arguments
     if layout not in ("authors", *LAYOUTS):
+        hint = suggestion(layout, ["authors", *LAYOUTS])
         raise ConfigError(
-            f"{layout}: no such layout; {suggestion(layout, ['authors', *LAYOUTS])}expected one of "
-            f"{', '.join(['authors', *LAYOUTS])}"
+            f"{layout}: no such layout; {hint}expected one of {', '.join(['authors', *LAYOUTS])}"
         )
-    if layout == "authors" and (given := flags.given("views", "points", "strict")):
-        raise ConfigError(f"{given[0]}: not accepted by authors")
     check_folder(destination, "DST")
     if layout == "authors":
+        if given := flags.given("views", "points", "strict"):
+            raise ConfigError(f"{given[0]}: not accepted by authors")
         manifest, refused = convert_authors(source, destination)
     else:
-        values = flags.values
+        points, views, strict = (flags.values[n].value for n in ("points", "views", "strict"))
         manifest, refused = convert_models(
-            layout,
-            source,
-            destination,
-            num_points=values.points,
-            max_views=values.views,
-            strict=values.strict,
+            layout, source, destination, num_points=points, views=views, strict=strict
         )
     for split, shards in manifest.splits().items():
         size, count = sum(s.size for s in shards), sum(s.count for s in shards)

@@ -94,7 +94,7 @@ def convert_models(
     destination: str | pathlib.Path,
     *,
     num_points: int = shapenet.NUM_POINTS,
-    max_views: int | None = None,
+    views: int | None = None,
     strict: bool = False,
 ) -> tuple[Manifest, list[str]]:
     """Converts a folder tree of ShapeNet models; one model is in memory at a time.
@@ -102,7 +102,7 @@ def convert_models(
     Args:
       layout: "r2n2" or "occnet"; the modules of these names describe the layouts.
       num_points: maximum number of points per sample.
-      max_views: use only the first views of each model; None: all of the layout.
+      views: use only the first views of each model; None: all of the layout.
       strict: stop at the first file, model or view that cannot be read.
 
     Returns:
@@ -115,12 +115,10 @@ def convert_models(
     """
     source, destination = pathlib.Path(source), pathlib.Path(destination)
     reader: Any = LAYOUTS[layout]
-    if max_views is None:
-        max_views = reader.NUM_VIEWS
-    elif not 1 <= max_views <= reader.NUM_VIEWS:
-        raise ValueError(
-            f"max_views={max_views}: accepted: 1 to {reader.NUM_VIEWS}, the views of {layout}"
-        )
+    if views is None:
+        views = reader.NUM_VIEWS
+    elif not 1 <= views <= reader.NUM_VIEWS:
+        raise ValueError(f"views={views}: accepted: 1 to {reader.NUM_VIEWS}, the views of {layout}")
     models, messages = reader.models(source)
     for message in messages:
         logging.error("%s", one_line(message))
@@ -129,7 +127,7 @@ def convert_models(
 
     def read(split: str, synset: str, name: str) -> Iterator[ConvertedRecord]:
         view_of = reader.open_model(source, synset, name, num_points)
-        for view in range(max_views):
+        for view in range(views):
             try:
                 sample = view_of(view)
                 yield split, encode(sample), sample
@@ -139,7 +137,7 @@ def convert_models(
     inputs = []
     for split, synset, name in models:
         states = [_state(p) for p in reader.input_files(source, synset, name)]
-        version = f"{num_points}:{max_views}:" + ":".join(states)
+        version = f"{num_points}:{views}:" + ":".join(states)
         tag = Tag(f"{synset}/{name}", synset, split, version)
         inputs.append((tag, functools.partial(read, split, synset, name)))
     manifest, left_out = convert(

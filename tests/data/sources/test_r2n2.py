@@ -200,8 +200,8 @@ def test_a_layout_may_have_other_categories_views_and_sizes_of_pictures(tmp_path
     np.testing.assert_array_equal(samples[0].image, image)
     with pytest.raises(ValueError, match=r"\(80, 64\) pixels, expected \(137, 137\)"):
         shapenet.read_image(tmp_path / "a.png", "PNG", "RGB")
-    with pytest.raises(ValueError, match="max_views=31: accepted: 1 to 30, the views of mine"):
-        conversion.convert_models("mine", tmp_path, tmp_path / "more", max_views=31)
+    with pytest.raises(ValueError, match="views=31: accepted: 1 to 30, the views of mine"):
+        conversion.convert_models("mine", tmp_path, tmp_path / "more", views=31)
 
 
 @pytest.mark.parametrize(
