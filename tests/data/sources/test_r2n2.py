@@ -223,12 +223,14 @@ def test_volumes_of_another_magnitude_are_refused(tmp_path, changes, message):
 
 
 @pytest.mark.parametrize(
-    ("option", "largest"),
-    [("--points=1000000000", 10**6), ("--points=0", 10**6), ("--views=25", 24)],
-)
-def test_absurd_numbers_are_refused_before_anything_is_read(option, largest, tmp_path, capsys):
+    ("option", "accepted"),
+    [("--points=1000000000", "[1, 1000000]"), ("--points=0", "[1, 1000000]"),
+     ("--views=25", "1 to 24")],
+)  # fmt: skip
+def test_absurd_numbers_are_refused_before_anything_is_read(option, accepted, tmp_path, capsys):
     assert convert.main(["r2n2", str(tmp_path), str(tmp_path / "out"), option]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith(f"error: flag {option}: ")
-    assert f"[1, {largest}]" in line
+    assert line.startswith("error: ")
+    assert option in line
+    assert accepted in line
     assert not (tmp_path / "out").exists()
