@@ -127,7 +127,7 @@ def _iterate(
 
 
 def num_samples(cfg: DataConfig, split: str, *, evaluation: bool = False) -> int:
-    """Number of samples in a split of the data of a training or an evaluation; `RecordError`."""
+    """Number of samples of a split, for training or evaluation; `RecordError` if it is missing."""
     return len(_open(cfg, cfg.eval_folders if evaluation else cfg.folders, split))
 
 

@@ -104,7 +104,7 @@ def cache_folder() -> pathlib.Path:
 
 
 def temporary_for(path: pathlib.Path) -> pathlib.Path:
-    """A name beside `path` that nothing else uses, on no machine; see `remove_temporaries`."""
+    """A name beside `path` that no process on any machine uses; see `remove_temporaries`."""
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
 
 

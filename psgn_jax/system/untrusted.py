@@ -117,7 +117,7 @@ def with_checksum(entry: Mapping[str, Any] | Mapping[int, Any]) -> dict[str, Any
 
 
 def without_checksum(entry: Any) -> dict[str, Any]:
-    """The object that was given to `with_checksum`; users who edit a file remove the checksum.
+    """The object that was given to `with_checksum`; if you edit a file, remove its checksum.
 
     ValueError if it is no object, or its checksum does not match.
     """

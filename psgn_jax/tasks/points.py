@@ -45,8 +45,8 @@ def points_task(config: Config, workdir: pathlib.Path) -> Task:
     - `loss_of_draws`, if `loss.min_of_n` > 1: mean of the distances over all draws. `loss_step` is
       the mean of the smallest distances.
     - `l2`, unless `loss.l2` is "none": the L2 term.
-    - `kl`, `kl_of_dims` and `kl_weight`, with `model.posterior`: the divergence in nats, summed
-      over the dimensions of z and averaged over the samples, that of each, the weight of `kl`.
+    - With `model.posterior`: `kl`, the divergence in nats, summed over the dimensions of z and
+      averaged over the samples; `kl_of_dims`, that of each dimension; `kl_weight`, its weight.
     """
     model = networks.build(config.model)
     _check_loss(config, model.num_points)

@@ -87,7 +87,7 @@ def _check_fits(config: Config, trained: Config, run: str, step: int) -> None:
 
 
 def load_config(workdir: str | os.PathLike[str]) -> Config:
-    """The configuration of a run; `ConfigError` if there is none, `OSError` if it has a pipe."""
+    """The configuration of a run; `ConfigError` if there is none, `OSError` if it is a pipe."""
     path = pathlib.Path(workdir) / "config.json"
     _refuse_pipes(workdir)
     try:

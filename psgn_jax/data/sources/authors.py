@@ -125,7 +125,7 @@ def lattice_matrix(rotation: np.ndarray) -> np.ndarray:
 
 
 def read_batch(path: str | pathlib.Path) -> Iterator[ExactSample]:
-    """The 32 samples of a file, after a check of all of it; ValueError names file and reason."""
+    """Yields the 32 samples of a file after checking it; ValueError names the file and why."""
     path = pathlib.Path(path)
     data = _inflate(path)
     if len(data) <= _ARRAYS_SIZE:
