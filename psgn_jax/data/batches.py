@@ -30,7 +30,7 @@ class Item:
     """One record, decoded and resized. It does not depend on the training step."""
 
     view: View  # without points
-    points: PointLattice  # all of the record
+    points: PointLattice  # all points of the record
     labels: dict[str, Any]  # category, model_id and view
     # Depth at the record's own size and the intrinsics that go with it, for visibility.
     measured: tuple[DepthCodes, np.ndarray] | None

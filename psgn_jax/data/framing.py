@@ -103,7 +103,7 @@ def box_of(mask: np.ndarray) -> tuple[int, int, int, int]:
 
 
 def rule_move(box: tuple[float, float, float, float]) -> Move:
-    """The move of a box (top, bottom, left, right) to the rule's position in 192x256 pixels."""
+    """The move of a box (top, bottom, left, right) to the rule's place in a view of 192x256 pixels."""
     top, bottom, left, right = box
     wide, high = right - left, bottom - top
     relative = (wide / BOX_WIDTH) ** BOX_POWER + (high / BOX_HEIGHT) ** BOX_POWER
@@ -142,7 +142,7 @@ def has_authors_angle(extrinsics: np.ndarray) -> bool:
 
 
 def box_from_authors_angle(points: np.ndarray) -> tuple[float, float, float, float] | None:
-    """The box of points [n, 3] in the authors' view of 192x256 pixels; None without finite ones."""
+    """The box of points [n, 3] in the authors' view of 192x256 pixels; None if none is finite."""
     pixels, _ = camera.project(points, *camera.default_camera(VIEW_SIZE))
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
     if not len(pixels):
@@ -282,7 +282,7 @@ def place(image: np.ndarray, mask: np.ndarray, *, move: bool = True) -> Framed:
 
 
 def normal_form(points: np.ndarray) -> tuple[float, np.ndarray]:
-    """Scale a > 0 and shift b [3] with `points = a * normalised + b`, common to points [..., 3].
+    """Scale a > 0 and shift b [3] with `points = a * normalised + b`, for points [..., 3].
 
     `normalised` has the form of training objects (`data_gen.frame.normalize`): the lowest point is
     at z = 0, the centre of the bounding box at x = y = 0, and the farthest point at distance 1 from

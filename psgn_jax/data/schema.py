@@ -103,7 +103,7 @@ def _check_array(
 
 
 def validate(sample: Sample) -> Sample:
-    """Returns the sample; ValueError names a wrong field, its value and what is expected."""
+    """Checks and returns a sample; ValueError names the field, its value and what is expected."""
     _check_array("image", sample.image, np.uint8, (None, None, 3))
     size = sample.image.shape[:2]
     _check_array("mask", sample.mask, np.bool_, size)
@@ -156,7 +156,7 @@ def check_content(sample: Sample) -> None:
 
 
 def check_camera(intrinsics: np.ndarray, extrinsics: np.ndarray) -> None:
-    """ValueError if a camera is not finite, with positive focal lengths and a proper rotation."""
+    """ValueError unless a camera is finite, with focal lengths > 0 and a right-handed rotation."""
     for name, matrix in (("intrinsics", intrinsics), ("extrinsics", extrinsics)):
         if not np.isfinite(matrix).all():
             _fail(name, matrix.tolist(), "finite values")

@@ -43,7 +43,7 @@ _CLEARLY = 0.05
 
 
 def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]:
-    """All models with renderings or voxels as (split, synset, name); messages for other folders."""
+    """All models as (split, synset, name), and a message for each folder of another category."""
     for part in (RENDERINGS, VOXELS):
         if not (source / part).is_dir():
             raise ValueError(f"SRC {str(source)!r}: no folder {part} there")

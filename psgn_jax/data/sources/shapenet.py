@@ -81,8 +81,8 @@ def turn_to_view(world_to_camera: np.ndarray) -> np.ndarray:
 def place(points: np.ndarray, path: pathlib.Path) -> tuple[np.ndarray, float]:
     """Origin [3] and unit of the frame of an object with all these points [n, 3] in the world.
 
-    ValueError, which names `path`, if there are no points, or if they are orders of magnitude larger
-    or smaller than ShapeNet's models, whose edges are about 1.
+    ValueError, which names `path`, if there are no points, or if they are orders of magnitude
+    larger or smaller than ShapeNet's models, whose edges are about 1.
     """
     if not len(points):
         raise ValueError(f"{path}: the volume is empty")
