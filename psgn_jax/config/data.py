@@ -71,7 +71,8 @@ class DataConfig:
     # normally distributed, clipped at two standard deviations, and reduced if the object would
     # leave the image. In the authors' images it is 0.12.
     reframe_scale: Annotated[float, Bounds(low=0, high=0.3)] = 0.0
-    # Likewise of a random shift along rows and columns, as a fraction of the image height; 0.07.
+    # Likewise of a random shift along rows and columns, as a fraction of the image height; there
+    # it is 0.07.
     reframe_shift: Annotated[float, Bounds(low=0, high=0.3)] = 0.0
     photo: PhotoEffects = dataclasses.field(default_factory=PhotoEffects)  # Effects of photos.
     # Strength of random changes of brightness, contrast and channel gains; 0 = off.

@@ -268,7 +268,7 @@ class DamagedError(ConfigError):
 
 
 def from_json(text: str) -> Config:
-    """Reads the text of `to_json`; `DamagedError` if it is none, `ConfigError` if it is wrong."""
+    """Reads the text of `to_json`; `DamagedError` if it is not one, or `ConfigError`."""
     try:
         return parse(without_checksum(parse_json(text)))
     except ConfigError:

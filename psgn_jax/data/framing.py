@@ -103,7 +103,7 @@ def box_of(mask: np.ndarray) -> tuple[int, int, int, int]:
 
 
 def rule_move(box: tuple[float, float, float, float]) -> Move:
-    """The move of a box (top, bottom, left, right) to the rule's place in a view of 192x256 pixels."""
+    """The move of a box (top, bottom, left, right) to the rule's place in 192x256 pixels."""
     top, bottom, left, right = box
     wide, high = right - left, bottom - top
     relative = (wide / BOX_WIDTH) ** BOX_POWER + (high / BOX_HEIGHT) ** BOX_POWER

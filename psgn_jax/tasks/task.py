@@ -22,7 +22,7 @@ class Task:
 
     title: str  # name of the network, for the log
     keys: tuple[str, ...]  # of the arrays of a batch that the device needs
-    # () -> initial parameters, a function of the seed. It can run inside jit.
+    # () -> initial parameters, a function of the seed; it can run inside jit.
     init_params: Callable[[], Any]
     # (params, batch, step) -> (value to be minimised, metrics), a `jax.tree_util.Partial` whose
     # leaves are arrays that training does not change. The batch includes `random_columns`. The
@@ -38,6 +38,5 @@ class Task:
     # (step, batch_size, train=) -> random inputs of a training step, or of a batch of an
     # evaluation, a row for each sample.
     random_columns: Callable[..., dict[str, Any]] = no_columns
-    keep_sources: Callable[[], None] = lambda: (
-        None
-    )  # copies runs that this run reads into its folder
+    # Copies the runs that this run reads into its folder.
+    keep_sources: Callable[[], None] = lambda: None
