@@ -43,7 +43,6 @@ _ELSEWHERE = {
 
 
 def module(name: str) -> str:
-    """The module of a subcommand."""
     return _ELSEWHERE.get(name, f"psgn_jax.commands.{name}")
 
 

@@ -130,7 +130,6 @@ def _data_of(config: Config) -> list[dict[str, Any]]:
 
 
 def describe(weights: Weights, path: pathlib.Path, *, is_default: bool = False) -> str:
-    """A file of weights in a few lines."""
     config, figures = weights.config, weights.figures
     branches = networks.build(config.model).branches
     height, width = config.data.image_size

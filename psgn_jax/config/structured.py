@@ -32,7 +32,6 @@ class Bounds:
     open_high: bool = False
 
     def holds(self, value: float | int) -> bool:
-        """Returns whether `value` is in the interval."""
         above = value > self.low if self.open_low else value >= self.low
         return above and (value < self.high if self.open_high else value <= self.high)
 
@@ -56,7 +55,6 @@ class Within:
     high: float
 
     def holds(self, value: tuple[float, float]) -> bool:
-        """Returns whether the pair is accepted."""
         return self.low <= value[0] <= value[1] <= self.high
 
     def __str__(self) -> str:

@@ -180,7 +180,6 @@ class TrainBatch:
         return _stack(rows, len(self.rows), several=num_views > 0)
 
     def _views(self, step: int, row: int, num_views: int) -> list[View]:
-        """The augmented views of a row."""
         cfg = self.cfg
         rng = np.random.default_rng([self.seed, _TRAIN, step, row])
         index = int(self.order[step * self.batch_size + row])

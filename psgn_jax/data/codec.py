@@ -314,7 +314,6 @@ def unpack(data: bytes) -> dict[str, Any]:
 
 
 def field_sizes(data: bytes) -> dict[str, int]:
-    """The number of bytes of each field of a record."""
     return {name: len(msgpack.packb(value)) for name, value in unpack(data).items()}
 
 

@@ -75,7 +75,6 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
         self.shard: Shard  # set at the end of the block
 
     def write(self, record: bytes) -> None:
-        """Appends the encoded form of a sample."""
         stored = unpack(record)
         with self._os_errors():
             self._writer.write(record)

@@ -149,7 +149,6 @@ def degrade(image: np.ndarray, rng: np.random.Generator, blur: float, noise: flo
 
 
 def compress(image: np.ndarray, quality: float) -> np.ndarray:
-    """The image after JPEG compression."""
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, "jpeg", quality=max(1, round(quality)))
     return np.asarray(Image.open(buffer, formats=("JPEG",)))

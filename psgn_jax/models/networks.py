@@ -103,7 +103,6 @@ NETWORKS: dict[str, Callable[[ModelConfig], PointOutNet]] = {
 
 
 def init_key(config: Config) -> PRNGKey:
-    """Key of the initial parameters."""
     return jax.random.fold_in(jax.random.key(config.seed), _INIT)
 
 

@@ -153,7 +153,6 @@ def remove_temporaries(folder: pathlib.Path) -> None:
 
 
 def file_crc32(path: pathlib.Path) -> int:
-    """CRC-32 of the content of a file."""
     crc = 0
     with path.open("rb") as file:
         while block := file.read(1 << 20):

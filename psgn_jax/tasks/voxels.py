@@ -25,7 +25,6 @@ from psgn_jax.tasks.task import Batch, Task, no_columns
 
 
 def apply(model: nn.Module, params: Any, *inputs: Any) -> Array:
-    """Applies `model` with parameters `params`."""
     return cast(Array, model.apply({"params": params}, *inputs))
 
 

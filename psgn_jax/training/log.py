@@ -87,7 +87,6 @@ class TrainingLog:
             self._paused += time.monotonic() - began
 
     def evaluation(self, step: int, means: Mapping[str, float]) -> None:
-        """Logs an evaluation."""
         main = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore", "log_volume_abs_error")
         names = [name for name in means if name in main or name.startswith("iou")]
         numbers = ", ".join(f"{name} {means[name]:.5f}" for name in names)

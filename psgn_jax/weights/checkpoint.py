@@ -88,7 +88,6 @@ class Checkpoints:
         return -min(ranked)[1] if ranked else None
 
     def score(self, step: int, metrics: Mapping[str, float]) -> None:
-        """Records the metrics of a checkpoint."""
         steps = {step, *self.steps()}
         self.scores = {s: m for s, m in self.scores.items() if s in steps} | {step: dict(metrics)}
         text = json.dumps(with_checksum(self.scores), indent=1) + "\n"
