@@ -13,8 +13,8 @@ import contextlib
 import contextvars
 import functools
 import os
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -22,6 +22,7 @@ from jax import lax
 
 from psgn_jax.array_types import Array
 from psgn_jax.models import onednn
+from psgn_jax.models.onednn import Convolution
 
 _plain: contextvars.ContextVar[bool] = contextvars.ContextVar("plain_convolutions", default=False)
 
@@ -88,21 +89,12 @@ def _same_padding(n: int, k: int, stride: int) -> tuple[int, int]:
     return low, total - low
 
 
-class _Geometry(NamedTuple):
-    """Stride and padding ((top, bottom), (left, right)).
-
-    The padded size is `(out - 1) * stride + k`. Padding is negative on a side where the convolution
-    does not read the outermost pixels.
-    """
-
-    stride: int
-    padding: tuple[tuple[int, int], tuple[int, int]]
-
-
 def _convolve_images(x: Array, kernel: Array, stride: int) -> Array:
     (h, w), (kh, kw) = x.shape[1:3], kernel.shape[:2]
     padding = _same_padding(h, kh, stride), _same_padding(w, kw, stride)
-    return _conv(x, kernel, _Geometry(stride, padding))
+    y = x.shape[0], -(-h // stride), -(-w // stride), kernel.shape[3]
+    described = Convolution(x.shape, kernel.shape, y, stride, padding, x.dtype.name)
+    return _part("forward", x, kernel, described)
 
 
 def convolve_transposed(x: Array, kernel: Array, stride: int) -> Array | None:
@@ -117,9 +109,11 @@ def convolve_transposed(x: Array, kernel: Array, stride: int) -> Array | None:
         low = k - 1 - before
         return low, k - stride - low
 
-    geometry = _Geometry(stride, (padding(kernel.shape[0]), padding(kernel.shape[1])))
-    size = (stride * x.shape[1], stride * x.shape[2])
-    return _conv_adjoint(x, jnp.flip(kernel, (0, 1)).swapaxes(2, 3), geometry, size)
+    kernel = jnp.flip(kernel, (0, 1)).swapaxes(2, 3)
+    both = padding(kernel.shape[0]), padding(kernel.shape[1])
+    larger = x.shape[0], stride * x.shape[1], stride * x.shape[2], kernel.shape[2]
+    described = Convolution(larger, kernel.shape, x.shape, stride, both, x.dtype.name)
+    return _part("input_gradient", x, kernel, described)
 
 
 def _convolve_volumes(x: Array, kernel: Array, stride: int) -> Array:
@@ -137,75 +131,45 @@ def _convolve_volumes(x: Array, kernel: Array, stride: int) -> Array:
     return y.reshape(-1, planes, *y.shape[1:])
 
 
-@functools.partial(jax.custom_vjp, nondiff_argnums=(2,))
-def _conv(x: Array, kernel: Array, geometry: _Geometry) -> Array:
-    """`y[o] = sum over taps t of x[stride * o + t - low] kernel[t]`; o, t have two components."""
-    sizes = (
-        (n + low + high - k) // geometry.stride + 1
-        for n, (low, high), k in zip(x.shape[1:3], geometry.padding, kernel.shape[:2], strict=True)
-    )
-    shape = (x.shape[0], *sizes, kernel.shape[3])
-    described = onednn.Convolution(x.shape, kernel.shape, shape, *geometry, x.dtype.name)
-    y = onednn.compute("forward", x, kernel, described)
-    return _xla(x, kernel, geometry) if y is None else y
+@functools.partial(jax.custom_vjp, nondiff_argnums=(0, 3))
+def _part(part: onednn.Part, first: Array, second: Array, convolution: Convolution) -> Array:
+    """`onednn.compute`, or XLA where oneDNN has no fast routine."""
+    result = onednn.compute(part, first, second, convolution)
+    if result is not None:
+        return result
+
+    def forward(x: Array, kernel: Array) -> Array:
+        strides, layout = (convolution.stride,) * 2, ("NHWC", "HWIO", "NHWC")
+        padding = convolution.padding
+        return lax.conv_general_dilated(x, kernel, strides, padding, dimension_numbers=layout)
+
+    if part == "forward":
+        return forward(first, second)
+    if part == "input_gradient":
+        x = jax.ShapeDtypeStruct(convolution.x, first.dtype)
+        return jax.linear_transpose(lambda x: forward(x, second), x)(first)[0]
+    kernel = jax.ShapeDtypeStruct(convolution.kernel, first.dtype)
+    return jax.linear_transpose(lambda kernel: forward(first, kernel), kernel)(second)[0]
 
 
-@functools.partial(jax.custom_vjp, nondiff_argnums=(2, 3))
-def _conv_adjoint(y: Array, kernel: Array, geometry: _Geometry, size: tuple[int, int]) -> Array:
-    """The adjoint of `_conv` with respect to its first argument; returns images of `size`."""
-    shape = (y.shape[0], *size, kernel.shape[2])
-    described = onednn.Convolution(shape, kernel.shape, y.shape, *geometry, y.dtype.name)
-    x = onednn.compute("input_gradient", y, kernel, described)
-    if x is not None:
-        return x
-    image = jax.ShapeDtypeStruct(shape, y.dtype)
-    return jax.linear_transpose(lambda x: _xla(x, kernel, geometry), image)(y)[0]
+def _forward(part: onednn.Part, first: Array, second: Array, convolution: Convolution) -> Any:
+    return _part(part, first, second, convolution), (first, second)
 
 
-@functools.partial(jax.custom_vjp, nondiff_argnums=(2, 3))
-def _kernel_gradient(x: Array, dy: Array, geometry: _Geometry, shape: tuple[int, ...]) -> Array:
-    """The adjoint of `_conv` with respect to the kernel, of that shape."""
-    described = onednn.Convolution(x.shape, shape, dy.shape, *geometry, x.dtype.name)
-    gradient = onednn.compute("kernel_gradient", x, dy, described)
-    if gradient is not None:
-        return gradient
-    kernel = jax.ShapeDtypeStruct(shape, x.dtype)
-    return jax.linear_transpose(lambda k: _xla(x, k, geometry), kernel)(dy)[0]
-
-
-def _xla(x: Array, kernel: Array, geometry: _Geometry) -> Array:
-    """`_conv` where oneDNN has no fast routine."""
-    strides = (geometry.stride,) * 2
-    layout = ("NHWC", "HWIO", "NHWC")
-    return lax.conv_general_dilated(x, kernel, strides, geometry.padding, dimension_numbers=layout)
-
-
-def _conv_vjp(geometry: _Geometry, saved: tuple[Array, Array], dy: Array) -> tuple[Array, Array]:
-    x, kernel = saved
-    dx = _conv_adjoint(dy, kernel, geometry, (x.shape[1], x.shape[2]))
-    return dx, _kernel_gradient(x, dy, geometry, kernel.shape)
-
-
-def _conv_adjoint_vjp(
-    geometry: _Geometry, _: tuple[int, int], saved: tuple[Array, Array], dx: Array
+def _backward(
+    part: onednn.Part, convolution: Convolution, saved: tuple[Array, Array], change: Array
 ) -> tuple[Array, Array]:
-    y, kernel = saved
-    return _conv(dx, kernel, geometry), _kernel_gradient(dx, y, geometry, kernel.shape)
+    """The parts are linear in both arguments, and the gradients of each are the two others."""
+    first, second = saved
+
+    def other(part: onednn.Part, first: Array, second: Array) -> Array:
+        return _part(part, first, second, convolution)
+
+    if part == "forward":
+        return other("input_gradient", change, second), other("kernel_gradient", first, change)
+    if part == "input_gradient":
+        return other("forward", change, second), other("kernel_gradient", change, first)
+    return other("input_gradient", second, change), other("forward", first, change)
 
 
-def _kernel_gradient_vjp(
-    geometry: _Geometry, _: tuple[int, ...], saved: tuple[Array, Array], dkernel: Array
-) -> tuple[Array, Array]:
-    x, dy = saved
-    dx = _conv_adjoint(dy, dkernel, geometry, (x.shape[1], x.shape[2]))
-    return dx, _conv(x, dkernel, geometry)
-
-
-# The functions are linear in both arguments, and the gradients of each are the two others.
-def _saving(function: Callable[..., Array]) -> Callable[..., Any]:
-    return lambda first, second, *static: (function(first, second, *static), (first, second))
-
-
-_conv.defvjp(_saving(_conv), _conv_vjp)
-_conv_adjoint.defvjp(_saving(_conv_adjoint), _conv_adjoint_vjp)
-_kernel_gradient.defvjp(_saving(_kernel_gradient), _kernel_gradient_vjp)
+_part.defvjp(_forward, _backward)

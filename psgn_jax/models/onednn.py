@@ -58,7 +58,11 @@ class OneDNNError(RuntimeError):
 
 
 class Convolution(NamedTuple):
-    """Shapes and geometry of a convolution; `padding` is ((top, bottom), (left, right))."""
+    """Shapes and geometry of a convolution; `padding` is ((top, bottom), (left, right)).
+
+    The padded size is `(out - 1) * stride + k`. Padding is negative on a side where the convolution
+    does not read the outermost pixels.
+    """
 
     x: tuple[int, ...]
     kernel: tuple[int, ...]
