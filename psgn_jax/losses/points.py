@@ -8,11 +8,9 @@ from psgn_jax.array_types import Array, Float
 
 
 def check_points(points: Float[Array, "n 3"], name: str) -> Float[Array, "n 3"]:
-    """One cloud, n >= 1, as float32 (float64 stays float64).
+    """One cloud, n >= 1, as float32 (float64 stays); ValueError for another type, shape or dtype.
 
-    Raises:
-      ValueError: wrong type, shape or dtype, or (outside `jit`, `vmap` and `grad`, where values are
-        not known) a non-finite coordinate.
+    Where values are known, outside `jit`, `vmap` and `grad`, they must be finite.
     """
     is_array = isinstance(points, jax.Array | np.ndarray)
     is_cloud = is_array and points.ndim == 2 and points.shape[1] == 3 and len(points) > 0

@@ -38,7 +38,7 @@ def plain_convolutions() -> Iterator[None]:
 
 
 def convolve(x: Array, kernel: Array, stride: int, groups: int) -> Array | None:
-    """`layers.convolve`, if there is a faster way than XLA's; `groups` is 1 or the channels."""
+    """`layers.convolve` if there is a faster way than XLA's; `groups` is 1 or the channels of x."""
     if groups > 1:
         return _convolve_depthwise(x, kernel, stride) if _on_cpu() else None
     if not _uses_onednn():

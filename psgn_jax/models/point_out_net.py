@@ -118,7 +118,7 @@ class Merge(nn.Module):
     `down_size` is not 0 by a linear strided convolution of that kernel size.
     """
 
-    level_width: int  # the encoder's; here are half as many feature maps
+    level_width: int  # feature maps of the encoder; there are half as many here
     down_size: int
     dtype: Any
 

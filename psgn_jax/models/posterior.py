@@ -15,7 +15,7 @@ The authors did not publish code for this version, and the paper gives no sizes.
 (Maturana and Scherer, IROS 2015). The following is **ours**:
 
 - All convolutions have stride 2 and a ReLU (three by default: 5^3, 3^3, 3^3). A dense layer of 128
-  with ReLU and a linear layer to mean and log-variance follow. VoxNet has a pooling layer instead.
+  with ReLU and a linear layer to mean and log-variance follow. VoxNet has one stride and a pooling.
 - The volume is the cells that contain ground-truth points of the sample (`occupied`), VoxNet's "hit
   grid", not the solid occupancy in the records. It therefore includes the augmentation (flip,
   stretch), and exists for all data sets.
