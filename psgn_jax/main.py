@@ -56,7 +56,7 @@ def _main(flags: Flags) -> int:
     from psgn_jax.commands.default_data import with_default_data
     from psgn_jax.training.loop import train
 
-    with joined(values):
+    with joined(values, given.train.batch_size):
         outcome = train(with_default_data(given), workdir)
     return 128 + outcome.stopped_by if outcome.stopped_by else 0
 

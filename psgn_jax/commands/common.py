@@ -1,6 +1,7 @@
 """Flags that several commands have, and the compilation cache."""
 
 import contextlib
+import os
 import platform
 import zlib
 from collections.abc import Iterator
@@ -10,7 +11,7 @@ from absl import logging
 
 from psgn_jax.config.command_line import Flags
 from psgn_jax.system import group
-from psgn_jax.system.cpu import features_line
+from psgn_jax.system.cpu import features_line, num_cores
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import cache_folder, check_folder
 from psgn_jax.system.untrusted import message_line, refuse_special_files
@@ -31,12 +32,34 @@ def define_group_flags(flags: Flags) -> None:
 
 
 @contextlib.contextmanager
-def joined(values: Any) -> Iterator[bool]:
-    """`system.group.joined` by flags; processes that are not the first one log only warnings."""
-    with group.joined(values.coordinator, values.num_processes, values.process_id) as first:
+def joined(values: Any, batch_size: int) -> Iterator[bool]:
+    """`system.group.joined` by flags; processes that are not the first one log only warnings.
+
+    A process that works alone uses its cores as devices, if they divide the batch.
+    """
+    processes = values.coordinator, values.num_processes, values.process_id
+    if not group.is_one_of_several(*processes):
+        use_cores(batch_size)
+    with group.joined(*processes) as first:
         if not first:
             logging.set_verbosity(logging.WARNING)
         yield first
+
+
+def use_cores(batch_size: int) -> None:
+    """Makes one CPU device of JAX for each core: at most four, and a number that divides the batch.
+
+    The devices compute their shares of a batch at the same time. On one device, XLA computes the
+    losses of the pairs one after another. It changes nothing if JAX has computed already, or if
+    the number of devices is chosen by JAX_NUM_CPU_DEVICES or XLA_FLAGS.
+    """
+    import jax  # imported here so that wrong flags are reported before JAX is loaded
+
+    chosen = "xla_force_host_platform_device_count" in os.environ.get("XLA_FLAGS", "")
+    if not chosen and jax.config.values["jax_num_cpu_devices"] == -1:
+        count = max(n for n in range(1, min(num_cores(), 4) + 1) if batch_size % n == 0)
+        with contextlib.suppress(RuntimeError):
+            jax.config.update("jax_num_cpu_devices", count)
 
 
 def keep_compiled() -> None:

@@ -22,7 +22,7 @@ from psgn_jax.commands.common import (
 from psgn_jax.commands.default_data import with_default_data
 from psgn_jax.config.command_line import Flags
 from psgn_jax.config.data import DataConfig
-from psgn_jax.config.experiment import ConfigError, check_paths, require_points_task
+from psgn_jax.config.experiment import ConfigError, EvalConfig, check_paths, require_points_task
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.evaluation import baselines, table
 from psgn_jax.evaluation.run import FRAMES, evaluate_run, output_folder, report_runs
@@ -110,7 +110,7 @@ def _main(flags: Flags) -> None:
     if values.report is not None:
         check_folder(values.report, "--report")
     options: dict[str, Any] = {n: values[n].value for n in _OPTIONS}
-    with joined(values) as first:
+    with joined(values, 1 if values.baselines else EvalConfig().batch_size) as first:
         if values.report and group.index_and_count()[1] > 1:
             raise ConfigError(f"--report={values.report}: accepted only with one process")
         opening = {"checkpoint": values.checkpoint, "data": values.data}

@@ -51,16 +51,16 @@ def _on_cpu() -> bool:
 
 
 def _uses_onednn() -> bool:
-    """Whether oneDNN computes; it computes on one device.
+    """Whether oneDNN computes: on one device, or on each device's share under `jax.shard_map`.
 
-    If XLA may split a batch over several devices, it would have to collect it on each of them.
+    Otherwise, if XLA may split a batch over several devices, it would have to collect it on each.
     """
     if not _on_cpu():
         return False
     asked = os.environ.get("PSGN_CONVOLUTIONS", "")
     if asked not in ("", "onednn", "xla"):
         raise ValueError(f"PSGN_CONVOLUTIONS={asked!r}: accepted: onednn, xla, or unset")
-    if asked == "xla" or jax.local_device_count() > 1:
+    if asked == "xla":
         return False
     library, why_not = onednn.library()
     if asked and library is None:

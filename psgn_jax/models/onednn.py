@@ -10,9 +10,9 @@ bfloat16 with the axes [batch, height, width, channels], kernels [kh, kw, c_in, 
 accumulated in float32. The results are deterministic for a fixed number of threads.
 
 XLA calls the library through a Python callback, which passes pointers and copies no images.
-Therefore JAX neither caches nor exports programs with these functions. Each call uses all threads
-of oneDNN (`OMP_NUM_THREADS`, by default one for each core), and one call runs at a time. Primitives
-are kept for the life of the process.
+Therefore JAX neither caches nor exports programs with these functions. As many calls run at a time
+as there are devices, and they share the cores (or each has `OMP_NUM_THREADS` threads). Primitives
+are kept for the life of the thread.
 """
 
 import ctypes
@@ -27,6 +27,7 @@ import jax
 import numpy as np
 
 from psgn_jax.array_types import Array
+from psgn_jax.system.cpu import num_cores
 
 _DISTRIBUTION, _FILE = "onednn-cpu-gomp", "libdnnl.so.3"
 
@@ -44,7 +45,6 @@ _ALIGNMENT = 64
 # keep the cores busy for milliseconds; threads that sleep at once start late.
 _SPINS = "10000"
 
-_making, _running = threading.RLock(), threading.Lock()
 _Handle = ctypes.c_void_p
 Part = Literal["forward", "input_gradient", "kernel_gradient"]
 
@@ -110,10 +110,10 @@ def compute(part: Part, first: Array, second: Array, convolution: Convolution) -
     """
     if {first.dtype.name, second.dtype.name} != {convolution.dtype}:
         return None
-    with _making:
-        primitive = _primitive(part, convolution)
+    primitive = _primitive(part, convolution)
     if primitive is None:
         return None
+    _turns()
     # The API is experimental, so it is imported only where it is used.
     from jax.experimental.buffer_callback import buffer_callback
 
@@ -125,7 +125,37 @@ def compute(part: Part, first: Array, second: Array, convolution: Convolution) -
 
 
 @functools.cache
+def _turns() -> threading.Semaphore:
+    """Limits the calls that run at a time."""
+    return threading.Semaphore(jax.local_device_count())
+
+
+class _Own(threading.local):
+    """What each thread has for itself, because a call sets the addresses of its memory objects."""
+
+    def __init__(self) -> None:
+        self.primitives: dict[Any, _Primitive | None] = {}
+        self.workspaces: dict[str, np.ndarray] = {}
+
+    @functools.cached_property
+    def stream(self) -> _Handle:
+        if (devices := jax.local_device_count()) > 1 and "OMP_NUM_THREADS" not in os.environ:
+            library()[0].omp_set_num_threads(max(1, num_cores() // devices))
+        return _make("dnnl_stream_create", _engine()[0], _IN_ORDER)
+
+
+_own = _Own()
+
+
 def _primitive(part: Part, convolution: Convolution) -> "_Primitive | None":
+    """The primitive of the calling thread."""
+    key = part, convolution
+    if key not in _own.primitives:
+        _own.primitives[key] = _new_primitive(part, convolution)
+    return _own.primitives[key]
+
+
+def _new_primitive(part: Part, convolution: Convolution) -> "_Primitive | None":
     if convolution.dtype not in _DTYPES:
         return None
     (top, bottom), (left, right) = convolution.padding
@@ -169,13 +199,12 @@ def _dims(*values: int) -> Any:
 
 
 @functools.cache
-def _engine() -> tuple[_Handle, _Handle, _Handle]:
-    """Engine, stream and attributes, which all primitives share."""
+def _engine() -> tuple[_Handle, _Handle]:
+    """Engine and attributes, which all primitives share."""
     engine = _make("dnnl_engine_create", _CPU, ctypes.c_size_t(0))
-    stream = _make("dnnl_stream_create", engine, _IN_ORDER)
     attributes = _make("dnnl_primitive_attr_create")
     _call("dnnl_primitive_attr_set_scratchpad_mode", attributes, _USER_SCRATCHPAD)
-    return engine, stream, attributes
+    return engine, attributes
 
 
 def _strided(dims: Any, dtype: int, strides: Any) -> _Handle:
@@ -200,14 +229,11 @@ def _address(buffer: Any) -> int:
     return int(np.asarray(buffer).__array_interface__["data"][0])
 
 
-_workspaces: dict[str, np.ndarray] = {}
-
-
 def _workspace(purpose: str, size: int) -> int:
     """Address of temporary memory; the block of a purpose grows to the largest size asked for."""
-    block = _workspaces.get(purpose)
+    block = _own.workspaces.get(purpose)
     if block is None or len(block) < size + _ALIGNMENT:
-        block = _workspaces[purpose] = np.empty(size + _ALIGNMENT, np.uint8)
+        block = _own.workspaces[purpose] = np.empty(size + _ALIGNMENT, np.uint8)
     return -(-_address(block) // _ALIGNMENT) * _ALIGNMENT
 
 
@@ -223,7 +249,7 @@ class _Step:
 
     def run(self) -> None:
         _place(self._scratchpad, _workspace("scratchpad", self._size))
-        stream, arguments = _engine()[1], self._arguments
+        stream, arguments = _own.stream, self._arguments
         _call("dnnl_primitive_execute", self._primitive, stream, len(arguments), arguments)
 
 
@@ -234,7 +260,8 @@ class _Primitive:
     """
 
     def __init__(self, part: Part, convolution: Convolution):
-        engine, _, attributes = _engine()
+        self._key = part, convolution
+        engine, attributes = _engine()
         dtype, stride = _DTYPES[convolution.dtype], convolution.stride
         x, y = _images(convolution.x, dtype), _images(convolution.y, dtype)
         kh, kw, c_in, c_out = convolution.kernel
@@ -295,13 +322,18 @@ class _Primitive:
         self._steps = [step, *conversion] if backward else [*conversion, step]
 
     def callback(self, _: Any, result: Any, first: Any, second: Any) -> None:
-        """Computes `result` from the buffers that XLA passes."""
-        with _running:
-            for memory, buffer in zip(self._outer, (first, second, result), strict=True):
-                _place(memory, _address(buffer))
-            if self._converted is not None:
-                memory, size = self._converted
-                _place(memory, _workspace("kernel", size))
-            for step in self._steps:
-                step.run()
-            _call("dnnl_stream_wait", _engine()[1])
+        """Computes `result` from the buffers that XLA passes, in a thread of XLA."""
+        with _turns():
+            own = _primitive(*self._key)
+            assert own is not None
+            own._run(first, second, result)
+
+    def _run(self, *buffers: Any) -> None:
+        for memory, buffer in zip(self._outer, buffers, strict=True):
+            _place(memory, _address(buffer))
+        if self._converted is not None:
+            memory, size = self._converted
+            _place(memory, _workspace("kernel", size))
+        for step in self._steps:
+            step.run()
+        _call("dnnl_stream_wait", _own.stream)

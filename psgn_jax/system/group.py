@@ -31,6 +31,15 @@ _HEARTBEAT_SECONDS = 40
 _COUNTS = ("OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
 
 
+def is_one_of_several(
+    coordinator: str | None = None, num_processes: int | None = None, process_id: int | None = None
+) -> bool:
+    """Whether flags or environment make this process one of several; arguments as in `joined`."""
+    launched = any(os.environ.get(name, "1") != "1" for name in _COUNTS)
+    launched |= "JAX_COORDINATOR_ADDRESS" in os.environ
+    return bool(coordinator or process_id or (num_processes or 1) != 1 or launched)
+
+
 @contextlib.contextmanager
 def joined(
     coordinator: str | None = None, num_processes: int | None = None, process_id: int | None = None
@@ -48,9 +57,7 @@ def joined(
     Raises:
       UserError: the processes cannot connect to each other.
     """
-    launched = any(os.environ.get(name, "1") != "1" for name in _COUNTS)
-    launched |= "JAX_COORDINATOR_ADDRESS" in os.environ
-    if not coordinator and not process_id and (num_processes or 1) == 1 and not launched:
+    if not is_one_of_several(coordinator, num_processes, process_id):
         yield True
         return
     import jax  # imported here because only few processes are several

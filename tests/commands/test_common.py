@@ -145,6 +145,23 @@ print(jax.jit(lambda x: x @ x + 1)(jax.numpy.ones((64, 64))).sum())
     assert [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
+def test_cores_are_devices_of_jax(tmp_path):
+    code = """
+import jax
+from psgn_jax.commands import common
+common.num_cores = lambda: 6
+common.use_cores(18)
+print(jax.device_count())
+common.use_cores(1)  # too late, and without effect
+"""
+    for chosen, count in ({}, 3), ({"JAX_NUM_CPU_DEVICES": "2"}, 2):
+        environment = {"PATH": "/usr/bin:/bin", "JAX_PLATFORMS": "cpu", **chosen}
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, env=environment
+        )
+        assert (done.stdout, done.stderr) == (f"{count}\n", "")
+
+
 def test_help_shows_every_flag_of_a_command_and_no_other_and_none_is_defined_elsewhere(capsys):
     common = {"train": ["num_processes"], "predict": ["weights", "workdir"]}
     for name in psgn.COMMANDS:
