@@ -11,7 +11,8 @@ from absl import logging
 
 from psgn_jax.config.command_line import Flags
 from psgn_jax.system import group
-from psgn_jax.system.cpu import features_line, num_cores
+from psgn_jax.system.cores import num_cores
+from psgn_jax.system.cpu import features_line
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import cache_folder, check_folder
 from psgn_jax.system.untrusted import message_line, refuse_special_files

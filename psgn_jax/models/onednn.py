@@ -27,7 +27,7 @@ import jax
 import numpy as np
 
 from psgn_jax.array_types import Array
-from psgn_jax.system.cpu import num_cores
+from psgn_jax.system.cores import num_cores
 
 _DISTRIBUTION, _FILE = "onednn-cpu-gomp", "libdnnl.so.3"
 

@@ -208,9 +208,8 @@ def wait_for(condition, process, workdir):
 
 
 @pytest.mark.slow
-def test_killed_and_stopped_runs_end_with_the_same_bits(command, config, tmp_path):
-    long = shorter(config, 120)
-    train(long, tmp_path / "reference")
+def test_killed_and_stopped_runs_end_with_the_same_bits(command, tmp_path):
+    assert command(tmp_path / "reference", "--config.train.steps=120", delay=0).wait() == 0
     workdir = tmp_path / "run"
     for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGKILL):
         process = command(workdir, "--config.train.steps=120")
@@ -221,21 +220,21 @@ def test_killed_and_stopped_runs_end_with_the_same_bits(command, config, tmp_pat
         process.send_signal(number)
         assert process.wait() == (143 if number == signal.SIGTERM else -number), log_of(workdir)
     assert 0 < newest_step(workdir) < 120
-    train(long, workdir)
+    assert command(workdir, "--config.train.steps=120", delay=0).wait() == 0
     have, want = newest(workdir), newest(tmp_path / "reference")
     assert have.step == want.step
     assert_same_leaves(have, want)
     assert lines(workdir) == lines(tmp_path / "reference")
     scores = [tmp_path / name / "checkpoints/scores.json" for name in ("run", "reference")]
     assert scores[0].read_text() == scores[1].read_text()
-    assert len(re.findall("resuming at step", log_of(workdir))) == 2
+    assert len(re.findall("resuming at step", log_of(workdir))) == 3
     assert "stopped by SIGTERM" in log_of(workdir)
     assert "Traceback" not in log_of(workdir)
     assert "damaged" not in log_of(workdir)
 
 
 @pytest.mark.slow
-def test_a_full_disk_ends_in_one_line_and_the_run_goes_on(command, config, tmp_path):
+def test_a_full_disk_ends_in_one_line_and_the_run_goes_on(command, tmp_path):
     workdir = tmp_path / "run"
     process = command(workdir, "--config.train.steps=120")
     wait_for(lambda: newest_step(workdir) >= 6, process, workdir)
@@ -243,9 +242,9 @@ def test_a_full_disk_ends_in_one_line_and_the_run_goes_on(command, config, tmp_p
     assert process.wait() == 5, log_of(workdir)
     assert "Traceback" not in log_of(workdir)
     assert log_of(workdir).splitlines()[-1].startswith(f"error: {workdir}")
-    steps = newest_step(workdir) + 3
-    train(shorter(config, steps), workdir)
-    train(shorter(config, steps), tmp_path / "reference")
+    steps = f"--config.train.steps={newest_step(workdir) + 3}"
+    assert command(workdir, steps, delay=0).wait() == 0
+    assert command(tmp_path / "reference", steps, delay=0).wait() == 0
     assert_same_leaves(newest(workdir), newest(tmp_path / "reference"))
 
 
