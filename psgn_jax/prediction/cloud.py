@@ -1,9 +1,9 @@
 """A prediction: clouds with their colours, files, picture in a notebook, and place in the photo.
 
-All formats of files use the project's frame (`data.schema`): right-handed, **+z up**, +y to the
-right of the image, +x toward the camera, origin on the ground, unit = radius of the bounding
-hemisphere. Only in GLB +y points up, as its standard says. In programs in which y points up (many
-OBJ viewers), rotate the other formats by -90 degrees about x.
+All files are in the project's frame (`data.schema`): right-handed, **+z up**, +y to the right of
+the image, +x toward the camera, origin on the ground, unit = radius of the bounding hemisphere.
+Only in GLB +y points up, as its standard says. If y points up in your program, as in many OBJ
+viewers, rotate the other formats by -90 degrees about x.
 """
 
 import dataclasses
@@ -29,7 +29,7 @@ from psgn_jax.viewing.predictions import VERSION
 FC, DECONV = 0, 1
 
 UNSEEN = (150, 150, 150)
-"""Colour of the points of a cloud of which no point is visible in the image."""
+"""Colour of a cloud of which no point is visible in the image."""
 
 # Radius of the disc of a point, and largest distance of a visible point behind the nearest disc
 # (unit). Compared with depth maps, for 1,024 points of the authors' surfaces, the precision of the
@@ -48,9 +48,9 @@ class PhotoCamera(NamedTuple):
       extrinsics: float64 [3, 4], maps `unit * points` of the project's frame to the camera's.
       points: float64 [n, 3], the cloud in the camera's frame. They project exactly to where the
         prediction has them.
-      unit: length of the unit of the cloud, in metres if the object's height was given, else 1.
-      error: the largest distance, in pixels of the network's image of 192x256, between the
-        projections of `points` and of the cloud moved by `extrinsics`.
+      unit: length of the cloud's unit, in metres if the object's height was given, else 1.
+      error: largest distance between the projections of `points` and of the cloud moved by
+        `extrinsics`, in pixels of the network's image of 192x256.
     """
 
     intrinsics: np.ndarray
@@ -64,14 +64,12 @@ class PhotoCamera(NamedTuple):
 class Prediction:
     """The clouds for an image.
 
-    Most people need four of the attributes:
+    Attributes:
       points: float32 [k, n, 3] in the project's frame (+z up, +y image right, +x to the camera);
         unit = radius of the bounding hemisphere.
       colours: uint8 [k, n, 3], from the image (`colours_from_view`).
       mask: bool [h, w], the object in the image, which is reduced if it is large.
       warnings: probable problems, a line each.
-
-    The others:
       stray: bool [k, n], whether a point lies apart from all others (`stray_points`).
       seen: bool [k, n], whether a point is visible in the image.
       branch: uint8 [n], the branch that predicts a point, `FC` or `DECONV`.
@@ -79,8 +77,8 @@ class Prediction:
       photo: the image as it was read.
       view: the framed view of the object, which is resized to the input of the network, with the
         camera that projects `points` to it (`data.framing.Framed`).
-      scale, shift: the network's points are `scale * points + shift`, the transformation of the
-        normal form (`data.framing.normal_form`), common to all clouds; 1 and 0 without normal form.
+      scale, shift: the network's points are `scale * points + shift` (`data.framing.normal_form`);
+        1 and 0 without normal form.
       seconds: duration of each step.
     """
 
@@ -101,8 +99,8 @@ class Prediction:
     def save(self, path: str | os.PathLike[str], sample: int = 0) -> None:
         """Writes a file; the suffix says which.
 
-        .ply, .xyz, .obj and .glb have one cloud without its stray points. .npz has all
-        arrays, for NumPy and for `psgn view`; .html is a page on which the clouds can be turned.
+        .ply, .xyz, .obj and .glb have one cloud without its stray points; .npz has all arrays, for
+        NumPy and `psgn view`; .html is a page on which the clouds can be turned.
 
         Raises:
           ValueError: another suffix, or there is no such sample.
@@ -134,11 +132,8 @@ class Prediction:
 
     def __repr__(self) -> str:
         k, n, _ = self.points.shape
-        clouds = "1 cloud" if k == 1 else f"{k} clouds"
-        return (
-            f"<{clouds} of {n:,} points, {self.seen.mean():.0%} visible in the image, mask: "
-            f"{self.mask_from}>"
-        )
+        clouds = f"{k} cloud{'s' * (k > 1)} of {n:,} points"
+        return f"<{clouds}, {self.seen.mean():.0%} visible in the image, mask: {self.mask_from}>"
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the page of `psgn view`, on which the cloud can be turned."""
@@ -152,7 +147,7 @@ class Prediction:
     def arrays(self) -> dict[str, np.ndarray]:
         """The arrays of an NPZ file.
 
-        `photo` is the whole photo with at most 512 pixels a side, and `to_view` [3, 3] maps its
+        `photo` is the whole photo with at most 512 pixels a side; `to_view` [3, 3] maps its
         (column, row) to pixels of `image`, the view of the network.
         """
         image = Image.fromarray(self.photo.image)
@@ -170,8 +165,8 @@ class Prediction:
     def photo_intrinsics(self) -> np.ndarray:
         """float64 [3, 3], of the view's camera for the photo in its full size, upright.
 
-        With the extrinsics of the view, it projects the points exactly. Its principal point is not
-        the middle of the photo.
+        With the view's extrinsics, it projects the points exactly. Its principal point is not the
+        middle of the photo.
         """
         (full_height, full_width), (height, width) = self.photo.size, self.photo.image.shape[:2]
         enlarged = np.diag([full_width / width, full_height / height, 1.0])
@@ -182,21 +177,19 @@ class Prediction:
     ) -> PhotoCamera:
         """The camera of the photo, and the cloud in front of it.
 
-        Each point is put on the ray of its pixel, at such a depth that the object keeps its size
-        and its depth, seen from the middle of the object. With the assumed focal length, this moves
-        the cloud as a whole; with another one, it changes the cloud's perspective, and `error` says
-        how far a rigid move would be off.
+        We put each point on the ray of its pixel, so deep that the object keeps its size and depth.
+        With the assumed focal length, this moves the cloud as a whole. Another one changes the
+        cloud's perspective; `error` says how far a rigid move would be off.
 
-        The elevation is assumed, not estimated: 20 degrees, as in the training images. On 332
-        renders from there, with their focal length and the height of the object, the vertical is
-        1.0 degrees off at the median (9 of 10: 2.8), the distance 7 % (31 %), and `error` is .5
-        (2.4) pixels; with the assumed focal length .2 (.7). For a photo from another elevation, the
-        vertical is off by the difference.
+        We assume the elevation of the training images, 20 degrees. On 332 renders from there, with
+        their focal length and the object's height, the vertical is 1.0 degrees off at the median (9
+        of 10: 2.8), the distance 7 % (31 %), and `error` is .5 (2.4) pixels; with the assumed focal
+        length .2 (.7). For another elevation, the vertical is off by the difference.
 
         Args:
-          focal: focal length in pixels of the photo in its full size. None = that of EXIF, or
-            without EXIF the one for which the network was trained, 400 pixels in the view. A photo
-            that was cropped keeps the EXIF of the whole.
+          focal: focal length in pixels of the photo in its full size; None = EXIF's, or without
+            EXIF the one of the training images, 400 pixels in the view. EXIF's is wrong if the
+            photo was cropped.
           height: height of the object in metres; None keeps the cloud's unit.
           sample: number of the cloud.
 
@@ -260,14 +253,11 @@ def _rigid(points: np.ndarray, goal: np.ndarray) -> np.ndarray:
 
 
 def colours_from_view(points: np.ndarray, view: Framed) -> tuple[np.ndarray, np.ndarray]:
-    """Colours of the points that are visible in the image.
+    """Colours uint8 [n, 3] of points from the image, and whether they are visible, bool [n].
 
-    Each point is a disc of radius .04 that faces the camera. A point is visible if no disc is more
-    than .08 in front of its centre and its pixel is on the mask.
-
-    Returns:
-      Colours uint8 [n, 3] and visibility bool [n]. A hidden point has the colour of the nearest
-      visible one; if none is visible, all have the colour `UNSEEN`.
+    Each point is a disc of radius .04 that faces the camera. It is visible if its pixel is on the
+    mask and no disc is more than .08 in front of its centre. A hidden point has the colour of the
+    nearest visible one; if none is visible, all have the colour `UNSEEN`.
     """
     height, width = view.mask.shape
     pixels, depth = camera.project(points, view.intrinsics, view.extrinsics)
@@ -307,9 +297,8 @@ def colours_from_view(points: np.ndarray, view: Framed) -> tuple[np.ndarray, np.
 def stray_points(points: np.ndarray) -> np.ndarray:
     """Points of a cloud [n, 3] that lie apart from all others: bool [n].
 
-    A point is a stray if the distance to its fourth nearest neighbour is more than 5 times the
-    median of this distance over the cloud (ours). Exports leave strays out, and the normal form
-    does not consider them. Metrics always use all points.
+    The distance of a stray to its fourth nearest neighbour is more than 5 times the cloud's median
+    (**ours**). Files and the normal form leave strays out; metrics use all points.
     """
     if len(points) < 5:
         return np.zeros(len(points), np.bool_)
@@ -339,7 +328,7 @@ def ply(points: np.ndarray, colours: np.ndarray) -> bytes:
 
 
 def xyz(points: np.ndarray, colours: np.ndarray | None = None) -> bytes:
-    """A line `x y z` for each point, without header or colours; most programs can read this."""
+    """A line `x y z` for each point, without header or colours; most programs read this."""
     return "".join(f"{x:.6f} {y:.6f} {z:.6f}\n" for x, y, z in points.tolist()).encode()
 
 

@@ -1,9 +1,9 @@
 """Predicts clouds for image files and writes the results as files.
 
-For each image NAME.*, the files are: the cloud as PLY, XYZ, OBJ and NPZ (`prediction.cloud`); the
-framed view of the object as `NAME_view.png`; and `NAME.json` with camera, configuration, checkpoint
-and times. Of a photo whose mask is not certain, they are the proposed mask, `NAME_mask.png`, and
-the photo in blue outside it, `NAME_overlay.png`.
+For each image NAME.*, these are the cloud as PLY, XYZ, OBJ and NPZ (`prediction.cloud`); the framed
+view of the object, `NAME_view.png`; and `NAME.json` with camera, configuration, checkpoint and
+times. If the mask is not certain, they are the proposed mask, `NAME_mask.png`, and the photo in
+blue outside it, `NAME_overlay.png`.
 """
 
 import dataclasses
@@ -27,7 +27,7 @@ from psgn_jax.system.files import is_disk_full, write_atomic
 from psgn_jax.viewing.predictions import VERSION
 
 _LONGEST_NAME = 220
-"""File names have up to 255 bytes; results add a suffix, temporary files 14 more."""
+"""In bytes; file names have up to 255, of which results and temporary files need some."""
 _OVERLAY_SIDE = 1024
 
 
@@ -50,10 +50,10 @@ def predict_files(
     `Predictor.__call__`.
 
     Args:
-      open_predictor: returns the network. It is called once, when the first image and its mask
-        have been read, so that wrong files are reported before a network is compiled.
-      mask: file of the mask (for one image), or folder of masks. There the mask of `NAME.jpg` is
-        `NAME_mask.*`, or another file `NAME.*`. None = automatic (`masks.mask_of`).
+      open_predictor: returns the network; called once, after the first image and mask were read,
+        so that wrong files are reported before a network is compiled.
+      mask: file of the mask (for one image), or folder of masks: of `NAME.jpg`, `NAME_mask.*` or
+        another file `NAME.*`. None = automatic (`masks.mask_of`).
       formats: of the clouds, some of `cloud.FORMATS`.
 
     Yields:
@@ -67,10 +67,10 @@ def predict_files(
     predictor: Predictor | None = None
     for path, name in zip(paths, _names(paths, out), strict=True):
         try:
-            if len(os.fsencode(name)) > _LONGEST_NAME:
+            if (length := len(os.fsencode(name))) > _LONGEST_NAME:
                 raise ConfigError(
-                    f"the name has {len(os.fsencode(name))} bytes; accepted for the names of the "
-                    f"results: up to {_LONGEST_NAME}; rename the image"
+                    f"the name has {length} bytes; accepted for results: up to {_LONGEST_NAME}; "
+                    "rename the image"
                 )
             clock = Clock()
             read = photo.read_photo(path)
@@ -81,7 +81,7 @@ def predict_files(
                     read, given, mask_from, invert=invert_mask, accept=accept_mask
                 )
             except masks.UncertainMaskError as error:
-                raise _proposed(error, read, out, name) from None
+                raise _proposed(error, read, out / name) from None
             clock.lap("mask")
             predictor = predictor or open_predictor()
             result = predictor(read, found, **options)
@@ -99,13 +99,13 @@ def predict_files(
 
 
 def _proposed(
-    error: masks.UncertainMaskError, read: photo.Photo, out: pathlib.Path, name: str
+    error: masks.UncertainMaskError, read: photo.Photo, start: pathlib.Path
 ) -> masks.UncertainMaskError:
     """Writes the proposed mask, and the photo with it; returns an error that names the mask."""
     overlay = Image.fromarray(masks.with_mask(read.image, error.mask))
     overlay.thumbnail((_OVERLAY_SIDE, _OVERLAY_SIDE))
     pictures = {"mask": error.mask * np.uint8(255), "overlay": np.asarray(overlay)}
-    files = {kind: out / f"{name}_{kind}.png" for kind in pictures}
+    files = {kind: start.with_name(f"{start.name}_{kind}.png") for kind in pictures}
     for kind, file in files.items():
         if not file.exists() or masks.is_result(file):  # a mask that was mended stays
             write_atomic(file, masks.result_png(pictures[kind]), sync=False)
@@ -191,14 +191,9 @@ def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
     """The files, and the images in the folders, without repetition, masks and earlier results."""
     paths: list[pathlib.Path] = []
     for image in map(pathlib.Path, images):
-        inside = [image]
-        if image.is_dir():
-            inside = sorted(
-                p
-                for p in image.iterdir()
-                if p.suffix.lower() in photo.SUFFIXES and p.is_file() and p.name[0] != "."
-            )
-        paths += inside
+        inside = sorted(image.iterdir()) if image.is_dir() else []
+        fit = [p for p in inside if p.suffix.lower() in photo.SUFFIXES and p.name[0] != "."]
+        paths += filter(pathlib.Path.is_file, fit) if image.is_dir() else [image]
     if paths[1:] or paths != list(map(pathlib.Path, images)):  # a file alone is always meant
         masks_of = {p.with_name(f"{p.stem}_mask") for p in paths}
         paths = [
@@ -212,8 +207,7 @@ def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
 def _names(paths: Sequence[pathlib.Path], out: pathlib.Path) -> list[str]:
     """A name for the results of each image; unique even if case is ignored.
 
-    A name is not used if its picture would replace a file that is no result, such as a photo
-    `chair_view.png` beside `chair.jpg`.
+    No picture replaces a file that is no result, such as a photo `chair_view.png`.
     """
     taken: set[str] = set()
     names = []
@@ -232,7 +226,6 @@ def _exists(picture: pathlib.Path) -> bool:
 
 
 def _mask_of(path: pathlib.Path, mask: str) -> pathlib.Path:
-    """The mask of an image: the file itself, or `NAME_mask.*` or another `NAME.*` in the folder."""
     folder = pathlib.Path(mask)
     if not folder.is_dir():
         return folder

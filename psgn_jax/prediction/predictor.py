@@ -1,8 +1,8 @@
 """Prediction with a trained network: `psgn_jax.load()(image)`.
 
-The mask of the object is given or found (`prediction.masks`). The object is then cropped and scaled
-to the position of training objects (`data.framing`), unless the image is framed like a training
-rendering: 4:3, with the renderings' grey along its border.
+The mask of the object is given or found (`prediction.masks`). We crop and scale the object to the
+place of training objects (`data.framing`), unless the image is framed like a training rendering:
+4:3, with the renderings' grey along its border.
 """
 
 import dataclasses
@@ -73,27 +73,24 @@ class Predictor:
             (RGBA) or [h, w] (grey), or what `photo.read_photo` has read; any size.
           mask: a path, an open file, a PIL image, or an array [h, w], bright on the object; None =
             automatic (`masks.mask_of`).
-          samples: number of clouds; up to 64; more than one needs a network with a random input.
-          seed: seed of the random input. The random inputs are the same for every image.
-          frame: "place" crops and scales the object (`framing.place`); "keep" keeps the framing
-            (the image must be 4:3); "auto" keeps that of training renderings and places other
-            images.
+          samples: number of clouds, up to 64; more than one needs a network with a random input.
+          seed: seed of the random input, which is the same for every image.
+          frame: "place" crops and scales the object (`framing.place`); "keep" keeps the framing of
+            an image of 4:3; "auto" keeps that of training renderings and places other images.
           mask_from: one of `masks.METHODS`; ignored if a mask is given.
           invert_mask: whether the given mask is dark on the object; None = if it looks so.
-          accept_mask: whether a mask is used of which the mask network is not certain.
+          accept_mask: whether to use a mask of which the mask network is not certain.
           normal_form: "yes" moves and scales the clouds so that the lowest point is at z = 0 and
             the farthest at distance 1 from the origin (`framing.normal_form`), because a photo does
-            not show the size of its object. "no" returns the output of the network. "auto"
-            normalises if the image was placed.
-          refine: whether to average the cloud with that of the mirror image, and to move points
-            that project outside the mask into it (`prediction.refine`); none is moved if more than
-            half of them are outside, or in an image that was placed more than a tenth.
+            not show the size of its object; "no" does not; "auto" does if the image was placed.
+          refine: whether to average the cloud with the mirror image's, and to move points that
+            project outside the mask into it (`prediction.refine`). We move none if more than half
+            of them are outside, or more than a tenth in an image that was placed.
 
         Raises:
           ValueError: an argument is wrong.
-          photo.PhotoError: the photo or the mask cannot be used, or no object was found;
-            `masks.UncertainMaskError` if the mask network is not certain; its attribute `mask` is
-            the proposal.
+          photo.PhotoError: the photo or the mask cannot be used, or no object was found.
+          masks.UncertainMaskError: the mask network is not certain; `mask` is its proposal.
         """
         r = self._sample_latents(samples, seed)
         if frame not in ("auto", "place", "keep"):
@@ -102,13 +99,12 @@ class Predictor:
             raise ConfigError(f"normal_form={normal_form!r}: accepted: {', '.join(NORMAL_FORMS)}")
         clock = Clock()
         read = photo.read_photo(image)
-        rgb = read.image
         found = mask
         if not isinstance(found, masks.FoundMask):
             found = masks.mask_of(read, found, mask_from, invert=invert_mask, accept=accept_mask)
         clock.lap("mask")
-        move = frame == "place" or (frame == "auto" and not framing.is_framed(rgb))
-        view = framing.place(rgb, found.mask, move=move)
+        move = frame == "place" or (frame == "auto" and not framing.is_framed(read.image))
+        view = framing.place(read.image, found.mask, move=move)
         clock.lap("place")
         size = self.config.data.image_size
         batch = {
@@ -118,15 +114,12 @@ class Predictor:
             "extrinsics": view.extrinsics[None],
         }
         most_outside = np.float32(largest_share(view.placed))
-        points = np.asarray(
-            self._network(
-                self._params, batch, None if r is None else r[None], most_outside, refine=refine
-            )
-        ).reshape(samples, -1, 3)
+        points = self._network(self._params, batch, r, most_outside, refine=refine)
+        points = np.asarray(points).reshape(samples, -1, 3)
         clock.lap("network")
         if not np.isfinite(points).all():
             raise ConfigError("the network's points are not finite; expected intact weights")
-        coloured = [colours_from_view(cloud, view) for cloud in points]
+        colours, seen = zip(*(colours_from_view(cloud, view) for cloud in points), strict=True)
         stray = np.stack([stray_points(cloud) for cloud in points])
         scale, shift = 1.0, np.zeros(3)
         if normal_form == "yes" or (normal_form == "auto" and view.placed):
@@ -139,11 +132,11 @@ class Predictor:
         branch[self._deconv] = DECONV
         return Prediction(
             points=points,
-            colours=np.stack([colours for colours, _ in coloured]),
+            colours=np.stack(colours),
             mask=found.mask,
             warnings=found.warnings,
             stray=stray,
-            seen=np.stack([seen for _, seen in coloured]),
+            seen=np.stack(seen),
             branch=branch,
             mask_from=found.method,
             photo=read,
@@ -154,7 +147,7 @@ class Predictor:
         )
 
     def warm_up(self, samples: int = 1, *, refine: bool = True) -> None:
-        """Compiles the network for these arguments of a call before the first image."""
+        """Compiles the network for these arguments of a call."""
         image, mask = np.zeros((96, 128, 3), np.uint8), np.zeros((96, 128), np.bool_)
         mask[24:72, 32:96] = True
         self(image, mask, samples=samples, refine=refine)
@@ -170,17 +163,17 @@ class Predictor:
         if not -(2**31) <= seed < 2**31:
             raise ConfigError(f"seed={seed}: accepted: an integer of 32 bits")
         # Every image is sample 0, so that its clouds do not depend on other images.
-        return np.asarray(sampling.sample_latents(self.config, 0, 1, samples, seed))[0]
+        return np.asarray(sampling.sample_latents(self.config, 0, 1, samples, seed))
 
 
 class Clock:
-    """Measures the seconds between laps."""
+    """Seconds between laps."""
 
     def __init__(self) -> None:
         self.laps: dict[str, float] = {}
         self._last = time.perf_counter()
 
     def lap(self, name: str) -> None:
-        """Stores the seconds since the last lap under a name."""
+        """Stores the seconds since the last lap."""
         now = time.perf_counter()
         self.laps[name], self._last = now - self._last, now

@@ -1,9 +1,9 @@
 """What `psgn predict` does to the clouds of a network: mean with the mirror image, silhouette.
 
 The world mirrored at y = 0 has the mirrored image, so a network has two predictions of each image.
-Their mean has a smaller error than each: on the authors' 64 validation samples, the CD squared of
-`small-3` falls from .0078 to .0073 (journal, 2026-11-23). The order of the points differs between
-the two, so they are matched by the auction of the EMD first.
+Their mean has a smaller error: on the authors' 64 validation samples, the CD squared of `small-3`
+falls from .0078 to .0073 (journal, 2026-11-23). The order of the points differs, so we match the
+two clouds by the auction of the EMD first.
 """
 
 import functools
@@ -40,8 +40,8 @@ def refined(
 ) -> Array:
     """Points [B, N, 3], or [B, draws, N, 3], with the mirror image and moved into the mask.
 
-    A network with a random input or with depth as an input only gets the second step: each of its
-    samples is a shape of its own, and a depth image has a camera that would have to be mirrored.
+    A network with a random input or with depth only gets the second step: each of its samples is a
+    shape of its own, and the camera of a depth image would have to be mirrored.
 
     Args:
       predict: maps a batch and r to the points of the network.
@@ -49,7 +49,7 @@ def refined(
         each with the leading axis B; `depth` if it is an input.
       r: random input, or None.
       points: `predict(batch, r)` if it is known.
-      most_outside: largest share of points that is moved into the mask (`largest_share`).
+      most_outside: see `into_silhouette`.
     """
     points = predict(batch, r) if points is None else points
     if r is None and "depth" not in batch:
@@ -64,12 +64,11 @@ def refined(
 
 
 def largest_share(placed: bool) -> float:
-    """Largest share of points outside the mask that is moved: .5, of a placed image .1.
+    """`most_outside` of `into_silhouette`: .5, for a placed image .1.
 
-    The camera of a photo that is placed by the rule of `data.framing` may have another elevation
-    than the authors'. Then more points are outside, and moving them makes the cloud worse: on
-    photo-like renders, limits of 0, .1 and .5 have an aligned EMD of .1250, .1247 and .1261
-    (journal, 2026-11-24).
+    The camera of a placed photo may have another elevation than the authors'. Then more points are
+    outside, and moving them makes the cloud worse: on photo-like renders, limits of 0, .1 and .5
+    have an aligned EMD of .1250, .1247 and .1261 (journal, 2026-11-24).
     """
     return 0.1 if placed else MOST_OUTSIDE
 
@@ -83,16 +82,13 @@ def into_silhouette(
 ) -> Float[Array, "n 3"]:
     """Moves the points outside the mask, at their depth, into the nearest pixel of the mask.
 
-    Points that project into the mask, and points at or behind the camera, stay where they are. All
-    points stay if the mask is empty, or if a larger share of them than `most_outside` is outside:
-    then the mask or the camera is wrong.
+    Points at or behind the camera stay. All points stay if the mask is empty, or if more than the
+    fraction `most_outside` is outside: then the mask or the camera is wrong.
 
     Args:
       points: in the project's frame, unit = radius of the bounding hemisphere.
       mask: True on the object.
-      intrinsics: of the camera, for images of the size of the mask.
-      extrinsics: of the camera, see `data.schema`.
-      most_outside: largest share of points that is moved.
+      intrinsics: for images of the size of the mask; extrinsics: see `data.schema`.
     """
     mask = jnp.asarray(mask, bool)
     camera = points @ extrinsics[:, :3].T + extrinsics[:, 3][None]
@@ -111,9 +107,9 @@ def into_silhouette(
 
 
 def _nearest_cells(cells: Array, mask: Array) -> Array:
-    """(column, row) of the nearest pixel of the mask to each of `cells` [n, 2].
+    """(column, row) of the pixel of the mask nearest to each of `cells` [n, 2].
 
-    Of several, that in the first row, and there the left one.
+    Of several, we take the one in the first row, and there the left one.
     """
     height, width = mask.shape
     columns = jnp.arange(width, dtype=jnp.int32)[None]

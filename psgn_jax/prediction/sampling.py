@@ -1,9 +1,9 @@
 """Several predictions ("draws") for one image, by sampling the random input, and their metrics.
 
-For a network trained with Min-of-N, the random input r is sampled as in training. For a variational
-autoencoder, it is the latent variable z and is sampled from the prior. Both distributions are
-N(0, I) (paper, section "Predicting Multiple Plausible Shapes"). An argument `distances` is a matrix
-from `cross_distances`. Metrics are in the unit of the distance.
+The random input is the r of a network trained with Min-of-N, or the latent variable z of a
+variational autoencoder, sampled from the prior. Both are N(0, I) (paper, section "Predicting
+Multiple Plausible Shapes"). An argument `distances` is a matrix from `cross_distances`. Metrics are
+in the unit of the distance.
 """
 
 import functools
@@ -23,7 +23,7 @@ from psgn_jax.models import networks
 from psgn_jax.models.networks import random_key
 
 Distance = Callable[[Array, Array], Array]
-"""A distance of one pair of clouds, such as those of `losses`."""
+"""A distance of one pair of clouds, as in `losses`."""
 
 
 def cross_distances(
@@ -48,9 +48,8 @@ def mutual_distances(draws: Float[Array, "k n 3"]) -> Float[Array, "k k"]:
 def coverage(distances: Float[Array, "k t"]) -> Float[Array, ""]:
     """Fraction of the true shapes that are the nearest true shape of some draw.
 
-    If several true shapes are equally near, the first one counts. Coverage measures whether the
-    draws reach all true shapes, not how near they come. If each of K draws equals one of T true
-    shapes chosen at random, the expected coverage is 1 - (1 - 1/T)^K: .66 for K = T = 8.
+    It measures whether the draws reach all true shapes, not how near they come. If each of K draws
+    equals one of T true shapes chosen at random, we expect 1 - (1 - 1/T)^K: .66 for K = T = 8.
 
     Source: Achlioptas et al., "Learning Representations and Generative Models for 3D Point Clouds",
     ICML 2018, section 2.2.
@@ -75,16 +74,12 @@ def total_mutual_difference(distances: Float[Array, "k k"]) -> Float[Array, ""]:
 def summarise_draws(
     draws: Float[Array, "k n 3"], gt: Float[Array, "m 3"], distances: dict[str, Distance]
 ) -> dict[str, Array]:
-    """Minimum and mean over i of d(draw_i, gt), for each named distance d.
+    """Minimum and mean over i of d(draw_i, gt): `<name>_best_of_<K>` and `<name>_mean_of_<K>`.
 
-    The best of K measures how near the draws come to the truth if the best one can be chosen. It
-    decreases or stays the same as K grows, so K must be reported. The mean is the expected distance
-    of one draw.
+    The best of K says how near the draws come to the truth if the best one can be chosen. It does
+    not increase with K, so report K. The mean is the expected distance of one draw.
 
     Source: paper, equation of the MoN loss, here used as a metric.
-
-    Returns:
-      `<name>_best_of_<K>` and `<name>_mean_of_<K>`.
     """
     metrics: dict[str, Array] = {}
     for name, distance in distances.items():
@@ -100,9 +95,8 @@ def sample_latents(
 ) -> Float[Array, "b k size"]:
     """Random inputs of the samples `first`, `first` + 1, ...
 
-    Each random input depends only on the seed, the number of the sample and the number of the draw.
-    It does not depend on the batch or on `num_draws`. The training step and the evaluation step do
-    not use this function: they use `models.networks.random_input`.
+    Each depends only on the seed and the numbers of the sample and of the draw, not on the batch or
+    on `num_draws`. Training and evaluation steps use `models.networks.random_input` instead.
     """
     key = random_key(0, seed, train=False)
 
@@ -120,10 +114,9 @@ def sampler(
 ) -> Callable[[Any, Mapping[str, Any], Any, Any], Float[Array, "b k n 3"]]:
     """Compiled `(params, batch, seed, first) -> points`: K predictions for each image of a batch.
 
-    Points with the same index correspond, because one network predicts all samples and a small
-    change of its random input moves a point only a little. `batch` is that of `networks.predict`;
-    `first` is the number of samples in earlier batches. Batches with the same `first` get the same
-    random inputs. The encoder runs once per image.
+    Points with the same index correspond, because a small change of the random input moves a point
+    only a little. `batch` is that of `networks.predict`; `first` is the number of samples in
+    earlier batches. The encoder runs once per image.
 
     Raises:
       ConfigError: the network has no random input.

@@ -1,8 +1,8 @@
 """Several plausible shapes for one image: `psgn study ambiguity`.
 
-The data are `data_gen.catalogues.cabinets`: their depth cannot be seen from the front, but can be
-seen when the cabinet is turned. We train a deterministic network, Mo2, Mo4 and Mo8 (on the best of
-2, 4 and 8 draws of the random input) and the conditional variational autoencoder on both. We
+The data are `data_gen.catalogues.cabinets`. Images from the front hide the depth of a cabinet,
+images of a turned cabinet show it. On both we train a deterministic network, Mo2, Mo4 and Mo8 (on
+the best of 2, 4 and 8 draws of the random input) and the conditional variational autoencoder. We
 measure distances from the truth; the spread (standard deviation over draws) of the output points
 along the hidden direction x and along y and z; the depths of the drawn cabinets beside their true
 distribution; and the metrics of `prediction.sampling` for the true shapes that share an image.
@@ -97,7 +97,8 @@ def cabinets(data: DataConfig) -> list[Cabinet]:
     """The parameters of every record that is evaluated, in order."""
     reader = RecordReader(data.eval_folders, data.eval_split)
     known: list[Cabinet] = []
-    for sample in (reader[index] for index in range(len(reader))):
+    for index in range(len(reader)):
+        sample = reader[index]
         try:
             entry = parse_json(sample.extra)["parameters"]
             depth = float(entry["hidden"]["depth"])
@@ -111,14 +112,11 @@ def cabinets(data: DataConfig) -> list[Cabinet]:
 
 
 def measured_depth(points: np.ndarray, scale: float) -> float:
-    """The hidden depth of a cabinet seen from the front, measured from its points [n, 3].
+    """The hidden depth of a cabinet, from its points [n, 3] in the frame of a sample `front`.
 
-    The far end of the body is the 5 % quantile of x over the points above the rail. The back face
-    of the body has more than 5 % of these points, and less than 5 % are stray points.
-    `data_gen.catalogues.cabinets` describes the body and the rail.
-
-    Args:
-      points: points in the frame of a sample of the kind `front`.
+    The far end of the body is the 5 % quantile of x over the points above the rail: the back face
+    has more than 5 % of these points, and less than 5 % are strays. The body and the rail are
+    described in `data_gen.catalogues.cabinets`.
     """
     above = points[points[:, 2] > 0.1, 0]
     if not len(above):
@@ -163,7 +161,7 @@ def of_draws(draws: np.ndarray, truth: np.ndarray, scale: float) -> dict[str, fl
 
 
 def by_kind(each: Mapping[str, np.ndarray], front: np.ndarray) -> dict[str, Any]:
-    """The results [samples] of `of_draws` for each kind of images, and spreads over all samples."""
+    """The results [samples] of `of_draws` by kind of image, and the spreads over all samples."""
     result: dict[str, Any] = {}
     total = []
     for kind, of in (("front", front), ("turned", ~front)):
@@ -184,10 +182,7 @@ def by_kind(each: Mapping[str, np.ndarray], front: np.ndarray) -> dict[str, Any]
 
 
 def measure(run: runner.Run) -> runner.Measured:
-    """Measures a network.
-
-    For the figure: a sample, true shapes with the same image, and draws.
-    """
+    """Measures a network; for the figure: a sample, true shapes with its image, and draws."""
     config, params = run.config, open_run(run.folder, "last").params
     model, known = networks.build(config.model), cabinets(config.data)
     cases: list[runner.Sample] = []
@@ -231,20 +226,18 @@ def measure(run: runner.Run) -> runner.Measured:
 
 def ratios(results: runner.Results) -> list[Lines]:
     """The best of K draws, divided by the prediction of the deterministic network."""
-    best = {}
-    for name, runs in results.items():
-        key = "front: CD of the best draw [radius^2]"
-        best[name] = float(np.mean([np.nanmean(run.metrics[key]) for run in runs]))
+    key = "front: CD of the best draw [radius^2]"
+    best = {
+        name: float(np.mean([np.nanmean(run.metrics[key]) for run in runs]))
+        for name, runs in results.items()
+    }
     alone = best.pop("deterministic", np.nan)
     cells = [f"{value / alone:.3f}" for value in best.values()]
     return [[["", *best], ["best of K / deterministic (goal: at most .7)", *cells]]]
 
 
 def figure(results: runner.Results) -> figures.Figure:
-    """Predictions for one image, sorted by depth, seen from two angles.
-
-    A network with a single draw is followed by true shapes instead of further draws.
-    """
+    """Draws for one image, sorted by depth, from two angles; after a single draw, true shapes."""
     rows, labels = [], []
     for name, runs in results.items():
         sample, shapes, draws = runs[0].shown

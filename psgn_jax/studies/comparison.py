@@ -2,17 +2,15 @@
 
 We train the point networks `cd` and `emd`; `volume`, which predicts the logarithm of the object's
 volume; the paper's voxel head with four sets of inputs (`HEADS`); and 3D-R2N2 (`r2n2`) on one to
-five views, for as long as the head `OURS` and the three networks that it reads took together. On
-the test split, or on the evaluation split if there is none, we measure:
+five views, for as long as the head `OURS` and the three networks that it reads took together. We
+measure on the test split, or without one on the evaluation split:
 
 - IoU of 32^3 grids. Thresholds are chosen on the evaluation split;
-- CD and EMD of 1,024 points by the paper's protocol: grids are converted to clouds by farthest
-  point sampling, here from 4,096 points on the surface of the occupied cells (**ours**: the paper
-  does not state which points of a grid are sampled); and, **ours**, to the true surface points;
-- recall of thin parts (**ours**): the share of the true cells in no 2x2x2 block of occupied cells
-  that a predicted grid contains.
-
-The figure shows, for up to six categories, the test sample with the most thin cells.
+- CD and EMD of 1,024 points by the paper's protocol, which converts grids to clouds by farthest
+  point sampling. We sample from 4,096 points on the surface of the occupied cells (**ours**: the
+  paper does not state from which). CD and EMD to the true surface points are **ours**, too;
+- recall of thin parts (**ours**): of the true cells that are in no 2x2x2 block of occupied cells,
+  the share that a predicted grid contains.
 
 Source: Fan, Su, Guibas, CVPR 2017, section "Comparison to state-of-the-art", table and figures;
 Choy et al., "3D-R2N2", ECCV 2016. The networks are smaller than theirs; the data differ.
@@ -155,9 +153,9 @@ def train(run: runner.Run) -> None:
 
 
 def step_seconds(run: runner.Run) -> float:
-    """Mean duration of a step of 3D-R2N2 over the possible numbers of views, in seconds.
+    """Mean seconds of a step of 3D-R2N2 over the possible numbers of views.
 
-    The duration is linear in the number of views, so only the smallest and the largest are timed.
+    They are linear in the number of views, so we only time the smallest and the largest.
     """
     config = run.config
     task, mesh = tasks.create(config, run.folder), data_mesh()
@@ -316,15 +314,16 @@ def by_category(results: runner.Results) -> list[Lines]:
 
 
 def _mean(parts: Sequence[Any]) -> float:
-    """The mean; an object without thin parts has NaN as the recall of thin parts."""
     values = np.concatenate(parts)
-    return float(np.nanmean(values)) if not np.isnan(values).all() else float("nan")
+    known = values[~np.isnan(values)]  # objects without thin parts have no recall of them
+    return float(known.mean()) if len(known) else float("nan")
 
 
 def figure(results: runner.Results) -> figures.Figure:
-    """Image, our cloud, our volume, that of 3D-R2N2, the true volume, from two sides.
+    """Image, our cloud, our volume, 3D-R2N2's, the true volume, from two sides.
 
-    Volumes are shown as spheres at the centres of the occupied cells.
+    Of up to six categories, we show the test sample with the most thin cells. Spheres stand at the
+    centres of the occupied cells.
     """
     rows, titles = [], {"our volume": OURS, "3D-R2N2, 1 view": PEER}
     for category, case in results["cd"][0].shown.items():
@@ -358,7 +357,7 @@ STUDY = runner.Study(
     by_model=True,
     note="""* printed in the paper: other data (renderings of ShapeNet), networks and trainings. By
 category: means over samples; mean: over categories. u: a tenth of the grid's edge, the paper's
-unit; the edge is 2 radius. More views gain nothing here, unlike in the paper: this version predicts
-in the frame of the first view and is not told how the camera turned between the views. The seconds
-of 3D-R2N2 include compilation for two to five views.""",
+unit; the edge is 2 radius. Unlike in the paper, more views gain nothing: this version predicts in
+the frame of the first view and is not told how the camera turned between the views. The seconds of
+3D-R2N2 include compilation for two to five views.""",
 )

@@ -1,9 +1,9 @@
 """Shape completion from one RGB-D image: `psgn study completion`.
 
-We train one network twice, with RGB and with RGB-D images, everything else being equal. True points
-that the depth image shows (visible) are measured separately from the others (hidden). The figure
-shows the true points in blue (visible) and orange (hidden), and each predicted point in the colour
-of the nearest true point.
+We train one network twice, with RGB and with RGB-D images, everything else being equal. We measure
+the true points that the depth image shows (visible) separately from the others (hidden). In the
+figure, visible true points are blue, hidden ones orange, and each predicted point has the colour of
+the nearest true point.
 
 Source: Fan, Su, Guibas, CVPR 2017, section "Shape Completion from RGBD Images", which shows images
 and no numbers; networks, sizes and measures here are **ours**.
@@ -12,9 +12,10 @@ and no numbers; networks, sizes and measures here are **ours**.
 import functools
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from psgn_jax.studies import figures
-from psgn_jax.studies.runner import CASE, Results, Study, evaluate, squared_distances
+from psgn_jax.studies.runner import CASE, Results, Study, evaluate
 from psgn_jax.viewing import spheres
 
 METRICS = {
@@ -42,7 +43,7 @@ def figure(results: Results) -> figures.Figure:
         painted = {}
         for title in ("rgb", "rgbd"):
             pred = results[title][0].shown[number]["pred"]
-            painted[title] = pred, colours[squared_distances(pred, truth).argmin(axis=1)]
+            painted[title] = pred, colours[cdist(pred, truth).argmin(axis=1)]
         pred = case["pred"]
         painted["truth"] = spheres.thinned(truth, pred), spheres.thinned(colours, pred)
         image, *others = spheres.panels(case, painted).items()

@@ -1,7 +1,4 @@
-"""Figures of the studies: bar charts, and grids of images.
-
-This is the only module that imports matplotlib (extra `experiments`).
-"""
+"""Figures of the studies; the only module that imports matplotlib (extra `experiments`)."""
 
 import importlib.util
 import io
@@ -51,10 +48,8 @@ def bars(
     """Charts of grouped bars below each other; each bar is labelled with its value.
 
     Args:
-      charts: title -> name of the bars -> a value for each group.
-      groups: names of the groups, along the axis.
+      charts: title -> name of the bars -> a value for each of `groups`.
       errors: name of the bars -> half lengths of their error bars.
-      colours: of the bars of each name.
     """
     count = len(next(iter(charts.values())))
     figure = blank(max(860, 40 * count * len(groups)), 300 * len(charts))
@@ -78,10 +73,7 @@ Curve = tuple[np.ndarray, np.ndarray]
 
 
 def curves(charts: Mapping[str, Mapping[str, Curve]]) -> Figure:
-    """Charts by title: a line for each curve, with a band of the standard error over the seeds.
-
-    Lines differ by dashes and markers as well as by colour.
-    """
+    """Charts by title: a line for each curve, with a band of the standard error over the seeds."""
     from matplotlib import ticker
 
     columns = min(4, len(charts))
@@ -113,15 +105,12 @@ def grid(
     scale: tuple[float, float] | None = None,
     scale_title: str = "",
 ) -> Figure:
-    """Rows of panels. The title of a panel is drawn unless the panel above has the same title.
+    """Rows of panels. A panel's title is drawn unless the panel above has the same.
 
     Args:
-      rows: title -> panel: an image uint8 [h, w, 3], or values [h, w], shown with a colour map and
-        NaN in white.
-      labels: labels of the rows, on the left.
-      scale: common range of the values of all panels, shown as a colour bar; None = a range for
-        each panel.
-      scale_title: title of the colour bar.
+      rows: title -> panel: an image uint8 [h, w, 3], or values [h, w] in a colour map, NaN white.
+      labels: of the rows, on the left.
+      scale: range of the values of all panels, with a colour bar; None = a range for each panel.
     """
     columns = max(map(len, rows))
     height, width = next(iter(rows[0].values())).shape[:2]
@@ -130,8 +119,7 @@ def grid(
     values: Any = None
     above = [""] * columns
     for ax in axes.flat:
-        ax.set_xticks([])
-        ax.set_yticks([])
+        ax.set(xticks=[], yticks=[])
         ax.spines[:].set_visible(False)
     for i, row in enumerate(rows):
         for j, (title, panel) in enumerate(row.items()):

@@ -13,9 +13,10 @@ no numbers; networks, sizes and measures here are **ours**.
 import functools
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from psgn_jax.studies import figures, networks
-from psgn_jax.studies.runner import Results, Sample, Study, evaluate, squared_distances
+from psgn_jax.studies.runner import Results, Sample, Study, evaluate
 from psgn_jax.viewing import spheres
 
 FAR = 0.1
@@ -39,23 +40,22 @@ COLOURS, TRUTH = ((70, 130, 180), (90, 165, 90)), (165, 165, 165)
 def measure_sample(case: Sample) -> dict[str, float]:
     """Stray points, missed points and unevenness of a prediction [n, 3], n > 1."""
     pred, gt = case["pred"], case["points"]
-    gaps, among = squared_distances(pred, gt), squared_distances(pred, pred)
+    gaps, among = cdist(pred, gt), cdist(pred, pred)
     np.fill_diagonal(among, np.inf)
-    spacing = np.sqrt(among.min(axis=1))
+    spacing = among.min(axis=1)
     return {
-        "stray": float(np.mean(gaps.min(axis=1) > FAR**2)),
-        "missed": float(np.mean(gaps.min(axis=0) > FAR**2)),
+        "stray": float(np.mean(gaps.min(axis=1) > FAR)),
+        "missed": float(np.mean(gaps.min(axis=0) > FAR)),
         "unevenness": float(spacing.std() / max(spacing.mean(), 1e-12)),
     }
 
 
 def figure(results: Results) -> figures.Figure:
     """A row for each sample: image, predictions and truth seen from the camera, then rotated."""
-    rows = []
-    cases = {name: runs[0].shown for name, runs in results.items()}
-    for number, case in next(iter(cases.values())).items():
-        preds = {name: shown[number]["pred"] for name, shown in cases.items()}
-        painted = {name: (preds[name], c) for name, c in zip(preds, COLOURS, strict=False)}
+    rows, colours = [], dict(zip(results, COLOURS, strict=False))
+    for number, case in next(iter(results.values()))[0].shown.items():
+        shown = {name: results[name][0].shown[number]["pred"] for name in colours}
+        painted = {name: (pred, colours[name]) for name, pred in shown.items()}
         painted["truth"] = spheres.thinned(case["points"], case["pred"]), TRUTH
         rows.append(spheres.panels(case, painted))
     return figures.grid(rows)

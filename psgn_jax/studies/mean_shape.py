@@ -7,13 +7,14 @@ If an image does not determine the shape S, a network trained with a distance L 
 the mean shape of that distance. We compute x* by stochastic gradient descent, without a network,
 for four distributions of plane shapes: a circle with random radius; a spiky arc at a random
 position on the diagonal; a bar with a square at one of its four corners; a bar with a disk above it
-with probability 1/2. The figure shows random shapes in grey and the mean shapes in red.
+with probability 1/2. All shapes lie in a square of side 1.2.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 4.3 and its figure on mean shapes, which show the clouds
-and no numbers; sizes and measures here are **ours**. The shapes lie in a square of side 1.2.
+and no numbers; sizes and measures here are **ours**.
 """
 
 import io
+import pathlib
 from collections.abc import Callable
 
 import jax
@@ -52,7 +53,7 @@ def _ring(angle: Array, radius: Array | float) -> Plane:
 
 
 def circle(key: PRNGKey, n: int) -> Plane:
-    """A circle about the origin, n points; the radius is uniform in `RADII`."""
+    """A circle about the origin; the radius is uniform in `RADII`."""
     of_radius, of_points = jax.random.split(key)
     radius = jax.random.uniform(of_radius, (), minval=RADII[0], maxval=RADII[1])
     return _ring(2 * jnp.pi * jax.random.uniform(of_points, (n,)), radius)
@@ -66,7 +67,7 @@ def arc_at(angle: Array) -> Array:
 
 
 def arc(key: PRNGKey, n: int) -> Plane:
-    """The spiky arc, n points, at a position on the diagonal that is uniform in `PLACES`."""
+    """The spiky arc at a position on the diagonal that is uniform in `PLACES`."""
     of_place, of_points = jax.random.split(key)
     place = jax.random.uniform(of_place, (), minval=PLACES[0], maxval=PLACES[1])
     return arc_at(jnp.pi / 2 * jax.random.uniform(of_points, (n,))) + place
@@ -81,7 +82,7 @@ def _attached(key: PRNGKey, n: int, part: Callable[[PRNGKey], Plane], area: floa
 
 
 def bar_with_square(key: PRNGKey, n: int) -> Plane:
-    """The bar and a square at one of its corners; n points uniform on both."""
+    """The bar and a square at one of its corners."""
     of_corner, of_points = jax.random.split(key)
     centre = jnp.array(CORNERS)[jax.random.randint(of_corner, (), 0, 4)]
 
@@ -92,7 +93,7 @@ def bar_with_square(key: PRNGKey, n: int) -> Plane:
 
 
 def bar_with_disk(key: PRNGKey, n: int) -> Plane:
-    """The bar and, with probability 1/2, a disk above it; n points uniform on both."""
+    """The bar and, with probability 1/2, a disk above it."""
     of_presence, of_points = jax.random.split(key)
 
     def disk(key: PRNGKey) -> Plane:
@@ -107,13 +108,12 @@ def bar_with_disk(key: PRNGKey, n: int) -> Plane:
 
 
 def _outside_box(points: np.ndarray, centre: tuple, half: tuple) -> np.ndarray:
-    """Distance [n] to a filled box."""
     excess = np.maximum(np.abs(points - np.asarray(centre)) - np.asarray(half), 0)
     return np.linalg.norm(excess, axis=1)
 
 
 def measure_circle(mean: np.ndarray) -> dict[str, float]:
-    """Mean and spread of the points' radius; for the circle of mean radius they are .325 and 0."""
+    """Mean and spread of the points' radius; .325 and 0 for the circle of mean radius."""
     radius = np.linalg.norm(mean, axis=1)
     return {"mean radius": float(radius.mean()), "spread of the radius": float(radius.std())}
 
@@ -140,7 +140,7 @@ def _measure_parts(mean: np.ndarray, to_parts: np.ndarray, name: str) -> dict[st
 
 
 def measure_squares(mean: np.ndarray) -> dict[str, float]:
-    """Shares of points outside the bar, inside a square, and in no shape of the distribution."""
+    """Shares of points outside the bar, inside a square, and in no shape."""
     to_parts = [_outside_box(mean, centre, (SIDE / 2, SIDE / 2)) for centre in CORNERS]
     return _measure_parts(mean, np.min(to_parts, axis=0), "square")
 
@@ -157,7 +157,7 @@ DISTRIBUTIONS = {
     "bar, square at a corner": (bar_with_square, measure_squares),
     "bar, disk half of the time": (bar_with_disk, measure_disk),
 }
-"""Name -> function that draws n points of a random shape, and the measures of the mean shape."""
+"""Name -> function that draws n points, uniform on a random shape; measures of the mean shape."""
 
 DISTANCES = {"EMD": losses.emd_mean, "CD": losses.chamfer_sq_mean}
 
@@ -167,8 +167,8 @@ def mean_shape(
 ) -> Plane:
     """The minimiser x [n, 2] of E_S[distance(x, S)], by Adam on eight random shapes per step.
 
-    The learning rate decays from 0.01 to a hundredth of that along half a cosine. The start is a
-    normal cloud with standard deviation .1.
+    The learning rate falls from .01 to .0001 along half a cosine; the start is a normal cloud with
+    standard deviation .1.
     """
     tx = optax.adam(optax.cosine_decay_schedule(0.01, steps, alpha=0.01))
     start = 0.1 * jax.random.normal(jax.random.fold_in(key, steps), (NUM_POINTS, 2))
@@ -189,13 +189,13 @@ def mean_shape(
     return descend(start)
 
 
-def _file(run: Run) -> str:
-    return f"mean_shapes_{run.config.train.steps}.npz"
+def _file(run: Run) -> pathlib.Path:
+    return run.folder / f"mean_shapes_{run.config.train.steps}.npz"
 
 
 def train(run: Run) -> None:
     """Computes the mean shapes of all distributions, unless the folder has them."""
-    if (run.folder / _file(run)).exists():
+    if _file(run).exists():
         return
     clouds, key = {}, jax.random.key(run.seed)
     for row, (name, (draw, _)) in enumerate(DISTRIBUTIONS.items()):
@@ -203,12 +203,12 @@ def train(run: Run) -> None:
         found = mean_shape(DISTANCES[run.name], draw, own, run.config.train.steps)
         clouds[name] = np.asarray(found)
     np.savez(buffer := io.BytesIO(), allow_pickle=False, **clouds)
-    write_atomic(run.folder / _file(run), buffer.getvalue())
+    write_atomic(_file(run), buffer.getvalue())
 
 
 def measure(run: Run) -> Measured:
     """The measures of each mean shape; `shown` are the mean shapes [n, 2]."""
-    with np.load(run.folder / _file(run)) as file:
+    with np.load(_file(run)) as file:
         clouds = {name: file[name] for name in DISTRIBUTIONS}
     metrics = {
         f"{name}: {key}": np.array([value])
@@ -219,7 +219,7 @@ def measure(run: Run) -> Measured:
 
 
 def figure(results: Results) -> figures.Figure:
-    """A column for each distribution: random shapes, the mean shapes under EMD and CD."""
+    """A column for each distribution: random shapes in grey, mean shapes in red."""
     sheet = figures.blank(300 * len(DISTRIBUTIONS), 930)
     axes = sheet.subplots(3, len(DISTRIBUTIONS), squeeze=False)
     for column, (name, (draw, _)) in enumerate(DISTRIBUTIONS.items()):

@@ -1,10 +1,9 @@
 """Trains the configurations of a study, measures each run, and writes a table and a figure.
 
-`run` trains one configuration after another in `WORKDIR/CONFIG-SEED`. These are ordinary runs: a
-stopped study resumes, and a finished run is not trained again. We measure the last checkpoints,
-because most studies use the samples on which the best ones were chosen. The results are `NAME.md`
-(tables), `NAME.csv` and `NAME.json` (all numbers), `NAME.png`, and `NAME_curves.png`: the metrics
-during training against the samples seen.
+Each training is an ordinary run in `WORKDIR/CONFIG-SEED`: a stopped study resumes, and a finished
+run is not trained again. We measure last checkpoints, because most studies measure the samples on
+which the best ones were chosen. The results are `NAME.md` (tables), `NAME.csv` and `NAME.json` (all
+numbers), `NAME.png`, and `NAME_curves.png`: the metrics during training against the samples seen.
 """
 
 import dataclasses
@@ -17,7 +16,6 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 from absl import logging
-from scipy.spatial.distance import cdist
 
 from psgn_jax import tasks
 from psgn_jax.config import recipes
@@ -70,7 +68,7 @@ Results = Mapping[str, Sequence[Measured]]
 
 
 def train_network(run: Run) -> None:
-    """Trains a run, or resumes it; raises `UserError` if a signal stopped it."""
+    """Trains or resumes a run; raises `UserError` if a signal stopped it."""
     outcome = loop.train(run.config, run.folder)
     if outcome.stopped_by:
         stopped = UserError("stopped by a signal; the same command continues")
@@ -123,8 +121,8 @@ class Study:
 
     name: str  # of the result files
     base: Overrides  # what all configurations change of the recipe
-    # The overrides of each configuration by name, from the base configuration and a function from
-    # such a name to the folder of its run with the same seed.
+    # Maps the base configuration, and a function from a configuration's name to the folder of its
+    # run with the same seed, to the overrides of each configuration.
     configs: Callable[[Config, Callable[[str], str]], Mapping[str, Overrides]]
     # Metric -> title of its row, which ends with the unit in brackets; empty: all, by their names.
     metrics: Mapping[str, str]
@@ -192,12 +190,12 @@ def run(
     """Trains, measures and writes the results; returns the tables as text.
 
     Args:
-      only: CONFIG:SEED: train only this run, and measure nothing. Several machines can share a
-        study in this way; a call without it joins the results.
-      finished: folders of finished runs that are measured instead. If there are two, their
-        difference, second minus first, is shown.
-      measure: FOLDER:SPLIT: splits on which the runs are measured too. Their results get names with
-        both, such as `networks-authors-test.md`.
+      only: CONFIG:SEED: train only this run, and measure nothing. So several machines can share a
+        study; a call without it joins the results.
+      finished: folders of finished runs to measure instead; of two, the difference, second minus
+        first, is shown.
+      measure: FOLDER:SPLIT of further splits to measure; their results are named after both, such
+        as `networks-authors-test.md`.
 
     Raises:
       ConfigError: an argument, the data or a run in `workdir` is not suitable.
@@ -210,17 +208,13 @@ def run(
         pairs = [(runs[1].name, runs[0].name)] if len(runs) == 2 else []
         study = dataclasses.replace(study, pairs=pairs)
     else:
-        runs = [
-            run for seed in range(seeds) for run in study.runs(folder, data, seed, steps, eval_data)
-        ]
-        if only:
-            seed = only.rpartition(":")[2]
-            first = int(seed) if seed.isdecimal() else 0
-            several = study.runs(folder, data, first, steps, eval_data)
-            runs = [run for run in several if f"{run.name}:{run.seed}" == only]
-            if not runs:
-                names = ", ".join(run.name for run in several)
-                raise ConfigError(f"only={only}: accepted: CONFIG:SEED with one of {names}")
+        seed = only.rpartition(":")[2]
+        wanted = [int(seed)] if seed.isdecimal() else range(seeds)
+        every = [run for n in wanted for run in study.runs(folder, data, n, steps, eval_data)]
+        runs = [run for run in every if only in ("", f"{run.name}:{run.seed}")]
+        if not runs:
+            names = ", ".join(dict.fromkeys(run.name for run in every))
+            raise ConfigError(f"only={only}: accepted: CONFIG:SEED with one of {names}")
     places = {"": runs}
     for place in measure:
         path, _, split = place.rpartition(":")
@@ -264,7 +258,6 @@ def run(
 
 
 def _on_split(runs: Sequence[Run], split: str, path: str = "") -> list[Run]:
-    """The runs with another split for evaluation, of the records in `path` if it is given."""
     data = {"data.eval_split": split, **({"data.eval_path": path} if path else {})}
     return [run._replace(config=changed(run.config, data)) for run in runs]
 
@@ -307,19 +300,26 @@ def learning_curves(
 ) -> dict[str, dict[str, figures.Curve]]:
     """{title: {configuration: curve}} from the evaluations during the trainings of `runs`.
 
-    Before the last point, the learning rate has not fallen to its end. So compare a point with
-    those of other configurations, not with a training of that length.
+    Only at the last point has the learning rate fallen to its end. So compare a point with those of
+    other configurations, not with a training of that length.
     """
     charts: dict[str, dict[str, figures.Curve]] = {}
     for metric, title in metrics.items():
-        for name in dict.fromkeys(run.name for run in runs):
-            several = [_evaluated(run, metric) for run in runs if run.name == name]
+        for name, same in _by_name(runs).items():
+            several = [_evaluated(run, metric) for run in same]
             shared = sorted(set.intersection(*map(set, several)))
             if len(shared) > 1:
                 values = np.array([[one[seen] for seen in shared] for one in several])
                 values *= 100 if title.endswith("[%]") else 1
                 charts.setdefault(title, {})[name] = np.array(shared), values
     return charts
+
+
+def _by_name(runs: Sequence[Run]) -> dict[str, list[Run]]:
+    groups: dict[str, list[Run]] = {}
+    for run in runs:
+        groups.setdefault(run.name, []).append(run)
+    return groups
 
 
 def _evaluated(run: Run, metric: str) -> dict[int, float]:
@@ -331,12 +331,12 @@ def _evaluated(run: Run, metric: str) -> dict[int, float]:
 
 
 def _finished_runs(folders: Sequence[str], data: str) -> list[Run]:
-    """Finished runs, on the evaluation data of the first one or on `data`."""
+    """Finished runs, evaluated like the first one, or on `data`."""
     configs = [load_config(folder) for folder in folders]
-    first = configs[0]
-    same = {f"data.{n}": getattr(first.data, n) for n in ("path", "eval_path", "eval_split")}
+    names = ("path", "eval_path", "eval_split", "num_eval_points")
+    same = {f"data.{name}": getattr(configs[0].data, name) for name in names}
     same |= {"data.path": data, "data.eval_path": ""} if data else {}
-    same |= {"data.num_eval_points": first.data.num_eval_points, "eval": to_dict(first.eval)}
+    same |= {"eval": to_dict(configs[0].eval)}
     runs = [
         Run(folder, 0, pathlib.Path(folder), changed(config, same))
         for folder, config in zip(folders, configs, strict=True)
@@ -346,7 +346,6 @@ def _finished_runs(folders: Sequence[str], data: str) -> list[Run]:
 
 
 def _check_data(config: Config) -> None:
-    """Raises `ConfigError` if the data do not have what the configuration needs."""
     check_paths(config)
     try:
         loader.train_batches(config.data, batch_size=1, seed=0, start_step=0).close()
@@ -376,32 +375,22 @@ class Summary(NamedTuple):
 
 
 _LARGER_IS_BETTER = ("fscore", "precision", "recall", "iou", "gain", "thin_recall")
-_SMALLER_IS_BETTER = (
-    "cd",
-    "emd",
-    "aligned",
-    "log_volume",
-    "stray",
-    "missed",
-    "unevenness",
-    "gt_to",
-)
+_SMALLER_IS_BETTER = ("cd", "emd", "aligned", "log_volume", "stray", "missed", "unevenness")
+_SMALLER_IS_BETTER += ("gt_to",)
 """How the names of metrics begin."""
 
 
 def summarise(results: Results, study: Study) -> list[Summary]:
     """The means of all metrics of the table, then the differences of `Study.pairs`."""
     values = {metric: _values(results, metric, by_model=study.by_model) for metric in study.metrics}
-    summaries = [
-        _summary(name, "", metric, array)
+    means = [(n, "", m, array) for m, arrays in values.items() for n, array in arrays.items()]
+    changes = [
+        (one, other, metric, arrays[one] - arrays[other])
+        for one, other in study.pairs
         for metric, arrays in values.items()
-        for name, array in arrays.items()
+        if one in arrays and other in arrays
     ]
-    for one, other in study.pairs:
-        for metric, arrays in values.items():
-            if one in arrays and other in arrays:
-                summaries.append(_summary(one, other, metric, arrays[one] - arrays[other]))
-    return summaries
+    return [_summary(*row) for row in [*means, *changes]]
 
 
 def _values(results: Results, metric: str, *, by_model: bool) -> dict[str, np.ndarray]:
@@ -443,11 +432,6 @@ def standard_error(values: np.ndarray) -> float:
     return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else math.nan
 
 
-def squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Squared distances [n, m] between the points of two clouds."""
-    return cdist(a, b, "sqeuclidean")
-
-
 # --- Tables -------------------------------------------------------------------------------------
 
 
@@ -473,16 +457,12 @@ def _tables(summaries: Sequence[Summary], study: Study) -> list[Lines]:
 
 
 def _cell(title: str, summary: Summary | None, *, sign: bool = False) -> str:
-    """Mean and errors: in per cent if the title ends with "[%]", otherwise with four digits."""
     if summary is None:
         return ""
     scale = 100 if title.endswith("[%]") else 1
-    text = f"{scale * summary.mean:{'+' if sign else ''}.4g}"
-    if not math.isnan(summary.error_samples):
-        text += f" +- {scale * summary.error_samples:.2g}"
-    if not math.isnan(summary.error_seeds):
-        text += f" +- {scale * summary.error_seeds:.2g}"
-    return text
+    errors = [summary.error_samples, summary.error_seeds]
+    shown = [f" +- {scale * error:.2g}" for error in errors if not math.isnan(error)]
+    return f"{scale * summary.mean:{'+' if sign else ''}.4g}{''.join(shown)}"
 
 
 def cost(run: Run) -> tuple[float, float]:
@@ -505,8 +485,7 @@ def cost(run: Run) -> tuple[float, float]:
 def _costs(runs: Sequence[Run]) -> list[Lines]:
     """A table of parameters, samples and times; means over seeds. Empty without networks."""
     lines = [["", "parameters", "samples seen", "seconds per step", "minutes of steps"]]
-    for name in dict.fromkeys(run.name for run in runs):
-        several = [run for run in runs if run.name == name]
+    for name, several in _by_name(runs).items():
         if not (several[0].folder / "checkpoints").is_dir():
             continue
         opened = open_run(several[0].folder, "last")
