@@ -29,8 +29,8 @@ def _main(flags: Flags) -> None:
     values = flags.values
     rows, first = [], None
     spheres.check_picture(values.out, "--out")
-    if values.turntable:
-        spheres.check_turntable(values.turntable)
+    if values.turntable and not values.turntable.lower().endswith(".gif"):
+        raise ValueError(f"--turntable={values.turntable}: accepted: a name that ends with .gif")
     for path in flags.arguments:
         arrays = read_prediction(path, _FIELDS)
         points, by_photo = arrays["points"], arrays["seen"].any()

@@ -1,14 +1,13 @@
 """Metrics of one pair of clouds after the best scale and shift of the prediction.
 
-An image shows neither the size of an object nor its distance from the camera. Therefore these
-metrics do not count an error of the position, nor an error of the size by a factor of up to 1.25.
+An image shows neither the size of an object nor its distance from the camera. So these metrics do
+not count an error of the position, nor of the size by a factor of up to 1.25:
 
     aligned CD  = min over s in [0.8, 1.25] and t of CD(s pred + t, gt)
 
 CD is the squared Chamfer distance `losses.chamfer_sq_mean`, in the unit of gt. There is no
-rotation. The minimum is a local one, computed by iterated nearest neighbours (`align`) that start
-from s = 1 and t = 0. The aligned EMD is that of the prediction moved by the same s and t. If a
-distance is smaller without alignment, that value is used.
+rotation. `align` finds a local minimum from s = 1 and t = 0. The aligned EMD is the EMD of the
+prediction moved by the same s and t. If a distance is smaller without alignment, we use that value.
 """
 
 from typing import Any
@@ -24,10 +23,7 @@ from psgn_jax.losses.points import check_points
 LEAST_SCALE, LARGEST_SCALE = 0.8, 1.25
 
 ITERATIONS = 30
-
-# The iterations use at most this many points of gt, or as many as pred has if that is more. The
-# metrics use all points.
-_MOST_POINTS = 1024
+_MOST_POINTS = 1024  # of gt in the iterations, unless pred has more; the metrics use all
 
 
 def align(
@@ -38,12 +34,11 @@ def align(
     Iterated nearest neighbours (Besl, McKay, "A Method for Registration of 3-D Shapes", PAMI 1992)
     in both directions, without rotation. Each iteration pairs every point of pred with the nearest
     point of gt (weight 1/n) and every point of gt with the nearest point of pred (weight 1/m), then
-    computes the least squares solution for these pairs in closed form:
+    solves least squares for these pairs:
 
         s = clip(sum w (p - mean p) . (g - mean g) / sum w |p - mean p|^2),  t = mean g - s mean p
 
-    At most max(n, 1024) points of gt are used, always the same ones. No iteration increases the CD
-    to these points.
+    It uses at most max(n, 1024) points of gt, and never increases the CD to these points.
     """
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
     gt = subset(gt, max(len(pred), _MOST_POINTS))
@@ -59,8 +54,7 @@ def align(
         squares = sum(jnp.square(p - mean_p[None]).sum(axis=1).mean() for p, _ in sides)
         ratio = products / jnp.where(squares > 0, squares, 1)
         scale = jnp.clip(jnp.where(squares > 0, ratio, 1), LEAST_SCALE, LARGEST_SCALE)
-        # A non-finite point makes the distances NaN, but has no effect on the indices. This term
-        # makes the scale NaN too.
+        # A point that is not finite makes the distances NaN, and by this term the scale.
         scale = scale + 0 * to_gt.distance_sq.sum()
         return scale, mean_g - scale * mean_p
 
@@ -75,7 +69,7 @@ def aligned_metrics(
     emd_tolerance: float | None = None,
     known_emd: Float[Array, ""] | None = None,
 ) -> dict[str, Float[Array, ""]]:
-    """Aligned CD and EMD of a pair, as defined in the module's docstring.
+    """Aligned CD and EMD of a pair, as defined above.
 
     Args:
       emd_tolerance: relative error of the EMD; None = no EMD.

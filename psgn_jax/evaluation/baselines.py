@@ -1,25 +1,23 @@
 """What a network's figures are worth: baselines on the same samples, `psgn evaluate --baselines`.
 
-Every row has a cloud for each sample of a split. Prediction and truth have the same number n of
-points, those that the network predicts.
+Every row has a cloud of n points for each sample of a split; n is the network's number of points.
 
-- floor: n other points of the true surface. No prediction can be expected to be nearer.
+- floor: n other points of the true surface. Expect no prediction to be nearer.
 - network: its predictions (of a network with a random input, one draw).
-- refined: the same as `psgn predict` gives them, by `prediction.refine`.
-- oracle: the best training cloud, chosen by looking at the truth. CD and F-scores are those of the
-  cloud with the least CD, the EMD is the least one of the 16 clouds of least CD. It tells how much
+- refined: its predictions after `prediction.refine`, as `psgn predict` gives them.
+- oracle: the best training cloud, chosen by looking at the truth. CD and F-scores are of the cloud
+  with the least CD, the EMD is the least of the 16 clouds with the least CD. It tells how much
   copying can give (Tatarchenko et al., "What Do Single-view 3D Reconstruction Networks Learn?",
   CVPR 2019).
 - retrieval: the cloud of the training image whose features are most similar (cosine).
-- cluster: n random points of the clouds of a k-means cluster, chosen by the mean features of its
-  images; the clusters are those of the clouds' histograms of 8^3 cells.
+- cluster: n random points of the clouds of a k-means cluster. We cluster the clouds by their
+  histograms of 8^3 cells, and choose a cluster by the mean features of its images.
 - fixed cloud: n random points of all training clouds.
 - shuffled: the network's predictions for other images of the split. If this row is as good as the
   network, the network ignores its images.
 
-The features are maps of stride 32 of EfficientNet-Lite0 (`models.efficientnet`), averaged over
-2x2 cells, less their mean over the training images. Intervals are 95 % percentile bootstrap
-intervals over the samples.
+The features are maps of stride 32 of EfficientNet-Lite0 (`models.efficientnet`), averaged over 2x2
+cells, less their mean over the training images.
 """
 
 import dataclasses
@@ -165,7 +163,6 @@ def _some(points: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarra
 def _cluster_clouds(
     train: np.ndarray, train_features: np.ndarray, features: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
-    """A cloud for each row of `features`."""
     cells = np.clip(((train - [-1, -1, 0]) / [2, 2, 1] * _CELLS).astype(int), 0, _CELLS - 1)
     flat = (cells @ [_CELLS * _CELLS, _CELLS, 1]).astype(int)
     counts = np.stack([np.bincount(row, minlength=_CELLS**3) for row in flat])
@@ -180,7 +177,7 @@ def _cluster_clouds(
 
 
 def intervals(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean of [samples, metrics] and the ends of its 95 % bootstrap interval, [metrics] each."""
+    """Mean of [samples, metrics] and the ends of its 95 % percentile bootstrap interval."""
     index = np.random.default_rng(0).integers(len(values), size=(_RESAMPLES, len(values)))
     low, high = np.percentile(values[index].mean(axis=1), (2.5, 97.5), axis=0)
     return values.mean(axis=0), low, high
@@ -205,7 +202,7 @@ def text(rows: dict[str, np.ndarray], num_points: int) -> str:
 
 
 def json_text(rows: dict[str, np.ndarray], **others: Any) -> str:
-    """The table as JSON: {row: {metric: [mean, low, high]}}; `others` are further keys."""
+    """The table as JSON: {row: {metric: [mean, low, high]}}, and `others`."""
     table = {
         name: dict(zip(METRICS, np.stack(intervals(values), axis=1).tolist(), strict=True))
         for name, values in rows.items()

@@ -1,10 +1,9 @@
 """Evaluation metrics of one pair of clouds.
 
-The clouds `pred` [n, 3] and `gt` [m, 3], n, m >= 1, must be in the same frame. The name of a
-distance contains its unit; the other metrics are fractions. Distances are in the unit of the
-coordinates. In the project's frame that is the radius of the object's bounding hemisphere, hence
-the suffix `_radius`; values are not converted. Batch the functions with `losses.map_pairs`. Metrics
-of several predictions of one image are in `prediction.sampling`.
+The clouds `pred` [n, 3] and `gt` [m, 3], n, m >= 1, are in the same frame. Distances are in the
+unit of the coordinates, in the project's frame the radius of the object's bounding hemisphere,
+hence the suffix `_radius`. The other metrics are fractions. Batch the functions with
+`losses.map_pairs`. Metrics of several predictions of one image are in `prediction.sampling`.
 """
 
 from typing import NamedTuple
@@ -17,11 +16,10 @@ from psgn_jax.losses.chamfer import nearest_both
 from psgn_jax.losses.emd import matched_distances
 from psgn_jax.losses.points import check_points, safe_sqrt
 
-# "F-score at 1 %": see `evaluate_pair`.
 FSCORE_THRESHOLD = 0.01
 
 VISIBILITY = ("visible", "hidden")
-"""The classes of true points, as used in the metric names of `by_visibility`."""
+"""The classes of true points, in names of metrics."""
 
 
 class Emd(NamedTuple):
@@ -36,12 +34,10 @@ def emd(
 ) -> Emd:
     """Earth mover's distance per point (unit): `losses.emd_mean` with its certificate.
 
-    A bijection needs equal sizes. If gt has more points, n of them are drawn, always the same ones
-    for the same n and m. Even a perfect prediction then has a positive EMD: the distance between
-    two random samples of the object. It depends on n, so report n.
-
-    `gap` is an upper bound on (emd - optimum) / optimum. It is at most `tolerance`, unless the
-    budget of the auction ran out.
+    If gt has more points, we use n of them (`subset`). Then even a perfect prediction has a
+    positive EMD, the distance between two random samples of the object. It depends on n, so report
+    n. `gap` bounds (emd - optimum) / optimum; it is at most `tolerance`, unless the budget of the
+    auction ran out.
 
     Raises:
       ValueError: pred has more points than gt, or the errors of `losses.assign`.
@@ -63,7 +59,7 @@ def subset(gt: Float[Array, "m 3"], count: int) -> Float[Array, "n 3"]:
 
 
 def _near(distance_sq: Array, threshold: float | Array) -> Array:
-    """1 where a distance is at most the threshold, 0 elsewhere, NaN where it is NaN."""
+    """1 where a distance is at most the threshold, else 0; NaN stays NaN."""
     limit_sq = jnp.square(jnp.asarray(threshold, distance_sq.dtype))
     near = (distance_sq <= limit_sq).astype(distance_sq.dtype)
     return jnp.where(jnp.isnan(distance_sq), distance_sq, near)
@@ -79,20 +75,18 @@ def fscore(to_gt_sq: Array, to_pred_sq: Array, threshold: float | Array) -> Floa
 def by_visibility(
     distance_sq: Float[Array, " m"], visible: Bool[Array, " m"], threshold: float | Array
 ) -> dict[str, Float[Array, ""]]:
-    """Distances from the true points to the prediction, for visible and for hidden points.
+    """Means over the visible and over the hidden true points; NaN if there are none.
 
-    The results are means over the points of each class, or NaN if it has none. `data.visibility`
-    defines which points are visible, and explains why predicted points have no class.
+    `data.visibility` defines which points are visible, and says why predicted points have no class.
 
     Args:
       distance_sq: of every true point to the nearest predicted one, unit^2.
       threshold: largest distance of a point that counts as recalled, in the unit.
 
     Returns:
-      `visible_share`, the fraction s of true points that are visible, and for each class C
-      ("visible", "hidden"): `cd_sq_gt_to_pred_C_radius2` (unit^2), `cd_l1_gt_to_pred_C_radius`
-      (unit), and `recall_C`, the fraction within the threshold. The mean of each of these metrics
-      over all true points is s * visible + (1 - s) * hidden.
+      `visible_share`, the fraction of true points that are visible, and for each class C of
+      `VISIBILITY`: `cd_sq_gt_to_pred_C_radius2` (unit^2), `cd_l1_gt_to_pred_C_radius` (unit), and
+      `recall_C`, the fraction within the threshold.
     """
     visible = jnp.asarray(visible)
     metrics = {"visible_share": visible.astype(distance_sq.dtype).mean()}
@@ -119,27 +113,24 @@ def evaluate_pair(
 ) -> dict[str, Float[Array, ""]]:
     """All metrics of one pair from one nearest-neighbour search.
 
-    The F-score is 2 precision recall / (precision + recall), 0 where both are 0. Source: Knapitsch
-    et al., "Tanks and Temples", ACM TOG 2017, section 4. "F-score at 1 %" follows Tatarchenko et
-    al., "What Do Single-view 3D Reconstruction Networks Learn?", CVPR 2019: their threshold is 1 %
-    of the side length of the reconstructed volume. The default 0.01 here is 1 % of the radius of
-    the bounding hemisphere. For an object as wide as the hemisphere (2 units) that is 0.5 % of its
-    width: stricter than theirs, and not comparable with it. Pass 0.02 for 1 % of that diameter. The
-    score depends strongly on the number of points, so report that number.
+    The F-score is 2 precision recall / (precision + recall), 0 where both are 0 (Knapitsch et al.,
+    "Tanks and Temples", ACM TOG 2017, section 4). It depends strongly on the number of points, so
+    report that. The default threshold is 1 % of the radius of the bounding hemisphere. In
+    Tatarchenko et al., "What Do Single-view 3D Reconstruction Networks Learn?", CVPR 2019, it is
+    1 % of the side of the reconstructed volume: pass 0.02 for 1 % of an object 2 units wide.
 
     Args:
-      visible: which points of gt are visible in the depth image; if given, the metrics of
-        `by_visibility` are added.
+      visible: which points of gt are visible in the depth image; adds the metrics of
+        `by_visibility`.
       threshold: largest distance of a correct point, in the unit of the coordinates, > 0.
-      emd_tolerance: if given, `emd` is computed as well, with this relative error. It takes about
-        20 ms on one CPU core for n = 1,024 and 1 %.
+      emd_tolerance: adds `emd` with this relative error: about 20 ms on one CPU core for n = 1,024
+        and 1 %.
 
     Returns:
       `cd_sq_radius2`, `cd_sq_pred_to_gt_radius2`, `cd_sq_gt_to_pred_radius2` (unit^2),
       `cd_l1_radius` (unit), `precision` (share of pred with distance to gt <= threshold), `recall`
       (share of gt with distance to pred <= threshold) and `fscore`. With `emd_tolerance`:
-      `emd_radius` (unit, a mean over the points) and `emd_gap`, the proven bound on its relative
-      error. "radius" is the project's unit, the radius of the bounding hemisphere.
+      `emd_radius` (unit, a mean over the points) and `emd_gap`, the bound on its relative error.
 
     Raises:
       ValueError: a threshold (as a plain number) is not > 0, or the errors of

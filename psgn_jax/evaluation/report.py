@@ -8,12 +8,9 @@ Files in DIR:
   worst cases, and all cases, sortable by error and category, with links to the viewer.
 - `viewer.html`, `viewer-2.html`, ...: the clouds in the interactive viewer (`viewing.page`).
 
-No page needs an internet connection. A split of any size can be shown: cases are read one at a
-time, the viewer is divided into pages of 5 MB, and the gallery lists 120 cases at a time. The error
-is the squared Chamfer distance, `cd_sq_radius2`.
+No page needs an internet connection. The error is the squared Chamfer distance, `cd_sq_radius2`.
 """
 
-import base64
 import dataclasses
 import io
 import pathlib
@@ -23,7 +20,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from psgn_jax.evaluation import table
 from psgn_jax.evaluation.results import Evaluation
@@ -41,10 +37,10 @@ _KEPT = ("points", "image", "intrinsics", "extrinsics")
 
 
 class Collector:
-    """The samples of an evaluation, in an unnamed file in `folder`; a hook `on_batch`.
+    """A hook `on_batch` that keeps the samples in an unnamed file in `folder`.
 
-    Each is a dict of arrays: `image` uint8 [h, w, 3] and its camera, `intrinsics` and `extrinsics`;
-    true points `points`, about as many as predicted; predicted points `pred`, float32 [n, 3].
+    Each is a dict of arrays: `image` uint8 [h, w, 3], `intrinsics`, `extrinsics`, true points
+    `points`, about as many as predicted, and predicted points `pred`, float32 [n, 3].
     """
 
     def __init__(self, folder: str | pathlib.Path) -> None:
@@ -72,19 +68,12 @@ class Collector:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Reported:
-    """The evaluation of one network, with its clouds.
+    """The evaluation of one network, with its samples as in `Collector`."""
 
-    Attributes:
-      label: a short name.
-      evaluation: metrics and names of the samples.
-      cases: the samples with their predictions, as in `Collector`.
-      num_fc: number of points of the fc branch, which come first.
-    """
-
-    label: str
+    label: str  # a short name
     evaluation: Evaluation
     cases: Sequence[Mapping[str, np.ndarray]] | Collector
-    num_fc: int = 0
+    num_fc: int = 0  # points of the fc branch, which come first
 
 
 def write_report(folder: str | pathlib.Path, runs: Sequence[Reported]) -> pathlib.Path:
@@ -165,17 +154,12 @@ def _viewer_case(
 
 def _thumbs(case: Mapping[str, np.ndarray]) -> list[str]:
     """Data URIs of small pictures of the image and of the prediction."""
-    uris = []
     clouds = spheres.by_height({"prediction": case["pred"]})
-    for picture in spheres.panels(case, clouds, (0,), height=96).values():
-        buffer = io.BytesIO()
-        Image.fromarray(picture).save(buffer, "jpeg", quality=82)
-        uris.append("data:image/jpeg;base64," + base64.b64encode(buffer.getvalue()).decode())
-    return uris
+    return [*map(page.picture_uri, spheres.panels(case, clouds, (0,), height=96).values())]
 
 
 def _table(runs: Sequence[Reported]) -> list[list[str]]:
-    """The header and the rows as text, averages last; two runs have their columns side by side."""
+    """The header and the rows, averages last; two runs have their columns side by side."""
     metrics = [name for name in _TABLE if name in runs[0].evaluation.metrics]
     head = ["category", "samples"]
     body = [[row.name, str(row.count)] for row in runs[0].evaluation.rows()]
@@ -190,10 +174,8 @@ def _table(runs: Sequence[Reported]) -> list[list[str]]:
 
 def _histogram(errors: np.ndarray) -> dict[str, list[Any]]:
     """Histogram of the finite errors with logarithmically spaced bins."""
-    finite = errors[np.isfinite(errors)]
-    low = max(float(finite.min(initial=np.inf)), 1e-6) if len(finite) else 1e-3
-    high = max(float(finite.max(initial=0.0)), low * 1.1)
-    edges = np.geomspace(low, high, _BARS + 1)
-    edges[0], edges[-1] = min(low, edges[0]), max(high, edges[-1])
-    counts, _ = np.histogram(np.clip(finite, low, high), edges)
+    finite = np.maximum(errors[np.isfinite(errors)], 1e-6)
+    low = finite.min(initial=np.inf) if len(finite) else 1e-3
+    edges = np.geomspace(low, finite.max(initial=1.1 * low), _BARS + 1)
+    counts, _ = np.histogram(finite, edges)
     return {"edges": edges.tolist(), "counts": counts.tolist()}

@@ -14,12 +14,12 @@ from psgn_jax.losses.iou import PREDICTION_THRESHOLDS
 
 OVER_SAMPLES, OVER_CATEGORIES = "mean over samples", "mean over categories"
 THRESHOLD_OF = "threshold_of_"
-"""`THRESHOLD_OF` + the name of a metric is the key of the threshold chosen for that metric."""
+"""`THRESHOLD_OF` + the name of a metric is the key of the threshold chosen for it."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """One row of the table: a category (or an average), its number of samples, its mean metrics."""
+    """A category (or an average), its number of samples, its mean metrics."""
 
     name: str
     count: int
@@ -40,19 +40,15 @@ class Evaluation:
     """Metrics of every sample of a split, in order.
 
     Attributes:
-      split: the split's name.
-      names: one per sample.
       metrics: name -> float64 [samples].
-      threshold: distance threshold of the F-score, in units.
-      num_points: numbers of points of a predicted and of a true cloud; most metrics depend on both.
+      threshold: of the F-score, in units.
+      num_points: of a predicted and of a true cloud; most metrics depend on both.
       visible_tolerance: largest distance of a visible true point from a point that the depth image
         measured, in units (`data.visibility`).
-      note: text below the table, in place of the default text about points; "" = default text.
-      frame: "place" if images were placed by the rule of `data.framing` and the true points were
-        moved with them; "keep" if not.
-      chosen: values that were chosen on a split (this or an earlier one) and used in the
-        evaluation, such as thresholds.
+      note: text below the table, in place of the default text about points.
+      frame: "place" if images and true points were placed by the rule of `data.framing`, or "keep".
       refined: whether the clouds are those of `prediction.refine`.
+      chosen: values that were chosen on this or an earlier split, such as thresholds.
     """
 
     split: str
@@ -70,18 +66,14 @@ class Evaluation:
     def means(self) -> dict[str, float]:
         """Every metric's mean over samples.
 
-        Samples without visible points are left out of the means of the metrics of visible points;
-        if no sample has any, the mean is NaN. The same holds for hidden points. In all other
-        metrics a NaN makes the mean NaN.
+        Metrics of visible (hidden) points leave out samples without such points; if no sample has
+        any, the mean is NaN. In all other metrics a NaN makes the mean NaN.
         """
         everything = range(len(self.names))
         return {name: _mean(self._counted(name, everything)) for name in self.metrics}
 
     def _counted(self, name: str, indices: Sequence[int]) -> np.ndarray:
-        """A metric of some samples.
-
-        A metric of visible (hidden) points leaves out samples without visible (hidden) points.
-        """
+        """A metric of some samples; for a metric of visible (hidden) points, of those with any."""
         values, share = self.metrics[name][list(indices)], self.metrics.get("visible_share")
         if share is not None and "_visible" in name:
             return values[share[list(indices)] > 0]
@@ -99,16 +91,12 @@ class Evaluation:
             for name, indices in sorted(members.items())
         ]
         over_categories = {
-            name: _mean(
-                [_mean(v) for indices in members.values() if len(v := self._counted(name, indices))]
-            )
+            name: _mean([_mean(v) for i in members.values() if len(v := self._counted(name, i))])
             for name in self.metrics
         }
-        return [
-            *rows,
-            Row(OVER_SAMPLES, len(self.names), self.means),
-            Row(OVER_CATEGORIES, len(self.names), over_categories),
-        ]
+        total = len(self.names)
+        averages = (OVER_SAMPLES, self.means), (OVER_CATEGORIES, over_categories)
+        return [*rows, *(Row(name, total, metrics) for name, metrics in averages)]
 
 
 def at_thresholds(
@@ -117,28 +105,24 @@ def at_thresholds(
     """Replaces the sweeps [samples, thresholds] of an evaluation by the values at one threshold.
 
     Args:
-      chosen: `{"threshold_of_iou": .4, ...}` from an earlier evaluation. A threshold that is
-        missing there is chosen here: the one with the best mean over the samples.
+      chosen: `{"threshold_of_iou": .4, ...}` from an earlier evaluation. A missing threshold is
+        chosen here, by the best mean over the samples.
       best: name of the metric for which `one_minus_iou` is added.
     """
-    metrics: dict[str, np.ndarray] = {}
+    metrics = dict(measured.metrics)
     taken: dict[str, float] = {}
-    fresh = []
     for name, values in measured.metrics.items():
-        if values.ndim == 1:
-            metrics[name] = values
-            continue
-        key = THRESHOLD_OF + name
-        if key in chosen:
-            column = int(np.argmin(np.abs(np.array(PREDICTION_THRESHOLDS) - chosen[key])))
-        else:
+        if values.ndim == 2:
+            key = THRESHOLD_OF + name
             column = int(np.argmax(values.mean(axis=0)))
-            fresh.append(name)
-        metrics[name] = values[:, column]
-        taken[key] = PREDICTION_THRESHOLDS[column]
+            if key in chosen:
+                column = int(np.argmin(np.abs(np.array(PREDICTION_THRESHOLDS) - chosen[key])))
+            metrics[name] = values[:, column]
+            taken[key] = PREDICTION_THRESHOLDS[column]
     if best in metrics:
         metrics["one_minus_iou"] = 1 - metrics[best]
-    where = "on this split" if fresh else "on the split that was evaluated during training"
+    earlier = taken.keys() <= chosen.keys()
+    where = "on the split that was evaluated during training" if earlier else "on this split"
     text = ", ".join(f"{k.removeprefix(THRESHOLD_OF)} {v:g}" for k, v in taken.items())
     note = (
         f"IoU of {OCCUPANCY_SIZE}^3 solid volumes; thresholds, chosen {where}: {text}."

@@ -1,12 +1,10 @@
 """Evaluates trained networks, and writes tables and a gallery of all samples.
 
-Every sample of a split is evaluated once. The metrics are those of the network's task
-(`Config.task`); for clouds they are defined in `evaluation.clouds.evaluate_pair`. The unit is the
-radius of an object's bounding hemisphere.
+The metrics are those of the network's task (`Config.task`), for clouds those of
+`evaluation.clouds.evaluate_pair`. The unit is the radius of an object's bounding hemisphere.
 
-Files in `W/eval_<split>_<best|last>/`, where W is the folder of the run: `table.txt`, `table.csv`
-and `table.json` with one row per category and the two averages; `samples.csv` with one row per
-sample.
+The folder `eval_<split>_<best|last>` of a run gets `table.txt`, `table.csv` and `table.json` with a
+row for each category and the two averages, and `samples.csv` with a row for each sample.
 """
 
 import dataclasses
@@ -43,16 +41,16 @@ def evaluate_run(
     """Evaluates an opened network and writes the tables.
 
     Args:
-      out: folder for the files; None: `eval_<split>_<checkpoint>` in the folder of the run, or
-        `eval_<weights>_<split>` for weights. With `frame="place"`, `_placed` is appended, and
-        with `refine` `_refine`.
+      out: folder for the files; None = `eval_<split>_<checkpoint>` in the folder of the run, or
+        `eval_<weights>_<split>` for weights, followed by `_placed` if placed and `_refine` if
+        refined.
       draws: number of predictions per image for the metrics of `tasks.points.with_draws`; 0 = none.
-      frame: "keep": use the images of the records as they are. "place": crop and place every image
-        like a photo, and move its true points accordingly (`data.framing`).
-      refine: measure the clouds of `prediction.refine`; None: as `eval.refine` says.
+      frame: "keep" uses the images of the records as they are; "place" crops and places them like
+        photos, and moves the true points accordingly (`data.framing`).
+      refine: measure the clouds of `prediction.refine`; None = as `eval.refine` says.
 
     Raises:
-      ConfigError: the task or the data do not fit; the message is one line.
+      ConfigError: the task or the data do not fit.
     """
     config, workdir = run.config, run.source if run.source_kind == "workdir" else ""
     split = split or config.data.eval_split

@@ -1,7 +1,6 @@
 """Evaluation on a split: every sample is predicted and counted once.
 
-Several processes (`system.group`) divide the batches among themselves; each gets the whole
-result.
+Several processes (`system.group`) share the batches; each gets the whole result.
 """
 
 import contextlib
@@ -38,8 +37,7 @@ def evaluate_split(
       eval_step: maps (params, batch on the host, index of the batch) to predictions and metrics
         with a row for each sample; see `compile_measure`.
       max_samples: evaluate only this many samples, from the start of the split; 0 = all.
-      on_batch: called with (index of the batch, batch, predictions); what it raises ends the
-        evaluation.
+      on_batch: called with (index of the batch, batch, predictions).
     """
     split = split or config.data.eval_split
     process, count = group.index_and_count()
@@ -90,7 +88,7 @@ def evaluate_split(
 
 
 def _merged(parts: Sequence[Any]) -> tuple[list[SampleName], dict[str, np.ndarray], int]:
-    """The measurements of all processes, the samples in the order of the records."""
+    """The measurements of all processes, in the order of the records."""
     filled = [part for part in parts if part[0]]
     if not filled:
         return [], {}, 0
@@ -111,8 +109,7 @@ def compile_measure(
 ) -> Callable[[Any, Any, int], Any]:
     """Compiled (params, batch on the host, its index) -> (predictions, metrics).
 
-    The batch is split over the devices of this process, or computed by one device if their number
-    does not divide it.
+    The devices of this process share the batch if their number divides it; else one computes it.
 
     Args:
       measure: a pytree that is called with (params, batch) of one device's share.

@@ -28,8 +28,8 @@ COLUMNS = {
     "total_mutual_difference_radius2": "total mutual difference [radius^2]",
     "log_volume_abs_error": "|log predicted - log true volume|",
 }
-"""Columns of the printed table: metric -> title, which ends with the unit. "[%]": the values are
-fractions, and printed as percentages. CSV and JSON have all metrics."""
+"""Columns of the printed table: metric -> title, which ends with the unit. Fractions with "[%]" are
+printed as percentages. CSV and JSON have all metrics, and fractions."""
 
 Lines = Sequence[Sequence[str]]
 """Cells of a table: the header row, then the other rows."""
@@ -37,13 +37,9 @@ Lines = Sequence[Sequence[str]]
 
 def aligned(lines: Lines, *, apart: int = 0) -> str:
     """A table as text: the first column left-aligned, a rule before the last `apart` rows."""
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    left, *widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     text = [
-        "  ".join(
-            cell.rjust(width) if i else cell.ljust(width)
-            for i, (cell, width) in enumerate(zip(line, widths, strict=True))
-        )
-        for line in lines
+        "  ".join([first.ljust(left), *map(str.rjust, others, widths)]) for first, *others in lines
     ]
     rule = "-" * len(text[0])
     text.insert(1, rule)
@@ -93,7 +89,7 @@ def text(evaluation: Evaluation) -> str:
 
 
 def csv_text(evaluation: Evaluation) -> str:
-    """The table as CSV; F-score, precision and recall are fractions, not percentages."""
+    """The table as CSV."""
     rows = [[r.name, r.count, *r.metrics.values()] for r in evaluation.rows()]
     return csv_of(["category", "samples", *evaluation.metrics], rows)
 
@@ -106,10 +102,7 @@ def samples_csv(evaluation: Evaluation) -> str:
 
 
 def json_text(evaluation: Evaluation, **others: Any) -> str:
-    """The table as JSON; `others` are added as further keys.
-
-    F-score, precision and recall are fractions. Numbers that are not finite become null.
-    """
+    """The table as JSON, and `others`; numbers that are not finite become null."""
     *categories, over_samples, over_categories = evaluation.rows()
     of_points = {
         "num_pred_points": evaluation.num_points[0],

@@ -25,17 +25,17 @@ from psgn_jax.weights.run_folder import Trained
 
 FORMAT = "psgn_jax network 1"
 LATENTS = 16
-"""Number of random inputs in `network.json`: the first ones that `psgn predict --seed=0` uses."""
+"""Number of random inputs in `network.json`, the first of `psgn predict --seed=0`."""
 
 ONNX_NAMES = {
     "float32": "network.onnx",
     "float16": "network_float16.onnx",
     "int8": "network_int8.onnx",
 }
-"""The file for each type in which weights can be stored."""
+"""Type in which weights can be stored -> file."""
 
 CHECKED = 64
-"""Number of images of records on which a file is compared with JAX, at most."""
+"""Largest number of images of records on which a file is compared with JAX."""
 
 LARGEST_DIFFERENCE = 1e-4
 """Largest accepted difference between a coordinate of a float32 file and JAX's (unit)."""
@@ -45,7 +45,7 @@ LARGEST_CD_CHANGE = 0.01
 
 TEMPLATES = pathlib.Path(__file__).resolve().parent / "templates"
 JAVASCRIPT = ("framing.js", "resample.js")
-"""JavaScript modules in `TEMPLATES` that frame and resample photos like the Python code."""
+"""Modules in `TEMPLATES` that frame and resample photos like the Python code."""
 
 _NAMES = ["BOX_WIDTH", "BOX_HEIGHT", "BOX_POWER", "MIDDLE_COLUMN", "MIDDLE_ROW"]
 _NAMES += ["MIDDLE_ROW_PER_WIDTH", "SMALLEST_BOX"]
@@ -78,12 +78,11 @@ def write_network(
 
     Args:
       out: folder, created if missing.
-      weights: the types in which weights are stored, any of `ONNX_NAMES`; each gives one ONNX file.
-        "int8" needs `data`.
+      weights: any of `ONNX_NAMES`; each gives one ONNX file. "int8" needs `data`.
       data: folder of records for the check; "" = random images, which have no ground truth.
 
     Returns:
-      the content of `network.json`.
+      The content of `network.json`.
 
     Raises:
       ConfigError: packages are missing, or an argument is wrong.
@@ -153,7 +152,7 @@ def write_folder(run: Trained, out: str | os.PathLike[str], **options: Any) -> d
 
 
 def session(content: bytes) -> Callable[[Arrays], np.ndarray]:
-    """An ONNX graph as a function, run by onnxruntime on the CPU."""
+    """An ONNX graph as a function on the CPU."""
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
@@ -177,7 +176,7 @@ def drawn_inputs(network: PortableNetwork) -> dict[str, np.ndarray]:
 def _recorded(
     network: PortableNetwork, path: str, split: str
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """The inputs and the true clouds of the first `CHECKED` samples of a split of records."""
+    """The inputs and the true clouds of the first samples of a split."""
     reader = RecordReader(path, split)
     samples = [reader[i] for i in range(min(CHECKED, len(reader)))]
     size = network.config.data.image_size
@@ -200,15 +199,12 @@ def _inputs(
 def check(
     stored: str, points: np.ndarray, expected: np.ndarray, truth: np.ndarray | None
 ) -> dict[str, Any]:
-    """Compares the clouds [n, ..., m, 3] of a file with JAX's.
+    """Compares the clouds [n, ..., m, 3] of a file with JAX's; raises `ExportError`.
 
     Returns:
-      `images`: number of images; `largest_difference`: of a coordinate (unit); `cd`: mean
-      `chamfer_sq_mean` of the file's clouds (unit^2); `cd_change`: its change relative to the value
-      for JAX's clouds. The last two are None without the true clouds.
-
-    Raises:
-      ExportError: a difference is too large.
+      `images`: number of images; `largest_difference`: of a coordinate (unit); and, None without
+      the true clouds, `cd`: mean `chamfer_sq_mean` of the file's clouds (unit^2), and `cd_change`:
+      its change relative to JAX's clouds.
     """
     difference = float(np.abs(points - expected).max())
     if stored == "float32" and not difference <= LARGEST_DIFFERENCE:
@@ -232,14 +228,12 @@ def check(
 
 
 def _describe(run: Trained, network: PortableNetwork) -> dict[str, Any]:
-    """The content of `network.json`, for programs that call the network; no files yet."""
+    """The content of `network.json`, without files."""
     model = network.config.model
     intrinsics, extrinsics = camera.default_camera(framing.VIEW_SIZE)
-    latents = (
-        np.asarray(sampling.sample_latents(network.config, 0, 1, LATENTS, 0))[0].tolist()
-        if model.random_size
-        else []
-    )
+    latents: list[Any] = []
+    if model.random_size:
+        latents = sampling.sample_latents(network.config, 0, 1, LATENTS, 0)[0].tolist()
     return {
         "format": FORMAT,
         "name": pathlib.Path(run.source).name if run.source else "",

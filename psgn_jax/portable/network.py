@@ -19,14 +19,14 @@ import jax
 import numpy as np
 from jax import export as jax_export
 
-from psgn_jax.config.experiment import Config, ConfigError, require_points_task
+from psgn_jax.config.experiment import Config
 from psgn_jax.models import networks
 from psgn_jax.models.cpu_convolution import plain_convolutions
+from psgn_jax.prediction.predictor import require_photos
 from psgn_jax.system.errors import UserError
 from psgn_jax.weights.run_folder import Trained
 
 PLATFORMS = ("cpu", "cuda", "rocm", "tpu")
-"""Platforms of the StableHLO program."""
 
 
 class InputSpec(NamedTuple):
@@ -42,7 +42,7 @@ class ExportError(UserError):
 
 
 def symbolic(inputs: Sequence[InputSpec]) -> list[jax.ShapeDtypeStruct]:
-    """Arguments to trace a function for any number of images and draws."""
+    """Arguments that trace a function for any number of images and draws."""
     batch, draws = jax_export.symbolic_shape("batch, draws")
     sizes: dict[int | str, object] = {"batch": batch, "draws": draws}
     return [
@@ -52,24 +52,14 @@ def symbolic(inputs: Sequence[InputSpec]) -> list[jax.ShapeDtypeStruct]:
 
 
 class PortableNetwork:
-    """A trained network with its inputs.
+    """A trained network with its inputs; it computes in float32.
 
-    Attributes:
-      config: configuration of the training, with `compute_dtype` changed to float32.
+    Raises:
+      ConfigError: the network does not predict points, or reads depth.
     """
 
     def __init__(self, run: Trained):
-        """The network of an opened run, see `weights.opening.open_network`.
-
-        Raises:
-          ConfigError: the network does not predict points, or reads depth.
-        """
-        require_points_task(run.config, "a network for other programs")
-        if "depth" in run.config.data.inputs:
-            raise ConfigError(
-                f"data.inputs={run.config.data.inputs!r}: accepted for export: a network with the "
-                "inputs 'rgb' and 'mask'"
-            )
+        require_photos(run.config, "an export")
         model = dataclasses.replace(run.config.model, compute_dtype="float32")
         self.config: Config = dataclasses.replace(run.config, model=model)
         self.params, self.num_points = run.params, networks.build(model).num_points

@@ -1,10 +1,8 @@
 """Writes a JAX function as an ONNX file: a walk over the primitives of its trace.
 
-Only this file imports onnx.
-
 Convolutions read [b, h, w, c] in JAX and [b, c, h, w] in ONNX, so a tensor knows the order in which
-its axes are stored. Elementwise operations keep the order. A chain of convolutions is therefore
-transposed at its two ends only.
+its axes are stored. Elementwise operations keep the order, so a chain of convolutions is only
+transposed at its two ends. Only this file imports onnx.
 """
 
 import itertools
@@ -35,10 +33,10 @@ _ELEMENTWISE = {
 
 
 class _Tensor(NamedTuple):
-    """A tensor of the graph. Arrays of NumPy are the known values of the traced function.
+    """A tensor of the graph; known values of the traced function are arrays of NumPy.
 
-    `shape` has JAX's order of axes. Where JAX repeats an axis, it has size 1 here, because ONNX's
-    operators repeat it. Stored axis i is JAX's axis `order[i]`.
+    `shape` has JAX's order of axes; stored axis i is JAX's axis `order[i]`. An axis that JAX
+    repeats has size 1 here, because ONNX's operators repeat it.
     """
 
     name: str
@@ -61,9 +59,8 @@ def to_onnx(
     Args:
       function: maps arrays to one array, whose sizes may depend on symbolic sizes of the inputs.
       inputs: the names, types and shapes of the arrays.
-      stored: the type in which kernels are stored; arithmetic is float32 in every case. "float16"
-        halves the size of the file. "int8" reduces it to a quarter: integers with one scale for
-        each output channel. Runtimes convert both to float32 once, at loading.
+      stored: "float32", "float16" (half the size of the file) or "int8" (a quarter: integers with
+        one scale for each output channel). Runtimes convert kernels to float32 once, at loading.
 
     Raises:
       ExportError: the function contains a primitive that is not converted here.
@@ -95,8 +92,6 @@ def to_onnx(
 
 
 class _Graph:
-    """The nodes and constants of the graph."""
-
     def __init__(self, inputs: Sequence[InputSpec], stored: str):
         self.stored = stored
         self.nodes: list[onnx.NodeProto] = []

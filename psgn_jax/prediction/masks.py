@@ -1,7 +1,6 @@
 """Finds the mask of the object in a photo.
 
-A mask `NAME_mask.*` beside `NAME.jpg` is used. Otherwise, there are three methods; "auto" tries
-them in this order:
+Without a mask `NAME_mask.*` beside `NAME.jpg`, "auto" tries three methods in this order:
 
 - `alpha`: the alpha channel of the file.
 - `plain`: a background of exactly one colour, as in renderings and product photos.
@@ -40,17 +39,17 @@ _DOUBTFUL = (
     "the mask may be wrong: look at NAME_view.png (in Python: cloud.mask); if it is, put your own, "
     "NAME_mask.png, beside the photo"
 )
-# A mask is doubtful, too, if its IoU with that of the middle of the photo is smaller, there.
+# A mask is doubtful, too, if it differs from the one that the network finds in this middle part of
+# the photo. Where something else than the object was found, less of it is found again.
 _MIDDLE, _LEAST_AGREEMENT = 0.85, 0.9
 
 # `plain`: a lossy image is searched on a copy with at most this many pixels per side.
 _SEARCH_SIDE = 512
 # `plain`: the fraction of the border that must be background, up to this deviation.
 _BORDER_SHARE, _EXACT = 0.97, 1
-# `plain`: the deviation from the background that JPEG causes near an object, and the threshold for
-# lossy images. The number of pixels with a deviation of 1 or 2 is divided by the number of pixels
-# of the outline. The image is lossy if this ratio exceeds the threshold. It is below .31 on 100
-# lossless renderings and above .98 on 30 JPEGs (quality 70 to 95).
+# `plain`: the deviation that JPEG causes near an object. An image is lossy if it has more pixels
+# with a deviation of 1 or 2 than this share of the pixels of the outline: less than .31 on 100
+# lossless renderings, more than .98 on 30 JPEGs (quality 70 to 95).
 _JPEG_DEVIATION, _JPEG_SHARE = 12, 0.6
 _SMALLEST, _LARGEST = 0.0005, 0.97  # fraction of the image that an object may cover
 _NOTE = "psgn_jax result"  # key of a text in PNG files
@@ -85,40 +84,32 @@ def mask_of(
 
     Args:
       mask: see `photo.read_mask`; None = automatic.
-      accept: see `find_mask`.
-      method: see `find_mask`.
+      method: see `find_mask`, also for `accept` and errors.
       invert: whether a given mask is white outside the object; None = if it looks so.
 
     Raises:
-      PhotoError: the mask cannot be used, or the errors of `find_mask`.
-      ValueError: an unknown method, or `invert` without a mask.
+      PhotoError: the mask cannot be used.
+      ValueError: `invert` without a mask.
     """
     name = "given"
     if mask is None and method == "auto" and read.path is not None:
-        mask = _beside(read.path)
+        # A result that nobody has changed is not used.
+        files = (read.path.with_name(f"{read.path.stem}_mask{s}") for s in sorted(photo.SUFFIXES))
+        mask = next((file for file in files if file.is_file() and not is_result(file)), None)
         name = mask.name if mask else name
     if mask is None:
         if invert is not None:
             raise ValueError("invert_mask: accepted only with a given mask")
         return find_mask(read.image, read.alpha, method, accept=accept)
     pixels, warnings = photo.read_mask(mask, read), []
-    if invert is None and looks_inverted(pixels):
+    if invert is None and _looks_inverted(pixels):
         warnings.append("the mask covers the border but not the middle: it was inverted")
     if invert or warnings:
         pixels = ~pixels
-    turned = turned_as(read.image, pixels, read.orientation) if read.orientation > 1 else None
-    if turned is not None:
+    if read.orientation > 1 and _fits_better_turned(read.image, pixels, read.orientation):
+        pixels = photo.turned(pixels, read.orientation)
         warnings.append("the mask was turned as EXIF turns the photo, because it fits better so")
-    return FoundMask(pixels if turned is None else turned, name, tuple(warnings))
-
-
-def _beside(path: pathlib.Path) -> pathlib.Path | None:
-    """`NAME_mask.*` beside a photo, unless it is a result that nobody has changed."""
-    for suffix in sorted(photo.SUFFIXES):
-        mask = path.with_name(f"{path.stem}_mask{suffix}")
-        if mask.is_file() and not is_result(mask):
-            return mask
-    return None
+    return FoundMask(pixels, name, tuple(warnings))
 
 
 def result_png(picture: np.ndarray) -> bytes:
@@ -172,25 +163,22 @@ def find_mask(
         mask = plain(image)
         if mask is not None and _SMALLEST <= mask.mean() <= _LARGEST:
             return FoundMask(mask, "plain")
-    if method in ("auto", "network"):
-        p = probabilities(image)
-        mask, certain = enlarged(p, image.shape[:2]), certainty(p)
-        if _SMALLEST <= mask.mean() <= _LARGEST:
-            if accept or certain >= LEAST_CERTAINTY:
-                doubtful = (
-                    certain < DOUBTFUL_BELOW or _in_the_middle(image, mask) < _LEAST_AGREEMENT
-                )
-                how = f"network, {int(100 * certain)}% certain"
-                return FoundMask(mask, how, (_DOUBTFUL,) * doubtful)
-            # Rounded down, so that a certainty that is refused never reads like an accepted one.
-            raise UncertainMaskError(
-                f"it is not certain which part is the object ({int(100 * certain)}%, expected at "
-                f"least {LEAST_CERTAINTY:.0%})",
-                mask,
-            )
+    if method not in ("auto", "network"):
+        raise PhotoError(f"no object found ({method}); expected its mask, white on the object")
+    p = probabilities(image)
+    mask, certain = enlarged(p, image.shape[:2]), certainty(p)
+    if not _SMALLEST <= mask.mean() <= _LARGEST:
         why = f"the network's mask covers {mask.mean():.3%} of the image"
         raise PhotoError(f"no object found: {why} (expected {_SMALLEST:.2%} to {_LARGEST:.0%})")
-    raise PhotoError(f"no object found ({method}); expected its mask, white on the object")
+    percent = int(100 * certain)  # rounded down: what is refused never reads like what is accepted
+    if certain < LEAST_CERTAINTY and not accept:
+        raise UncertainMaskError(
+            f"it is not certain which part is the object ({percent}%, expected at least "
+            f"{LEAST_CERTAINTY:.0%})",
+            mask,
+        )
+    doubtful = certain < DOUBTFUL_BELOW or _in_the_middle(image, mask) < _LEAST_AGREEMENT
+    return FoundMask(mask, f"network, {percent}% certain", (_DOUBTFUL,) * doubtful)
 
 
 def with_mask(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -199,30 +187,28 @@ def with_mask(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
     return np.where(mask[..., None], image, 0.25 * grey + [60, 90, 160]).astype(np.uint8)
 
 
-def turned_as(image: np.ndarray, mask: np.ndarray, orientation: int) -> np.ndarray | None:
-    """The mask turned as EXIF turns the photo, if it fits the image better so, else None.
+def _fits_better_turned(image: np.ndarray, mask: np.ndarray, orientation: int) -> bool:
+    """Whether a mask fits the image better after it was turned as EXIF turns the photo.
 
-    Programs that ignore EXIF make masks of the photo as it is stored. With the same proportions,
-    only what the mask network sees tells them from masks of the upright photo.
+    Programs that ignore EXIF make masks of the photo as it is stored. Of the same proportions, only
+    the mask network tells them from masks of the upright photo.
     """
     other = photo.turned(mask, orientation)
     if other.shape != mask.shape or (other == mask).all():
-        return None
-    p = enlarged(probabilities(image), mask.shape)
-    return other if mask_iou(other, p) > mask_iou(mask, p) + _CLEARLY_BETTER else None
+        return False
+    seen = enlarged(probabilities(image), mask.shape)
+    return mask_iou(other, seen) > mask_iou(mask, seen) + _CLEARLY_BETTER
 
 
 def probabilities(image: np.ndarray) -> np.ndarray:
     """The mask network's probabilities of the object, float32 [SIDE / 2, SIDE / 2].
 
-    They cover the image, uint8 [h, w, 3], which is resized to `SIDE` x `SIDE`, and are means of
-    those of the image and of its mirror image.
+    The image, uint8 [h, w, 3], is resized to `SIDE` x `SIDE`. We average with its mirror image.
     """
     picture = Image.fromarray(image)
-    small = picture.resize((SIDE, SIDE), Image.Resampling.BILINEAR, reducing_gap=2)
+    small = np.asarray(picture.resize((SIDE, SIDE), Image.Resampling.BILINEAR, reducing_gap=2))
     network, params = _network()
-    array = np.asarray(small)
-    one, other = (np.asarray(network(params, x)) for x in (array, array[:, ::-1]))
+    one, other = (np.asarray(network(params, x)) for x in (small, small[:, ::-1]))
     return (one + other[:, ::-1]) / 2
 
 
@@ -236,10 +222,7 @@ def certainty(p: np.ndarray) -> float:
 
 
 def _in_the_middle(image: np.ndarray, mask: np.ndarray) -> float:
-    """IoU of the mask with the one that the network finds in the middle of the photo, there.
-
-    Where something else than the object was found, less of it is found again.
-    """
+    """IoU of the mask with the one that the network finds in the middle of the photo, there."""
     rows, columns = (slice(m := int((1 - _MIDDLE) / 2 * n), n - m) for n in mask.shape)
     inner = image[rows, columns]
     return mask_iou(enlarged(probabilities(inner), inner.shape[:2]), mask[rows, columns])
@@ -261,11 +244,8 @@ def _network() -> tuple[Callable[..., jax.Array], Any]:
     return jax.jit(run), jax.device_put(params)
 
 
-def looks_inverted(mask: np.ndarray) -> bool:
-    """Whether a mask [h, w] looks inverted: it covers the border but not the middle.
-
-    The mask contains at least 90 % of the border, and less than half of the middle ninth.
-    """
+def _looks_inverted(mask: np.ndarray) -> bool:
+    """Whether a mask covers at least 90 % of the border, but less than half of the middle ninth."""
     height, width = mask.shape
     middle = mask[height // 3 : -(height // 3) or None, width // 3 : -(width // 3) or None]
     return bool(_border(mask).mean() >= 0.9 and middle.mean() < 0.5)
@@ -306,7 +286,7 @@ def _eroded(mask: np.ndarray, side: int) -> np.ndarray:
 
 
 def _deviation(image: np.ndarray, colour: np.ndarray) -> np.ndarray:
-    """The largest difference of a channel from `colour`, at each pixel."""
+    """Largest difference of a channel from `colour`, at each pixel."""
     return np.abs(image.astype(np.int16) - colour.astype(np.int16)).max(axis=2)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from psgn_jax.config.experiment import ConfigError, require_points_task
+from psgn_jax.config.experiment import Config, ConfigError, require_points_task
 from psgn_jax.data import camera, framing, photo, resize
 from psgn_jax.models import networks
 from psgn_jax.prediction import masks, sampling
@@ -26,17 +26,22 @@ from psgn_jax.weights.run_folder import Trained
 NORMAL_FORMS = ("auto", "yes", "no")
 
 
+def require_photos(config: Config, what: str) -> None:
+    """Raises `ConfigError` if a network does not predict points from images and masks alone."""
+    require_points_task(config, what)
+    if "depth" in config.data.inputs:
+        raise ConfigError(
+            f"data.inputs={config.data.inputs!r}: {what} expects a network with the inputs 'rgb' "
+            "and 'mask'"
+        )
+
+
 class Predictor:
     """A trained network that can be called with images; `weights.opening` opens the run."""
 
     def __init__(self, run: Trained):
         config = run.config
-        require_points_task(config, "a prediction from photos")
-        if "depth" in config.data.inputs:
-            raise ConfigError(
-                f"data.inputs={config.data.inputs!r}: photos have no depth; accepted: a network "
-                "with the inputs 'rgb' and 'mask'"
-            )
+        require_photos(config, "a prediction from photos")
         self.config, self.step = config, run.step
         self.source, self.source_kind = run.source, run.source_kind
         self.checksum = checksum(named_leaves(run.params))

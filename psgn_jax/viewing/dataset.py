@@ -17,42 +17,31 @@ from psgn_jax.data.schema import RecordError
 from psgn_jax.viewing import spheres
 from psgn_jax.viewing.page import nearest_distances
 
-# A sample is flagged if less than this fraction of its points is within `NEAR_PIXELS` pixels of the
-# mask. Either its image does not show the whole object, or its camera is wrong. 2.5 % of the
-# authors' samples are flagged.
+# We flag a sample if less than this fraction of its points is within `NEAR_PIXELS` pixels of the
+# mask: its image does not show the whole object, or its camera is wrong. 2.5 % of the authors'
+# samples are flagged.
 FLAG_BELOW = 0.99
 NEAR_PIXELS = 2
 
-_DEPTH_PIXELS = 400
-
 
 class Check(NamedTuple):
-    """How well the image, the depth and the points of a sample agree.
+    """How well the image, the depth and the points of a sample agree; lengths in units."""
 
-    Attributes:
-      inside: fraction of the points that project into the mask.
-      near: fraction of the points within `NEAR_PIXELS` pixels of the mask.
-      depth_median: median distance from back-projected pixels to the nearest point, unit of the
-        frame; NaN without depth.
-      reach: largest distance of a point from the origin, unit of the frame.
-      lowest: smallest z of a point.
-    """
-
-    inside: float
-    near: float
-    depth_median: float
-    reach: float
-    lowest: float
+    inside: float  # fraction of the points that project into the mask
+    near: float  # fraction of the points within `NEAR_PIXELS` pixels of the mask
+    depth_median: float  # from back-projected pixels to the nearest point; NaN without depth
+    reach: float  # largest distance of a point from the origin
+    lowest: float  # smallest z of a point
 
 
 def check(sample: schema.Sample) -> Check:
-    """Compares the projected points with the mask, and the back-projected depth with the points."""
+    """Compares the points of a sample with its mask and its depth."""
     pixels, depth = camera.project(sample.points, sample.intrinsics, sample.extrinsics)
     pixels = np.where(depth[:, None] > 0, pixels, np.inf)
     median = float("nan")
     if sample.depth is not None and (sample.depth > 0).any():
         surface = camera.back_project(sample.depth, sample.intrinsics, sample.extrinsics)
-        some = surface[:: max(1, len(surface) // _DEPTH_PIXELS)]
+        some = surface[:: max(1, len(surface) // 400)]
         median = float(np.median(nearest_distances(some, sample.points)))
     return Check(
         inside=float(camera.inside_mask(pixels, sample.mask).mean()),
@@ -63,9 +52,9 @@ def check(sample: schema.Sample) -> Check:
     )
 
 
-def _spread(count: int, wanted: int) -> np.ndarray:
+def _spread(count: int, wanted: int) -> list[int]:
     """At most `wanted` indices, evenly spaced in range(count)."""
-    return np.unique(np.linspace(0, count - 1, min(count, wanted)).astype(int))
+    return np.unique(np.linspace(0, count - 1, min(count, wanted)).astype(int)).tolist()
 
 
 def _report_split(reader: RecordReader, num_checked: int) -> list[str]:
@@ -86,7 +75,7 @@ def _report_split(reader: RecordReader, num_checked: int) -> list[str]:
     checks: list[Check] = []
     flagged: list[str] = []
     sizes: dict[str, list[int]] = {}
-    for index in map(int, _spread(len(reader), num_checked)):
+    for index in _spread(len(reader), num_checked):
         try:
             data = reader.read(index)
             sample = schema.validate(reader[index])
@@ -108,16 +97,12 @@ def _report_split(reader: RecordReader, num_checked: int) -> list[str]:
                 f"{list(sample.points.shape)}, optional fields {optional or 'none'}"
             )
     if checks:
-        lines.append(
-            "  bytes of a record, mean: "
-            + ", ".join(f"{f} {np.mean(v):.0f}" for f, v in sizes.items())
-        )
-        lines += _summary(checks)
+        means = (f"{field} {np.mean(values):.0f}" for field, values in sizes.items())
+        lines += [f"  bytes of a record, mean: {', '.join(means)}", *_summary(checks)]
     return lines + flagged
 
 
 def _summary(checks: Sequence[Check]) -> list[str]:
-    """Lines about the samples that were checked."""
     inside, near, depth, reach, lowest = np.array(checks).T
     lines = [
         f"  {len(checks)} samples checked: points strictly inside the mask {inside.mean():.2%}"
@@ -161,9 +146,9 @@ def report(path: str | pathlib.Path, num_checked: int = 256) -> tuple[list[str],
 def make_sheet(path: str | pathlib.Path, num_samples: int = 12) -> Image.Image:
     """Draws a contact sheet of samples; damaged ones are skipped.
 
-    Each sample has three pictures, as high as the first image: the image, its cloud with the
-    outline of the mask, and the cloud from another side. A test split is not drawn if there are
-    others, because nothing is chosen by looking at it.
+    Each has three pictures, as high as the first image: the image, its cloud with the outline of
+    the mask, and the cloud from another side. We leave out a test split if there are others,
+    because nothing should be chosen by looking at it.
     """
     rows: list[tuple[str, dict[str, np.ndarray]]] = []
     every = load_manifest(path).splits()
@@ -174,7 +159,7 @@ def make_sheet(path: str | pathlib.Path, num_samples: int = 12) -> Image.Image:
             reader = RecordReader(path, split)
         except RecordError:  # a shard is missing; `report` names it
             continue
-        for index in map(int, _spread(len(reader), -(-num_samples // len(splits)))):
+        for index in _spread(len(reader), -(-num_samples // len(splits))):
             try:
                 sample = reader[index]
             except RecordError:

@@ -1,10 +1,9 @@
 """A viewer for point clouds: one HTML file that needs no internet connection and no other files.
 
-It shows the image, the predicted cloud and the ground truth. If there are several samples, a slider
-chooses one. The clouds can be rotated with a mouse or a finger. Points are coloured by height,
-branch, error, spread of the samples, or by the colours of the image. `page.html` contains the code
-of the page, which draws on a canvas; a content security policy forbids all requests. Coordinates
-are stored as int16 and have an error below 1e-4 units.
+It shows the image, the predicted cloud and the ground truth. A slider chooses one of several
+samples, a mouse or a finger turns the clouds. Points are coloured by height, branch, error, spread
+of the samples, or from the image. A content security policy forbids all requests. Coordinates are
+stored as int16 with an error below 1e-4 units.
 """
 
 import base64
@@ -39,14 +38,14 @@ class Case:
       name: a unique name; `page.html#NAME` opens the case.
       image: uint8 [H, W, 3].
       samples: float32 [k, n, 3], predictions in the project's frame.
-      truth: float32 [m, 3], the ground truth, or None.
+      truth: float32 [m, 3].
       num_fc: number of points of the fc branch, which come first.
-      colours: uint8 [k, n, 3], colours from the image, or None.
+      colours: uint8 [k, n, 3], from the image.
       about: a short text, such as the category.
       metrics: a short text for each sample.
-      camera: `intrinsics` and `extrinsics` of the image, or None.
-      photo: the whole photo, uint8 [h, w, 3], and the map [3, 3] from its (column, row) to pixels
-        of `image`; None, or with `camera`. The page shows it behind the cloud.
+      camera: `intrinsics` and `extrinsics` of the image.
+      photo: with `camera`, the whole photo, uint8 [h, w, 3], and the map [3, 3] from its (column,
+        row) to pixels of `image`; it is shown behind the cloud.
     """
 
     name: str
@@ -81,7 +80,7 @@ def case_of(name: str, arrays: Mapping[str, np.ndarray]) -> Case:
 
 
 def document_of(cases: Sequence[Case]) -> str:
-    """One page, as a text of HTML."""
+    """One page as a text of HTML."""
     return _page("psgn_jax", [to_json(_encode(case)) for case in cases], [])
 
 
@@ -107,8 +106,7 @@ def write_pages(
     """Writes one page, or several that link to each other: `page.html`, `page-2.html`, ...
 
     Args:
-      cases: at least one case; names must be unique. Only one case and one page are in memory at a
-        time.
+      cases: at least one; only one case and one page are in memory at a time.
       max_bytes: maximum size of a page, unless a single case is larger.
 
     Returns:
@@ -123,11 +121,14 @@ def write_pages(
     texts: list[str] = []
     number = 1
 
+    def file(number: int) -> pathlib.Path:
+        return path if number == 1 else path.with_stem(f"{path.stem}-{number}")
+
     def write(*, last: bool) -> None:
         links = {number - 1: "previous page"} if number > 1 else {}
         links |= {} if last else {number + 1: "next page"}
-        near = [{"file": _numbered(path, n).name, "label": t} for n, t in links.items()]
-        write_atomic(_numbered(path, number), _page(title, texts, near))
+        near = [{"file": file(n).name, "label": label} for n, label in links.items()]
+        write_atomic(file(number), _page(title, texts, near))
 
     for case in cases:
         if case.name in pages:
@@ -138,7 +139,7 @@ def write_pages(
             texts.clear()
             number += 1
         texts.append(text)
-        pages[case.name] = _numbered(path, number)
+        pages[case.name] = file(number)
     write(last=True)
     return pages
 
@@ -146,8 +147,8 @@ def write_pages(
 def document(template: pathlib.Path, data: str, **pieces: str) -> str:
     """A page that makes no requests: a template with its pieces and its data, a text of JSON.
 
-    A template begins with `/*HEAD*/`, the place of `head.html`, which holds the data. `/*CLOUD*/`
-    is the place of `cloud.js`, and `/*NAME*/` that of the piece NAME.
+    `/*NAME*/` in the template is the place of the piece NAME, `/*HEAD*/` of `head.html`, which
+    holds the data, and `/*CLOUD*/` of `cloud.js`.
     """
     pieces["HEAD"] = _HEAD.read_text(encoding="utf-8")
     pieces["CLOUD"] = CLOUD_SCRIPT.read_text(encoding="utf-8").replace("export ", "")
@@ -158,13 +159,9 @@ def document(template: pathlib.Path, data: str, **pieces: str) -> str:
 
 
 def nearest_distances(queries: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Distance [n] of each query to the nearest point; points that are not finite are far away."""
+    """Distance [n] of each query to the nearest point; those that are not finite are far away."""
     near, far = (np.nan_to_num(a, nan=1e9, posinf=1e9, neginf=-1e9) for a in (points, queries))
     return cKDTree(near).query(far)[0]
-
-
-def _numbered(path: pathlib.Path, number: int) -> pathlib.Path:
-    return path if number == 1 else path.with_name(f"{path.stem}-{number}{path.suffix}")
 
 
 def _encode(case: Case) -> dict[str, Any]:
@@ -206,7 +203,7 @@ def _encode(case: Case) -> dict[str, Any]:
 
 
 def to_json(value: Any) -> str:
-    """JSON in one line, escaped because a "<" could end the script element that contains it."""
+    """JSON in one line; a "<" is escaped, because it could end the script element."""
     return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
@@ -225,13 +222,10 @@ def _base64(array: np.ndarray) -> str:
 
 
 def picture_uri(image: np.ndarray) -> str:
-    """A data URI of an image [H, W, 3]: PNG if small, else the smaller of PNG and JPEG."""
-    best = ""
-    for kind, options in (("png", {"optimize": True}), ("jpeg", {"quality": 88})):
-        buffer = io.BytesIO()
-        Image.fromarray(image).save(buffer, kind, **options)
-        uri = f"data:image/{kind};base64," + base64.b64encode(buffer.getvalue()).decode()
-        best = uri if not best or len(uri) < len(best) else best
-        if len(best) < 20_000:
-            break
-    return best
+    """A data URI of an image [H, W, 3], the shorter of PNG and JPEG."""
+    png, jpeg = io.BytesIO(), io.BytesIO()
+    Image.fromarray(image).save(png, "png", optimize=True)
+    Image.fromarray(image).save(jpeg, "jpeg", quality=88)
+    content = min(png.getvalue(), jpeg.getvalue(), key=len)
+    kind = "png" if content.startswith(b"\x89PNG") else "jpeg"
+    return f"data:image/{kind};base64,{base64.b64encode(content).decode()}"

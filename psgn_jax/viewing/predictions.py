@@ -35,7 +35,7 @@ class PredictionFileError(UserError):
 
 
 def read_prediction(path: str | os.PathLike[str], fields: Sequence[str]) -> dict[str, np.ndarray]:
-    """The arrays `fields` (names of `_FIELDS`) of a prediction; nothing is unpickled.
+    """The arrays `fields` of a prediction; nothing is unpickled.
 
     Raises:
       PredictionFileError: the file is missing, of another kind or damaged.

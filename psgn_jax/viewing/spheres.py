@@ -1,8 +1,7 @@
 """Draws clouds as in the paper: points are small shaded spheres that cast a shadow on the ground.
 
-It only needs NumPy and Pillow, and no GPU. Spheres are drawn with their normals into a depth
-buffer, lit softly and darkened in the gaps between them. Pictures are computed at twice their size,
-for antialiasing.
+We draw spheres with their normals into a depth buffer, light them softly and darken the gaps
+between them, at twice the size of the picture.
 """
 
 import io
@@ -19,19 +18,17 @@ from psgn_jax.data import camera
 from psgn_jax.system.files import write_atomic
 
 RADIUS = 0.028
-"""Radius of a sphere in units of the frame.
-
-It is half the distance between neighbouring points if 1,024 points are spread evenly over a typical
-surface."""
+"""Radius of a sphere (unit): half the distance of neighbours of 1,024 points, evenly spread over a
+typical surface."""
 
 BRANCH_COLOURS = ((226, 114, 62), (70, 130, 180))
 """Colours of points from the fully connected branch and from the deconvolution branch."""
 
-# By height, from the ground up; in the pictures of the paper all points have the same hue.
+# By height, from the ground up.
 HEIGHT_COLOURS = np.array(
     [[61, 82, 120], [66, 128, 150], [110, 170, 148], [205, 190, 120], [224, 134, 88]], np.float64
 )
-# By a value, from small to large, perceptually uniform (dark violet, magenta, orange, yellow).
+# By a value, from small to large, perceptually uniform.
 VALUE_COLOURS = np.array(
     [[48, 30, 110], [124, 38, 128], [200, 62, 100], [245, 130, 70], [252, 220, 140]], np.float64
 )
@@ -43,8 +40,6 @@ _OVERSAMPLING = 2
 _SHADOW_CELLS, _SHADOW_HALF = 192, 1.6  # shadow map on the ground: cells per side, half its width
 _SHADOW_SLANT = (-0.25, 0.3)  # offset of the shadow per unit of height: toward the camera, right
 _SHADOW_DARKNESS = 0.42
-_WHITE = 255.0
-_FRAME = 80  # duration of a frame of a turntable, milliseconds
 
 
 Clouds = Mapping[str, tuple[np.ndarray, ArrayLike]]
@@ -76,25 +71,22 @@ def render(
     radius: float = RADIUS,
     shadow: bool = True,
 ) -> np.ndarray:
-    """Draws one cloud as lit spheres on white, with its shadow on the ground z = 0.
+    """Draws one cloud as lit spheres on white, uint8 [height, width, 3].
 
     Args:
-      points: [n, 3] in the project's frame; points that are not finite or behind the camera are
-        skipped.
+      points: [n, 3] in the project's frame; those that are not finite or behind the camera are left
+        out.
       colours: uint8 [n, 3].
-      intrinsics: [3, 3] in pixels of an image of `size`.
+      intrinsics: [3, 3] in pixels of an image of `size`, (height, width).
       extrinsics: [3, 4], from the project's frame to the camera's.
-      size: (height, width) of the picture.
-      radius: radius of the spheres, unit of the frame.
-
-    Returns:
-      uint8 [height, width, 3].
+      radius: of the spheres, unit of the frame.
+      shadow: whether the cloud has a shadow on the ground z = 0.
     """
     keep = np.isfinite(points).all(axis=1)
     points, colours = points[keep].astype(np.float64), colours[keep]
     height, width = size[0] * _OVERSAMPLING, size[1] * _OVERSAMPLING
     intrinsics = np.diag([_OVERSAMPLING, _OVERSAMPLING, 1.0]) @ intrinsics
-    canvas = np.full((height, width, 3), _WHITE)
+    canvas = np.full((height, width, 3), 255.0)
     if shadow and len(points):
         canvas *= _ground_light(points, radius, intrinsics, extrinsics, (height, width))[..., None]
     pixels, depth = camera.project(points, intrinsics, extrinsics)
@@ -129,9 +121,9 @@ def panels(
     """Pictures of a sample: its image, and clouds seen from its camera, then rotated.
 
     Args:
-      case: `image` uint8 [h, w, 3] and its camera, `intrinsics` and `extrinsics`.
+      case: `image` uint8 [h, w, 3], `intrinsics` and `extrinsics`.
       turns: angles about the vertical axis in degrees.
-      radius: title -> radius of the spheres; the default is `RADIUS`.
+      radius: title -> radius of the spheres, by default `RADIUS`.
 
     Returns:
       `image`, and TITLE or `TITLE, ANGLE degrees` -> uint8 [height, w, 3].
@@ -152,12 +144,11 @@ def panels(
 
 
 def sheet(rows: Sequence[tuple[str, Mapping[str, np.ndarray]]], *, columns: int) -> Image.Image:
-    """Draws many cases, at least one, in one picture.
+    """Draws many cases in one picture, `columns` beside each other.
 
     Args:
       rows: label and pictures of each case; the label stands over the first picture, the titles
-        over the others. All pictures of a sheet have the same height.
-      columns: number of cases beside each other.
+        over the others. All pictures have the same height.
     """
     lengths = [sum(picture.shape[1] for picture in pictures.values()) for _, pictures in rows]
     wide, high = max(lengths), next(iter(rows[0][1].values())).shape[0]
@@ -177,17 +168,12 @@ def sheet(rows: Sequence[tuple[str, Mapping[str, np.ndarray]]], *, columns: int)
 
 
 def thinned(truth: np.ndarray, pred: np.ndarray) -> np.ndarray:
-    """Every k-th true point, about as many as predicted: a denser cloud looks better."""
+    """Every k-th true point, about as many as predicted, because a denser cloud looks better."""
     return truth[:: max(1, len(truth) // max(1, len(pred)))]
 
 
 def turntable(points: np.ndarray, colours: np.ndarray, path: str | pathlib.Path) -> None:
-    """Writes a GIF of a cloud that rotates about the vertical axis, 12.5 frames a second.
-
-    Raises:
-      ValueError: the name does not end in .gif.
-    """
-    check_turntable(path)
+    """Writes a GIF of a cloud that rotates about the vertical axis, 12.5 frames a second."""
     size = 240, 320
     intrinsics, extrinsics = camera.default_camera(size)
     pictures = [
@@ -196,14 +182,8 @@ def turntable(points: np.ndarray, colours: np.ndarray, path: str | pathlib.Path)
     ]
     first, *others = [Image.fromarray(picture).quantize(128) for picture in pictures]
     buffer = io.BytesIO()
-    first.save(buffer, "gif", save_all=True, append_images=others, duration=_FRAME, loop=0)
+    first.save(buffer, "gif", save_all=True, append_images=others, duration=80, loop=0)
     write_atomic(path, buffer.getvalue(), sync=False)
-
-
-def check_turntable(path: str | pathlib.Path) -> None:
-    """Raises a ValueError if the name of a turntable does not end in .gif."""
-    if pathlib.Path(path).suffix.lower() != ".gif":
-        raise ValueError(f"turntable={path}: accepted: a name that ends with .gif")
 
 
 def check_picture(path: str | pathlib.Path, flag: str) -> None:
@@ -228,7 +208,7 @@ def _ramp(stops: np.ndarray, values: np.ndarray) -> np.ndarray:
 def _stamp(
     pixels: np.ndarray, depth: np.ndarray, radius: float, focal: float, canvas: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Rasterises spheres; returns (flat pixel, normal, depth, index of the point) of each hit."""
+    """Rasterises spheres: (flat pixel, normal, depth, index of the point) of each hit."""
     height, width = canvas.shape[:2]
     on_screen = focal * radius / np.maximum(depth, 0.05)
     reach = int(min(np.ceil(on_screen.max(initial=0.0)), 96)) + 1
@@ -288,10 +268,9 @@ def _ground_light(
     extrinsics: np.ndarray,
     size: tuple[int, int],
 ) -> np.ndarray:
-    """Light on the ground z = 0 at each pixel; 1 = no shadow, or the ray misses the ground."""
+    """Light on the ground z = 0 at each pixel; 1 = no shadow, or no ground."""
     cell = 2 * _SHADOW_HALF / _SHADOW_CELLS
-    # The shadow always falls to the right and away from the camera, as from a light at the upper
-    # left of the picture.
+    # The shadow falls to the right and away from the camera.
     rotation = extrinsics[:, :3]
     right, toward = rotation[0, :2], -rotation[2, :2]
     toward = toward / max(float(np.linalg.norm(toward)), 1e-9)

@@ -237,7 +237,7 @@ def test_wrong_arguments(tmp_path):
     with pytest.raises(folder.ExportError, match="not finite"):
         folder.write_folder(run._replace(params=broken), tmp_path)
     deep = make_run(data__inputs=("rgb", "mask", "depth"))
-    with pytest.raises(ConfigError, match="accepted for export: a network with the inputs 'rgb'"):
+    with pytest.raises(ConfigError, match="an export expects a network with the inputs 'rgb'"):
         folder.write_folder(deep, tmp_path)
     assert not list(tmp_path.iterdir())
 

@@ -148,7 +148,7 @@ def test_wrong_arguments(predictor, config, params):
     with pytest.raises(ValueError, match="the mask is 5x5"):
         predictor(photo_of_a_box(), np.ones((5, 5), bool))
     depth = standin.config(data__inputs=("rgb", "mask", "depth"))
-    with pytest.raises(ConfigError, match="photos have no depth"):
+    with pytest.raises(ConfigError, match="from photos expects a network with the inputs 'rgb'"):
         Predictor(Trained(depth, 7, params, {}))
     fixed = standin.config(model__random_size=0)
     with pytest.raises(ConfigError, match="samples=2: accepted: 1, as this network has no random"):

@@ -33,10 +33,10 @@ T = TypeVar("T")
 
 @dataclasses.dataclass(frozen=True)
 class CaseRecord:
-    """The record of a case: name on the page, number in the split, object and view."""
+    """The record of a case."""
 
-    name: str
-    record: Count
+    name: str  # on the page
+    record: Count  # number in the split
     model_id: str
     view: Count
 
@@ -68,11 +68,11 @@ class Answer:
 
 @dataclasses.dataclass(frozen=True)
 class AnswersFile:
-    """The file of models; `study` is the id of the study that it belongs to."""
+    """The content of `human.json`."""
 
     format: Literal["psgn human study"]
     version: Annotated[int, Bounds(low=1, high=1)]
-    study: str
+    study: str  # `StudyFile.id`
     cases: tuple[Answer, ...]
 
 
@@ -81,8 +81,7 @@ def build_study(
 ) -> pathlib.Path:
     """Writes the page, one HTML file, and `study.json`; returns the page.
 
-    The page contains the images and the cameras. It contains neither points nor the names and
-    categories of the objects.
+    The page has images and cameras, but no points, names or categories of the objects.
     """
     out = pathlib.Path(out)
     check_folder(out, "out")
@@ -119,7 +118,6 @@ def build_study(
 
 
 def _checksum(samples: list[Sample]) -> str:
-    """16 hexadecimal digits of a hash of the images and cameras of a study."""
     digest = hashlib.sha256()
     for sample in samples:
         for array in (sample.image, sample.intrinsics, sample.extrinsics):
@@ -129,7 +127,6 @@ def _checksum(samples: list[Sample]) -> str:
 
 
 def _read(kind: type[T], path: pathlib.Path, missing: str, damaged: str) -> T:
-    """The content of a file; raises `ConfigError` of one line."""
     shown = one_line(path)
     try:
         return structured.build(kind, read_json(path, max_bytes=_MAX_BYTES))
@@ -149,7 +146,7 @@ def open_cases(study: StudyFile, data: str = "") -> list[Sample]:
     """The records of a study, from `data` or from where they were when the page was written.
 
     Raises:
-      ConfigError: the records are not those of the study.
+      ConfigError: the records are others.
       RecordError: they cannot be read.
     """
     reader = RecordReader((data or study.data).split(","), study.split)
@@ -166,8 +163,7 @@ def read_answers(path: str | os.PathLike[str], study: StudyFile) -> tuple[Answer
     """The models of all cases, in the order of the study. The file is not trusted.
 
     Raises:
-      ConfigError: the file is missing or damaged, belongs to another study, or has values out of
-        bounds.
+      ConfigError: it is missing or damaged, of another study, or has values out of bounds.
     """
     answers = _read(
         AnswersFile,

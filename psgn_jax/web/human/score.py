@@ -1,10 +1,8 @@
 """Compares a person's models with networks: tables and the paper's figure.
 
-The points of each model and of each network are compared with the points of the record by the
-metrics of `evaluation.clouds`. The points of a model are uniform on the surface of the union of its
-parts: surfaces that are inside other parts, or where parts touch, have no points. As in the paper,
-models are not aligned with the truth afterwards: the person builds them in the frame of the record,
-seen through the camera of the image.
+We compare the points of each model and network with the points of the record by the metrics of
+`evaluation.clouds`. As in the paper, models are not aligned with the truth: the person builds them
+in the frame of the record, seen through the camera of the image.
 
 Source: Fan, Su, Guibas, CVPR 2017, section "Analysis of human ability for single view 3D
 reconstruction". The paper uses 16 cases and 1,024 points, and shows the figure without numbers. The
@@ -21,37 +19,32 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import ConvexHull, QhullError
 
-from psgn_jax.config.experiment import ConfigError, require_points_task
+from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data import resize
 from psgn_jax.data.schema import Sample
 from psgn_jax.evaluation.clouds import evaluate_pair
 from psgn_jax.evaluation.table import COLUMNS, markdown
 from psgn_jax.models import networks
 from psgn_jax.prediction import sampling
+from psgn_jax.prediction.predictor import require_photos
 from psgn_jax.studies import figures
 from psgn_jax.system.files import finite_or_none, write_atomic
 from psgn_jax.system.untrusted import message_line, one_line
 from psgn_jax.web.human.files import Answer, StudyFile
 from psgn_jax.weights.run_folder import Trained
 
-NUM_POINTS = 1024
-"""Points of each model in the paper."""
-
-MAX_NETWORKS = 3
-"""The figure has colours for this many networks, besides that of the person."""
-
+NUM_POINTS = 1024  # as in the paper
+MAX_NETWORKS = 3  # for which the figure has colours
 PERSON = "person"
 METRICS = ("cd_sq_radius2", "emd_radius")
 _SHOWN = {
     "emd_radius": ("EMD [0.01 radius]", 100),
     "cd_sq_radius2": ("CD squared [0.001 radius^2]", 1000),
 }
-_EMD_TOLERANCE = 0.01
 _NUDGE = 1e-5
+# Each round of sampling replaces the hidden points of the previous one. A model of which less than
+# about 2 % of the surface is visible is refused.
 _ROUNDS = 400
-"""Maximum number of rounds of sampling; each round replaces the hidden points of the previous one.
-
-A model is refused if less than about 2 % of its surface is visible."""
 _COLOURS = ("#e2723e", "#4682b4", "#5aa55a", "#966ebe")
 
 
@@ -68,13 +61,13 @@ def label_networks(runs: Sequence[Trained]) -> dict[str, Trained]:
     """Names for the networks: the last part of their folder, or of the name of their weights.
 
     Raises:
-      ConfigError: there are too many, one has another task, or two have the same name.
+      ConfigError: there are too many, one cannot predict points from images, or two have one name.
     """
     if len(runs) > MAX_NETWORKS:
         raise ConfigError(f"{len(runs)} networks: accepted: at most {MAX_NETWORKS}")
     labelled: dict[str, Trained] = {}
     for run in runs:
-        require_points_task(run.config, "psgn human score")
+        require_photos(run.config, "psgn human score")
         label = one_line(pathlib.Path(run.source).resolve().name)
         if label in labelled or label == PERSON:
             raise ConfigError(
@@ -85,25 +78,14 @@ def label_networks(runs: Sequence[Trained]) -> dict[str, Trained]:
 
 
 def predict(run: Trained, samples: Sequence[Sample], records: Sequence[int]) -> list[np.ndarray]:
-    """Points [n, 3] of a network for each image; a random input depends on the record's number.
-
-    Raises:
-      ConfigError: the network needs depth, which a record does not have.
-    """
+    """Points [n, 3] of a network for each image; a random input depends on the record's number."""
     config, model = run.config, networks.build(run.config.model)
     size = config.data.image_size
     network = jax.jit(lambda params, batch, r: networks.predict(config, model, params, batch, r))
     clouds = []
     for sample, record in zip(samples, records, strict=True):
-        mask = resize.resize_mask(sample.mask, size)
-        batch = {"image": resize.resize_image(sample.image, size)[None], "mask": mask[None]}
-        if "depth" in config.data.inputs:
-            if sample.depth is None:
-                raise ConfigError(
-                    f"{run.source}: the network needs depth, but record {record} has "
-                    "none; expected a network with the inputs 'rgb' and 'mask'"
-                )
-            batch["depth"] = resize.resize_depth(sample.depth, mask)[None]
+        image, mask = resize.resize_image(sample.image, size), resize.resize_mask(sample.mask, size)
+        batch = {"image": image[None], "mask": mask[None]}
         r = sampling.sample_latents(config, record, 1, 1, 0) if config.model.random_size else None
         clouds.append(np.asarray(network(run.params, batch, r), np.float32).reshape(-1, 3))
     return clouds
@@ -116,11 +98,7 @@ def score(
     networks: Mapping[str, Trained],
     num_points: int = NUM_POINTS,
 ) -> list[Scored]:
-    """Points and metrics of every case that has a model.
-
-    Args:
-      num_points: number of points of a model. The networks must have as many, because the EMD
-        depends on the number.
+    """Points and metrics of every case that has a model, with `num_points` points.
 
     Raises:
       ConfigError: no case has a model, a model has no visible surface, a network has another number
@@ -136,8 +114,8 @@ def score(
         raise ConfigError(
             f"points={num_points}: a record has {fewer} points; accepted: at most {fewer}"
         )
-    clouds = {PERSON: [_model_points(answers[i], num_points, r)
-                       for i, r in zip(rows, records, strict=True)]}  # fmt: skip
+    pairs = zip(rows, records, strict=True)
+    clouds = {PERSON: [_model_points(answers[i], num_points, record) for i, record in pairs]}
     for name, run in networks.items():
         clouds[name] = predict(run, kept, records)
         if (predicted := len(clouds[name][0])) != num_points:
@@ -145,7 +123,7 @@ def score(
                 f"points={num_points}: {run.source} predicts {predicted} points; expected the same "
                 "number, as the EMD depends on it"
             )
-    measure = jax.jit(lambda pred, gt: evaluate_pair(pred, gt, emd_tolerance=_EMD_TOLERANCE))
+    measure = jax.jit(lambda pred, gt: evaluate_pair(pred, gt, emd_tolerance=0.01))
     scored = []
     for i, sample, *preds in zip(rows, kept, *clouds.values(), strict=True):
         values = [jax.device_get(measure(pred, sample.points)) for pred in preds]
@@ -244,12 +222,8 @@ def inside(solid: ConvexHull, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarr
 def sample_union(solids: Sequence[ConvexHull], count: int, seed: int) -> Float[np.ndarray, "n 3"]:
     """Points uniform by area on the surface of the union of solids.
 
-    A point of a solid's surface is left out if it is inside another solid or on a face where two
-    solids touch. Where faces of two solids coincide and point to the same side, only the points of
-    the first solid are kept.
-
-    Args:
-      seed: the same seed gives the same points.
+    Surfaces that are inside another solid, or where two solids touch, have no points. Where faces
+    of two solids coincide and point to the same side, we keep the points of the first.
 
     Raises:
       ValueError: too little of the surface is visible.

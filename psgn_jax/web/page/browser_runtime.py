@@ -1,8 +1,8 @@
 """ONNX Runtime Web, which runs the network in the browser. It is not part of the repository.
 
-It is downloaded once with `npm pack` from the package `onnxruntime-web` of the npm registry, and
-kept in the cache folder. On a machine without npm or network, `--runtime` names a folder or an
-archive of the same version. The checksum of every file is verified, wherever the file comes from.
+`npm pack` downloads it once from the package `onnxruntime-web`; the cache folder keeps it. On a
+machine without npm or network, `--runtime` names a folder or an archive of the same version. We
+verify the checksum of every file, wherever it comes from.
 """
 
 import hashlib
@@ -30,7 +30,6 @@ FILES = {
 }
 """Name in the package's folder `dist` -> SHA-256."""
 
-_SECONDS = 300
 _MAX_BYTES = 64 << 20  # of one file
 _REMEDY = (
     f"run `npm pack onnxruntime-web@{VERSION}` on a machine with network access, and name the file "
@@ -60,7 +59,6 @@ def runtime_files(given: str | os.PathLike[str] = "") -> dict[str, bytes]:
 
 
 def _packed(folder: pathlib.Path) -> pathlib.Path:
-    """The package's archive, downloaded into a folder."""
     npm = shutil.which("npm")
     if npm is None:
         raise ConfigError(f"onnxruntime-web: npm is not installed; {_REMEDY}")
@@ -81,19 +79,17 @@ def _packed(folder: pathlib.Path) -> pathlib.Path:
 
 
 def _read(path: pathlib.Path) -> dict[str, bytes]:
-    """The files that exist in a folder (or its `dist`) or in an archive."""
+    """The files that exist in a folder (or its `dist`) or in npm's archive."""
     if path.is_dir():
         folder = path / "dist" if (path / "dist").is_dir() else path
         return {name: (folder / name).read_bytes() for name in FILES if (folder / name).is_file()}
     files = {}
     try:
         with tarfile.open(path) as archive:
-            for member in archive:
-                parent, name = os.path.split(member.name)
-                wanted = name in FILES and os.path.basename(parent) == "dist"
-                if wanted and member.isfile() and member.size <= _MAX_BYTES:
-                    content = archive.extractfile(member)
-                    files[name] = content.read() if content else b""
+            names = archive.getnames()
+            for name in (name for name in FILES if f"package/dist/{name}" in names):
+                if content := archive.extractfile(f"package/dist/{name}"):
+                    files[name] = content.read(_MAX_BYTES)
     except (OSError, EOFError, tarfile.TarError) as error:
         raise ConfigError(f"runtime={path}: {error}; expected a folder or a .tgz") from None
     return files

@@ -1,11 +1,12 @@
 """Serves the files of one folder to the browsers of this machine."""
 
 import contextlib
+import functools
 import http.server
 import pathlib
-import shutil
 from http import HTTPStatus
-from urllib.parse import unquote, urlsplit
+from typing import Any
+from urllib.parse import urlsplit
 
 from psgn_jax.system.errors import UserError
 
@@ -32,52 +33,41 @@ def server(folder: pathlib.Path, port: int = 0) -> http.server.ThreadingHTTPServ
     Raises:
       UserError: it cannot listen there.
     """
+    handler = functools.partial(_Handler, directory=str(folder.resolve()))
     try:
-        made = http.server.ThreadingHTTPServer(("127.0.0.1", port), _Handler)
+        return http.server.ThreadingHTTPServer(("127.0.0.1", port), handler)
     except (OSError, OverflowError) as error:
         raise UserError(f"port={port}: cannot listen there: {error}") from error
-    made.folder = folder.resolve()  # type: ignore[attr-defined]
-    made.hosts = {f"{name}:{made.server_port}" for name in ("127.0.0.1", "localhost")}  # type: ignore[attr-defined]
-    return made
 
 
-class _Handler(http.server.BaseHTTPRequestHandler):
+class _Handler(http.server.SimpleHTTPRequestHandler):
     timeout = 60  # seconds without data, after which a connection is closed
+    extensions_map = TYPES | {"": "application/octet-stream"}
 
-    def do_GET(self) -> None:
-        """Sends a file."""
-        path = self._path()
-        if path is None:
-            return
-        with path.open("rb") as file, contextlib.suppress(ConnectionError):
-            self._head(path)
-            if self.command == "GET":
-                shutil.copyfileobj(file, self.wfile)
+    def handle(self) -> None:
+        with contextlib.suppress(ConnectionError):
+            super().handle()
 
-    do_HEAD = do_GET  # noqa: N815
+    def send_head(self) -> Any:
+        port = self.connection.getsockname()[1]
+        if self.headers.get("Host") in (f"127.0.0.1:{port}", f"localhost:{port}"):
+            return super().send_head()
+        return self.send_error(HTTPStatus.FORBIDDEN)
 
-    def _path(self) -> pathlib.Path | None:
-        """The requested file; None after an error was sent."""
-        if self.headers.get("Host") not in self.server.hosts:  # type: ignore[attr-defined]
-            self.send_error(HTTPStatus.FORBIDDEN)
-            return None
-        folder = self.server.folder  # type: ignore[attr-defined]
+    def translate_path(self, path: str) -> str:
+        """The requested file; "", which cannot be opened, if it is not in the folder."""
+        start = urlsplit(path).path == "/"
         with contextlib.suppress(OSError, ValueError):  # a name that no file can have
-            name = unquote(urlsplit(self.path).path).lstrip("/") or "index.html"
-            path: pathlib.Path = (folder / name).resolve()
-            if path.is_relative_to(folder) and path.is_file():
-                return path
-        self.send_error(HTTPStatus.NOT_FOUND)
-        return None
+            file = pathlib.Path(super().translate_path("/index.html" if start else path)).resolve()
+            if file.is_relative_to(self.directory) and file.is_file():
+                return str(file)
+        return ""
 
-    def _head(self, path: pathlib.Path) -> None:
-        self.send_response(HTTPStatus.OK)
-        self.send_header("Content-Type", TYPES.get(path.suffix, "application/octet-stream"))
-        self.send_header("Content-Length", str(path.stat().st_size))
+    def end_headers(self) -> None:
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("Cross-Origin-Resource-Policy", "same-origin")
         self.send_header("Cache-Control", "no-cache")
-        self.end_headers()
+        super().end_headers()
 
     def log_message(self, format: str, *arguments: object) -> None:
         """Logs nothing."""

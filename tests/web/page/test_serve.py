@@ -2,6 +2,7 @@
 
 import http.client
 import os
+import pathlib
 import socket
 import threading
 
@@ -75,6 +76,6 @@ def test_only_this_machine_reaches_it(served):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         with pytest.raises(UserError, match=r"^port=\d+: cannot listen there"):
-            server(served.folder, taken.getsockname()[1])
+            server(pathlib.Path(), taken.getsockname()[1])
     with pytest.raises(UserError, match=r"^port=70000: cannot listen there"):
-        server(served.folder, 70000)
+        server(pathlib.Path(), 70000)
