@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from PIL import Image
 from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
 
 from psgn_jax.data import camera
 from psgn_jax.data.framing import Framed
@@ -35,8 +36,6 @@ UNSEEN = (150, 150, 150)
 # (unit). Compared with depth maps, for 1,024 points of the authors' surfaces, the precision of the
 # visible points is 82 % and the recall 80 %.
 _RADIUS, _DEPTH_TOLERANCE = 0.04, 0.08
-
-_PHOTO_SIDE = 512  # of the photo in NPZ files and on pages
 
 
 class PhotoCamera(NamedTuple):
@@ -107,7 +106,9 @@ class Prediction:
         """
         suffix = pathlib.Path(path).suffix.lower().lstrip(".")
         if suffix == "npz":
-            content: bytes | str = npz(self.arrays())
+            arrays = {"version": np.int32(VERSION), **self.arrays()}
+            np.savez(stream := io.BytesIO(), allow_pickle=False, **arrays)
+            content: bytes | str = stream.getvalue()
         elif suffix == "html":
             content = page.document_of([self.case(pathlib.Path(path).stem)])
         elif suffix in MAKERS:
@@ -151,7 +152,7 @@ class Prediction:
         (column, row) to pixels of `image`, the view of the network.
         """
         image = Image.fromarray(self.photo.image)
-        image.thumbnail((_PHOTO_SIDE, _PHOTO_SIDE), Image.Resampling.LANCZOS, reducing_gap=2)
+        image.thumbnail((512, 512), Image.Resampling.LANCZOS, reducing_gap=2)
         height, width = self.photo.image.shape[:2]
         enlarged = np.diag([width / image.width, height / image.height, 1.0])
         arrays = {n: getattr(self, n) for n in ("points", "colours", "stray", "seen", "branch")}
@@ -211,9 +212,9 @@ class Prediction:
         middle = camera.to_camera(kept, self.view.extrinsics).mean(axis=0, dtype=np.float64)
         straight = seen @ _turn_to_axis(middle).T
         depth = straight[:, 2] - np.linalg.norm(middle)
-        rays = seen @ (np.linalg.inv(intrinsics) @ own).T
-        turn = _turn_to_axis(np.linalg.inv(intrinsics) @ own @ middle)
-        rays = rays @ turn.T
+        to_rays = np.linalg.inv(intrinsics) @ own
+        turn = _turn_to_axis(to_rays @ middle)
+        rays = seen @ (turn @ to_rays).T
         across = rays[:, :2] / rays[:, 2:]
         # Least squares of the changes across the axis give the distance.
         distance = (across * (straight[:, :2] - across * depth[:, None])).sum() / (across**2).sum()
@@ -242,13 +243,9 @@ def _turn_to_axis(direction: np.ndarray) -> np.ndarray:
 
 
 def _rigid(points: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """The rotation and translation [3, 4] that move points [n, 3] nearest to a goal.
-
-    Source: Kabsch, "A solution for the best rotation to relate two sets of vectors", 1976.
-    """
+    """The rotation and translation [3, 4] that move points [n, 3] nearest to a goal."""
     middle, other = points.mean(axis=0), goal.mean(axis=0)
-    left, _, right = np.linalg.svd((goal - other).T @ (points - middle))
-    rotation = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
+    rotation = Rotation.align_vectors(goal - other, points - middle)[0].as_matrix()
     return np.column_stack([rotation, other - rotation @ middle])
 
 
@@ -375,10 +372,3 @@ MAKERS: Mapping[str, Callable[[np.ndarray, np.ndarray], bytes]]
 MAKERS = {"ply": ply, "xyz": xyz, "obj": obj, "glb": glb}
 FORMATS = (*MAKERS, "npz")
 DEFAULT_FORMATS = ("ply", "xyz", "obj", "npz")
-
-
-def npz(arrays: Mapping[str, np.ndarray]) -> bytes:
-    """An NPZ file with arrays by name, and the `version` of the format."""
-    buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, version=np.int32(VERSION), **arrays)
-    return buffer.getvalue()

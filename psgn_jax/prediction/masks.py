@@ -41,7 +41,7 @@ _DOUBTFUL = (
 )
 # A mask is doubtful, too, if it differs from the one that the network finds in this middle part of
 # the photo. Where something else than the object was found, less of it is found again.
-_MIDDLE, _LEAST_AGREEMENT = 0.85, 0.9
+MIDDLE, LEAST_AGREEMENT = 0.85, 0.9
 
 # `plain`: a lossy image is searched on a copy with at most this many pixels per side.
 _SEARCH_SIDE = 512
@@ -177,7 +177,7 @@ def find_mask(
             f"{LEAST_CERTAINTY:.0%})",
             mask,
         )
-    doubtful = certain < DOUBTFUL_BELOW or _in_the_middle(image, mask) < _LEAST_AGREEMENT
+    doubtful = certain < DOUBTFUL_BELOW or _in_the_middle(image, mask) < LEAST_AGREEMENT
     return FoundMask(mask, f"network, {percent}% certain", (_DOUBTFUL,) * doubtful)
 
 
@@ -223,7 +223,7 @@ def certainty(p: np.ndarray) -> float:
 
 def _in_the_middle(image: np.ndarray, mask: np.ndarray) -> float:
     """IoU of the mask with the one that the network finds in the middle of the photo, there."""
-    rows, columns = (slice(m := int((1 - _MIDDLE) / 2 * n), n - m) for n in mask.shape)
+    rows, columns = (slice(m := int((1 - MIDDLE) / 2 * n), n - m) for n in mask.shape)
     inner = image[rows, columns]
     return mask_iou(enlarged(probabilities(inner), inner.shape[:2]), mask[rows, columns])
 

@@ -2,8 +2,7 @@
 
 The random input is the r of a network trained with Min-of-N, or the latent variable z of a
 variational autoencoder, sampled from the prior. Both are N(0, I) (paper, section "Predicting
-Multiple Plausible Shapes"). An argument `distances` is a matrix from `cross_distances`. Metrics are
-in the unit of the distance.
+Multiple Plausible Shapes").
 """
 
 import functools
@@ -35,21 +34,12 @@ def cross_distances(
     return pairs.reshape(k, t)
 
 
-def mutual_distances(draws: Float[Array, "k n 3"]) -> Float[Array, "k k"]:
-    """`chamfer_sq_mean` between all clouds; computes each pair once, the diagonal is 0."""
-    first, second = np.triu_indices(len(draws), 1)
-    matrix = jnp.zeros((len(draws), len(draws)), draws.dtype)
-    if not len(first):
-        return matrix
-    values = map_pairs(chamfer_sq_mean)(draws[first], draws[second])
-    return matrix.at[first, second].set(values).at[second, first].set(values)
-
-
 def coverage(distances: Float[Array, "k t"]) -> Float[Array, ""]:
     """Fraction of the true shapes that are the nearest true shape of some draw.
 
-    It measures whether the draws reach all true shapes, not how near they come. If each of K draws
-    equals one of T true shapes chosen at random, we expect 1 - (1 - 1/T)^K: .66 for K = T = 8.
+    `distances` are `cross_distances` of draws and true shapes. Coverage measures whether the draws
+    reach all true shapes, not how near they come. If each of K draws equals one of T true shapes
+    chosen at random, we expect 1 - (1 - 1/T)^K: .66 for K = T = 8.
 
     Source: Achlioptas et al., "Learning Representations and Generative Models for 3D Point Clouds",
     ICML 2018, section 2.2.
@@ -59,16 +49,17 @@ def coverage(distances: Float[Array, "k t"]) -> Float[Array, ""]:
     return hit.mean()
 
 
-def total_mutual_difference(distances: Float[Array, "k k"]) -> Float[Array, ""]:
-    """Total mutual difference of K > 1 draws of one image.
+def total_mutual_difference(draws: Float[Array, "k n 3"]) -> Float[Array, ""]:
+    """Total mutual difference of K > 1 draws of one image (unit^2), with `chamfer_sq_mean` as d.
 
     TMD = sum over i of 1 / (K - 1) * sum over j != i of d(draw_i, draw_j)
 
     It grows with K. Source: Wu et al., "Multimodal Shape Completion via Conditional Generative
-    Adversarial Networks", ECCV 2020, section 4 (there K = 10 and the Chamfer distance).
+    Adversarial Networks", ECCV 2020, section 4 (there K = 10).
     """
-    off = distances * (1 - jnp.eye(len(distances), dtype=distances.dtype))
-    return off.sum() / (len(distances) - 1)
+    first, second = np.triu_indices(len(draws), 1)
+    distances = map_pairs(chamfer_sq_mean)(draws[first], draws[second])
+    return 2 * distances.sum() / (len(draws) - 1)
 
 
 def summarise_draws(
@@ -120,15 +111,12 @@ def sampler(
 
     Raises:
       ConfigError: the network has no random input.
-      ValueError: `num_draws` is not positive.
     """
     if not config.model.random_size:
         raise ConfigError(
             "model.random_size=0: this network gives one prediction per image; accepted: a network "
             "trained with a random input, such as configs/mo2_cd.py"
         )
-    if num_draws < 1:
-        raise ValueError(f"num_draws: got {num_draws}, expected 1 or more")
 
     @jax.jit
     def of_batch(params: Any, batch: Mapping[str, Any], seed: Array, first: Array) -> Any:

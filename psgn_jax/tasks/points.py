@@ -229,9 +229,8 @@ def with_draws(
 
         metrics = map_pairs(one)(points, gt)
         if num_draws > 1:
-            mutual = jax.lax.map(sampling.mutual_distances, points)
-            difference = jax.vmap(sampling.total_mutual_difference)
-            metrics["total_mutual_difference_radius2"] = difference(mutual)
+            difference = jax.lax.map(sampling.total_mutual_difference, points)
+            metrics["total_mutual_difference_radius2"] = difference
         return metrics
 
     def run(params: Any, batch: Any, index: int) -> Any:

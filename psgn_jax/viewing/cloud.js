@@ -17,6 +17,21 @@ function project({ k, rows }, point) {
   return [(k[0] * x + k[1] * y) / z + k[2], k[3] * y / z + k[4], z];
 }
 
+/** The path through some pixels. */
+export function pathThrough(pixels, closed = false) {
+  const path = new Path2D();
+  pixels.forEach(([x, y]) => path.lineTo(x, y));
+  if (closed) path.closePath();
+  return path;
+}
+
+/** Saves a file. */
+export function save(name, content) {
+  const href = URL.createObjectURL(new Blob([content])), link = Object.assign(document.createElement("a"), { href, download: name });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(href), 10000);
+}
+
 /** Canvases that show their scenes from the same side; subclasses have `draw(canvas, index)`. */
 class TurnedView {
   constructor(canvases, start = START) {

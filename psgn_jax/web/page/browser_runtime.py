@@ -65,13 +65,9 @@ def _packed(folder: pathlib.Path) -> pathlib.Path:
     logging.info("downloading onnxruntime-web %s (33 MB) with npm", VERSION)
     command = [npm, "pack", "--silent", f"onnxruntime-web@{VERSION}"]
     try:
-        subprocess.run(
-            command, capture_output=True, text=True, timeout=_SECONDS, cwd=folder, check=True
-        )
+        subprocess.run(command, capture_output=True, text=True, timeout=300, cwd=folder, check=True)
     except subprocess.TimeoutExpired:
-        raise ConfigError(
-            f"onnxruntime-web: no answer from npm in {_SECONDS} s; {_REMEDY}"
-        ) from None
+        raise ConfigError(f"onnxruntime-web: no answer from npm in 300 s; {_REMEDY}") from None
     except subprocess.CalledProcessError as error:
         why = " ".join((error.stderr or error.stdout).split())[-160:]
         raise ConfigError(f"onnxruntime-web: npm could not fetch it ({why}); {_REMEDY}") from None

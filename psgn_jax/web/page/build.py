@@ -57,8 +57,12 @@ def build_page(
         {},
     )
     network["mask_network"] = {
-        "file": MASK_NETWORK, "side": masks.SIDE, "doubtful_below": masks.DOUBTFUL_BELOW
-    }  # fmt: skip
+        "file": MASK_NETWORK,
+        "side": masks.SIDE,
+        "doubtful_below": masks.DOUBTFUL_BELOW,
+        "middle": masks.MIDDLE,
+        "least_agreement": masks.LEAST_AGREEMENT,
+    }
     network["sources"] += texts["sources"]
     sizes = [row["bytes"] for row in network["files"].values()]
     network["download_bytes"] = sum(sizes) + len(files[MASK_NETWORK]) + len(files[f"{_WASM}.gz"])

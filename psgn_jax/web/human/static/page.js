@@ -102,11 +102,7 @@ const actions = {
     if (entry().done && state.at < data.cases.length - 1) open(state.at + 1);
     else show();
   },
-  save: () => {
-    const href = URL.createObjectURL(new Blob([savedModels(true)], { type: "application/json" }));
-    make("a", { href, download: "human.json" }).click();
-    setTimeout(() => URL.revokeObjectURL(href), 1000);
-  },
+  save: () => save("human.json", savedModels(true)),
 };
 for (const mode of MODES) actions[mode] = () => { state.mode = mode; show(); };
 for (const kind of KINDS) actions[kind] = () => insert({
@@ -149,14 +145,6 @@ function keep() {
 }
 
 // --- views -----------------------------------------------------------------------------------------
-
-/** The path through some pixels. */
-function outline(pixels, closed = true) {
-  const path = new Path2D();
-  pixels.forEach(([x, y]) => path.lineTo(x, y));
-  if (closed) path.closePath();
-  return path;
-}
 
 /** A view of the model: over the image, by the camera of the record, or from any side. */
 class View extends TurnedView {
@@ -209,7 +197,7 @@ class View extends TurnedView {
     const handle = this.handles(camera).find(({ to }) => Math.hypot(to[0] - pixel[0], to[1] - pixel[1]) < reach);
     if (handle) return dragged(handle);
     const context = this.canvas.getContext("2d"), at = pixel.map(v => v * (window.devicePixelRatio || 1));
-    const hit = this.faces(camera).findLast(({ path }) => context.isPointInPath(outline(path), ...at));
+    const hit = this.faces(camera).findLast(({ path }) => context.isPointInPath(pathThrough(path, true), ...at));
     state.selected = hit?.number ?? -1;
     show();
     return hit ? () => {} : super.grab();
@@ -221,7 +209,7 @@ class View extends TurnedView {
     if (this.overImage && this.image.complete) context.drawImage(this.image, ...camera.box);
     const line = (path, colour, width = 1, closed = false) => {
       Object.assign(context, { strokeStyle: colour, lineWidth: width });
-      context.stroke(outline(path, closed));
+      context.stroke(pathThrough(path, closed));
     };
     const ground = (points, colour, width) => line(points.map(p => project(camera, p)), colour, width);
     if ($("grid").checked) {
@@ -235,7 +223,7 @@ class View extends TurnedView {
     for (const { number, path, shade, round } of style === "off" ? [] : this.faces(camera)) {
       const chosen = number === state.selected, colour = COLOURS[number % COLOURS.length].map(c => Math.round(c * shade)).join();
       context.fillStyle = `rgba(${colour}, ${style === "lines" ? 0.12 : this.overImage ? 0.75 : 1})`;
-      context.fill(outline(path));
+      context.fill(pathThrough(path));
       line(path, chosen ? "#ff9800" : `rgba(30, 41, 66, ${round ? 0.25 : 0.8})`, chosen && !round ? 2 : 1, true);
     }
     for (const { axis, from, to } of this.handles(camera)) {

@@ -1,7 +1,7 @@
 // The page: a photo, its mask, the network, its points.
 
 import * as ort from "./runtime/ort.wasm.min.mjs";
-import { CloudView } from "./cloud.js";
+import { CloudView, pathThrough, save } from "./cloud.js";
 import { FORMATS } from "./files.js";
 import { coloursFromView, intoSilhouette, meanWithMirror, mirrored, mostOutside, networkInputs, normalForm, PhotoError, place, sameProportions, strayPoints } from "./framing.js";
 
@@ -101,22 +101,29 @@ const openMask = guarded(async file => {
 
 /** The mask that the mask network finds, like `find_mask` in Python, and its doubt. */
 async function findMask({ bitmap, width, height }) {
-  const { about, maskBytes } = await network, { side, doubtful_below: doubtful } = about.mask_network, half = side / 2;
+  const { about, maskBytes } = await network, { side, doubtful_below: doubtful, middle, least_agreement: least } = about.mask_network;
   say("Looking for the object");
   page.maskSession ??= await startSession(maskBytes);
-  const small = contextOf(side, side);
-  small.imageSmoothingQuality = "high";
-  small.drawImage(bitmap, 0, 0, side, side);
-  const rgb = withoutAlpha(pixelsOf(small));
   const run = async pixels => (await page.maskSession.run({ image: new ort.Tensor("uint8", pixels, [1, side, side, 3]) })).probabilities.data;
-  const one = await run(rgb), other = mirrored(await run(mirrored(rgb, side, 3)), half, 1), p = one.map((v, i) => (v + other[i]) / 2);
-  const inside = p.filter(v => v > 0.5), certainty = sum(inside) / (inside.length + sum(p) - sum(inside));
+  /** What is found in a region of the photo, [left, top, width, height]: the mask, and how certain it is. */
+  const find = async (...region) => {
+    const small = contextOf(side, side), half = side / 2, levels = new ImageData(half, half), coarse = contextOf(half, half);
+    small.imageSmoothingQuality = "high";
+    small.drawImage(bitmap, ...region, 0, 0, side, side);
+    const rgb = withoutAlpha(pixelsOf(small)), one = await run(rgb), other = mirrored(await run(mirrored(rgb, side, 3)), half, 1);
+    const p = one.map((v, i) => (v + other[i]) / 2), inside = p.filter(v => v > 0.5), large = contextOf(...region.slice(2));
+    p.forEach((v, i) => { levels.data[4 * i + 3] = Math.round(255 * v); });
+    coarse.putImageData(levels, 0, 0);
+    large.drawImage(coarse.canvas, 0, 0, ...region.slice(2));
+    return [opaqueIn(pixelsOf(large)), sum(inside) / (inside.length + sum(p) - sum(inside))];
+  };
+  const [mask, certainty] = await find(0, 0, width, height), [left, top] = [width, height].map(size => Math.trunc((1 - middle) / 2 * size));
+  const w = width - 2 * left, h = height - 2 * top, [again] = certainty >= doubtful ? await find(left, top, w, h) : [[]];
+  const there = again.map((_, i) => mask[(top + Math.floor(i / w)) * width + left + i % w]);
+  const agreement = sum(again.map((v, i) => v & there[i])) / sum(again.map((v, i) => v | there[i]));
   if (!(certainty >= doubtful)) page.doubt = ` It is not certain which part is the object (${Math.floor(100 * certainty)} %): correct the mask if it is wrong.`;
-  const levels = new ImageData(half, half), coarse = contextOf(half, half), large = contextOf(width, height);
-  p.forEach((v, i) => { levels.data[4 * i + 3] = Math.round(255 * v); });
-  coarse.putImageData(levels, 0, 0);
-  large.drawImage(coarse.canvas, 0, 0, width, height);
-  return opaqueIn(pixelsOf(large));
+  else if (!(agreement >= least)) page.doubt = " The mask may be wrong: correct it if it is.";
+  return mask;
 }
 
 // --- the mask --------------------------------------------------------------------------------------
@@ -155,12 +162,6 @@ function draw(path = []) {
   context.drawImage(bitmap, 0, 0);
   context.drawImage(layer.canvas, 0, 0);
   Object.assign(context, { strokeStyle: "#fff", lineWidth: 2 * reach }).stroke(pathThrough(path));
-}
-
-function pathThrough(places) {
-  const path = new Path2D();
-  places.forEach(([x, y]) => path.lineTo(x, y));
-  return path;
 }
 
 const checked = name => document.querySelector(`input[name=${name}]:checked`).value;
@@ -302,9 +303,8 @@ addEventListener("paste", event => { if (event.clipboardData?.files.length) open
 each("#examples img", image => image.parentElement.addEventListener("click", () => open([image])));
 each("[data-format]", button => button.addEventListener("click", () => {
   const { points, colours } = shown(), suffix = page.clouds.length > 1 ? `_${page.sample}` : "";
-  const { format } = button.dataset, href = URL.createObjectURL(new Blob([FORMATS[format](points, colours)]));
-  make("a", { href, download: `${page.name}${suffix}.${format}` }).click();
-  setTimeout(() => URL.revokeObjectURL(href), 10000);
+  const { format } = button.dataset;
+  save(`${page.name}${suffix}.${format}`, FORMATS[format](points, colours));
 }));
 $("undo").addEventListener("click", undo);
 $("invert").addEventListener("click", () => { remember(); setMask(maskArray().map(m => 1 - m)); });
