@@ -106,7 +106,7 @@ class Prediction:
         """
         suffix = pathlib.Path(path).suffix.lower().lstrip(".")
         if suffix == "npz":
-            arrays = {"version": np.int32(VERSION), **self.arrays()}
+            arrays: dict[str, Any] = {"version": np.int32(VERSION), **self.arrays()}
             np.savez(stream := io.BytesIO(), allow_pickle=False, **arrays)
             content: bytes | str = stream.getvalue()
         elif suffix == "html":
