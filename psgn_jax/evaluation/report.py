@@ -83,13 +83,11 @@ def write_report(folder: str | pathlib.Path, runs: Sequence[Reported]) -> pathli
       runs: one run, or two runs on the same samples; cases are ranked by the errors of the first.
 
     Raises:
-      ValueError: there is no sample, or the runs were evaluated on different samples.
+      ValueError: the runs were evaluated on different samples.
     """
     folder = pathlib.Path(folder)
     first = runs[0].evaluation
     names, errors = first.names, [run.evaluation.metrics[ERROR] for run in runs]
-    if not names:
-        raise ValueError("no samples: expected at least 1")
     for run in runs:
         if run.evaluation.names != names:
             raise ValueError(

@@ -85,11 +85,10 @@ def write_network(
       The content of `network.json`.
 
     Raises:
-      ConfigError: packages are missing, or an argument is wrong.
+      ConfigError: an argument is wrong.
       ExportError: a parameter is not finite, an operation has no form in ONNX, or a file's clouds
         differ too much from JAX's.
     """
-    require_packages()
     _check_arguments(weights, data)
     network = PortableNetwork(run)
     if not all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(run.params)):

@@ -26,10 +26,6 @@ from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import is_disk_full, write_atomic
 from psgn_jax.viewing.predictions import VERSION
 
-_LONGEST_NAME = 220
-"""In bytes; file names have up to 255, of which results and temporary files need some."""
-_OVERLAY_SIDE = 1024
-
 
 def predict_files(
     open_predictor: Callable[[], Predictor],
@@ -67,11 +63,6 @@ def predict_files(
     predictor: Predictor | None = None
     for path, name in zip(paths, _names(paths, out), strict=True):
         try:
-            if (length := len(os.fsencode(name))) > _LONGEST_NAME:
-                raise ConfigError(
-                    f"the name has {length} bytes; accepted for results: up to {_LONGEST_NAME}; "
-                    "rename the image"
-                )
             clock = Clock()
             read = photo.read_photo(path)
             clock.lap("read")
@@ -103,7 +94,7 @@ def _proposed(
 ) -> masks.UncertainMaskError:
     """Writes the proposed mask, and the photo with it; returns an error that names the mask."""
     overlay = Image.fromarray(masks.with_mask(read.image, error.mask))
-    overlay.thumbnail((_OVERLAY_SIDE, _OVERLAY_SIDE))
+    overlay.thumbnail((1024, 1024))
     pictures = {"mask": error.mask * np.uint8(255), "overlay": np.asarray(overlay)}
     files = {kind: start.with_name(f"{start.name}_{kind}.png") for kind in pictures}
     for kind, file in files.items():

@@ -19,7 +19,6 @@ Choy et al., "3D-R2N2", ECCV 2016. The networks are smaller than theirs; the dat
 import dataclasses
 import functools
 import itertools
-import json
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -36,7 +35,6 @@ from psgn_jax.evaluation.table import Lines
 from psgn_jax.losses.farthest_points import farthest_points
 from psgn_jax.models.voxels import GRID_EDGE, GRID_ORIGIN
 from psgn_jax.studies import figures, runner
-from psgn_jax.system.files import write_atomic
 from psgn_jax.training.from_config import create_training
 from psgn_jax.training.step import data_mesh, put_batch
 from psgn_jax.viewing import spheres
@@ -138,15 +136,13 @@ def configs(base: Config, folder: Callable[[str], str]) -> dict[str, runner.Over
 def train(run: runner.Run) -> None:
     """Trains a run, 3D-R2N2 for as long as `OURS` and its networks took together."""
     if run.name == PEER:
-        path = run.folder.with_suffix(".json")
-        if not path.exists():
-            names = (*HEADS[OURS], OURS)
-            folders = [run.folder.with_name(f"{name}-{run.seed}") for name in names]
+        if (run.folder / "config.json").exists():
+            steps = load_config(run.folder).train.steps
+        else:
+            folders = [run.folder.with_name(f"{n}-{run.seed}") for n in (*HEADS[OURS], OURS)]
             others = [run._replace(folder=f, config=load_config(f)) for f in folders]
-            seconds = float(np.nansum([runner.cost(other)[1] for other in others]))
-            steps = max(1, round(seconds / step_seconds(run)))
-            write_atomic(path, json.dumps({"seconds": seconds, "steps": steps}) + "\n")
-        steps = int(json.loads(path.read_text())["steps"])
+            seconds = np.nansum([runner.cost(other)[1] for other in others])
+            steps = max(1, round(float(seconds) / step_seconds(run)))
         fields = {"train.steps": steps, "train.eval_every": steps}
         run = run._replace(config=runner.changed(run.config, fields))
     runner.train_network(run)

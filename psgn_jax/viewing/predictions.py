@@ -43,57 +43,54 @@ def read_prediction(path: str | os.PathLike[str], fields: Sequence[str]) -> dict
     shown = one_line(path)
     try:
         if kind_of(path) is None and not zipfile.is_zipfile(path):
-            raise PredictionFileError(
-                f"{shown} is not a prediction: expected a file NAME.npz of `psgn predict`"
-            )
+            raise ValueError("expected a file NAME.npz of `psgn predict`")
         limits = {
             name: math.prod(_LARGEST.get(c) or int(c) for c in _FIELDS[name][1]) for name in fields
         }
         arrays = read_npz(path, {**limits, "version": 1})
-        if (version := arrays.pop("version", VERSION)) != VERSION:
-            raise PredictionFileError(
-                f"{shown} was made by a later version of psgn_jax: its version is {version}, this "
-                f"one reads {VERSION}; predict again, or use a newer psgn_jax"
-            )
-        for name in fields:
-            if name not in arrays:
-                raise ValueError(f"it has no array {name!r}")
-            if arrays[name].dtype.kind == "f":
-                arrays[name] = arrays[name].astype(np.float32)
-                if not np.isfinite(arrays[name]).all():
-                    raise ValueError(f"{name} is not finite")
-    except PredictionFileError:
-        raise
+        _check(arrays, fields)
     except FileNotFoundError:
         raise PredictionFileError(f"{shown}: no such file") from None
     except OSError as error:
         raise PredictionFileError(f"{shown}: {error.strerror or error}") from None
     except ValueError as error:
         why = one_line(error)[:160]
-        raise PredictionFileError(f"{shown} is damaged, or not a prediction: {why}") from None
-    sizes: dict[str, int] = {str(digit): digit for digit in range(10)}
-    for name, array in arrays.items():
-        kind, letters = _FIELDS[name]
+        raise PredictionFileError(f"{shown} cannot be read as a prediction: {why}") from None
+    return arrays
+
+
+def _check(arrays: dict[str, np.ndarray], fields: Sequence[str]) -> None:
+    """Raises a `ValueError` if arrays are not a prediction; removes its version."""
+    if (version := arrays.pop("version", VERSION)) != VERSION:
+        raise ValueError(
+            f"it was made by a later version of psgn_jax: its version is {version}, this one reads "
+            f"{VERSION}; predict again, or use a newer psgn_jax"
+        )
+    sizes = {str(digit): digit for digit in range(10)}
+    for name in fields:
+        if name not in arrays:
+            raise ValueError(f"it has no array {name!r}")
+        array, (kind, letters) = arrays[name], _FIELDS[name]
         fits = array.ndim == len(letters) and all(
             0 < n <= _LARGEST.get(a, n) and sizes.setdefault(a, n) == n
             for a, n in zip(letters, array.shape, strict=True)
         )
         if not fits or kind not in (array.dtype.kind, array.dtype.name):
             most = ", ".join(f"{a} up to {_LARGEST[a]}" for a in letters if a in _LARGEST)
-            raise PredictionFileError(
-                f"{shown}: {name} is {array.dtype} {list(array.shape)}, expected "
+            raise ValueError(
+                f"{name} is {array.dtype} {list(array.shape)}, expected "
                 f"{'float' if kind == 'f' else kind} [{', '.join(letters)}]"
                 + (f" with {most}" if most else "")
             )
-    if "branch" in arrays and arrays["branch"].max() > 1:
-        raise PredictionFileError(f"{shown}: branch is {arrays['branch'].max()}, expected 0 or 1")
-    if "to_view" in arrays:
+        if kind == "f":
+            arrays[name] = array.astype(np.float32)
+            if not np.isfinite(arrays[name]).all():
+                raise ValueError(f"{name} is not finite")
+    if "branch" in fields and arrays["branch"].max() > 1:
+        raise ValueError(f"branch is {arrays['branch'].max()}, expected 0 or 1")
+    if "to_view" in fields:
         (across, *rest), (skew, down, _), last = arrays["to_view"].tolist()
         if not (across > 0 and down > 0 and [rest[0], skew, *last] == [0, 0, 0, 0, 1]):
-            raise PredictionFileError(f"{shown}: to_view is no scale and shift")
-    if {"intrinsics", "extrinsics"} <= arrays.keys():
-        try:
-            schema.check_camera(arrays["intrinsics"], arrays["extrinsics"])
-        except ValueError as error:
-            raise PredictionFileError(f"{shown}: {one_line(error)}") from None
-    return arrays
+            raise ValueError("to_view is no scale and shift")
+    if {"intrinsics", "extrinsics"} <= set(fields):
+        schema.check_camera(arrays["intrinsics"], arrays["extrinsics"])
