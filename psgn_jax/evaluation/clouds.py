@@ -120,11 +120,9 @@ def evaluate_pair(
     1 % of the side of the reconstructed volume: pass 0.02 for 1 % of an object 2 units wide.
 
     Args:
-      visible: which points of gt are visible in the depth image; adds the metrics of
-        `by_visibility`.
+      visible: which points of gt the depth image shows; adds the metrics of `by_visibility`.
       threshold: largest distance of a correct point, in the unit of the coordinates, > 0.
-      emd_tolerance: adds `emd` with this relative error: about 20 ms on one CPU core for n = 1,024
-        and 1 %.
+      emd_tolerance: adds `emd` with this relative error; 20 ms on a CPU core for n = 1,024 and 1 %.
 
     Returns:
       `cd_sq_radius2`, `cd_sq_pred_to_gt_radius2`, `cd_sq_gt_to_pred_radius2` (unit^2),

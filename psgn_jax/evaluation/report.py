@@ -1,14 +1,8 @@
-"""Writes an evaluation as HTML pages.
+"""Writes an evaluation as HTML pages that need no internet connection.
 
-    psgn evaluate --workdir=W --report=DIR [--compare=W2]
-
-Files in DIR:
-
-- `index.html`: the gallery, with a table per category, a histogram of errors, the best, median and
-  worst cases, and all cases, sortable by error and category, with links to the viewer.
-- `viewer.html`, `viewer-2.html`, ...: the clouds in the interactive viewer (`viewing.page`).
-
-No page needs an internet connection. The error is the squared Chamfer distance, `cd_sq_radius2`.
+`index.html` is the gallery: a table per category, a histogram of errors (squared Chamfer distance),
+the best, median and worst cases, and all cases, with links to the clouds in the interactive viewer
+(`viewing.page`), `viewer.html`, `viewer-2.html`, ...
 """
 
 import dataclasses
@@ -32,7 +26,6 @@ _TEMPLATE = pathlib.Path(__file__).with_name("report.html")
 _TABLE = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
 _PICTURES = 600  # with more cases, only the best, median and worst have pictures in the gallery
 _EXTREMES = 10  # number of best, of median and of worst cases in `report.html`
-_BARS = 16
 _KEPT = ("points", "image", "intrinsics", "extrinsics")
 
 
@@ -157,7 +150,7 @@ def _thumbs(case: Mapping[str, np.ndarray]) -> list[str]:
 
 
 def _table(runs: Sequence[Reported]) -> list[list[str]]:
-    """The header and the rows, averages last; two runs have their columns side by side."""
+    """The header and the rows, averages last; two runs side by side."""
     metrics = [name for name in _TABLE if name in runs[0].evaluation.metrics]
     head = ["category", "samples"]
     body = [[row.name, str(row.count)] for row in runs[0].evaluation.rows()]
@@ -174,6 +167,6 @@ def _histogram(errors: np.ndarray) -> dict[str, list[Any]]:
     """Histogram of the finite errors with logarithmically spaced bins."""
     finite = np.maximum(errors[np.isfinite(errors)], 1e-6)
     low = finite.min(initial=np.inf) if len(finite) else 1e-3
-    edges = np.geomspace(low, finite.max(initial=1.1 * low), _BARS + 1)
+    edges = np.geomspace(low, finite.max(initial=1.1 * low), 17)
     counts, _ = np.histogram(finite, edges)
     return {"edges": edges.tolist(), "counts": counts.tolist()}

@@ -34,9 +34,9 @@ def evaluate_split(
     """Metrics of a network on a split.
 
     Args:
-      eval_step: maps (params, batch on the host, index of the batch) to predictions and metrics
-        with a row for each sample; see `compile_measure`.
-      max_samples: evaluate only this many samples, from the start of the split; 0 = all.
+      eval_step: maps (params, batch on the host, its index) to predictions and metrics with a row
+        for each sample; see `compile_measure`.
+      max_samples: of the start of the split; 0 = all.
       on_batch: called with (index of the batch, batch, predictions).
     """
     split = split or config.data.eval_split
@@ -113,8 +113,7 @@ def compile_measure(
 
     Args:
       measure: a pytree that is called with (params, batch) of one device's share.
-      random_columns: (index of the batch, its size, train=False) -> random inputs, a row for each
-        sample.
+      random_columns: (index, size, train=False) -> random inputs, a row for each sample.
     """
     devices = jax.local_devices()
     mesh = Mesh(np.asarray(devices[: 1 if batch_size % len(devices) else None]), ("data",))

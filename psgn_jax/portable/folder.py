@@ -74,15 +74,12 @@ def write_network(
 ) -> dict[str, Any]:
     """Writes a network as ONNX and StableHLO files, `network.json`, and `JAVASCRIPT`.
 
-    Every file is run and compared with JAX before it is written.
+    Every file is run and compared with JAX before it is written. Returns the content of
+    `network.json`.
 
     Args:
-      out: folder, created if missing.
       weights: any of `ONNX_NAMES`; each gives one ONNX file. "int8" needs `data`.
       data: folder of records for the check; "" = random images, which have no ground truth.
-
-    Returns:
-      The content of `network.json`.
 
     Raises:
       ConfigError: an argument is wrong.

@@ -235,17 +235,15 @@ class _Graph:
         def read(atom: Any) -> _Value:
             return np.asarray(atom.val) if isinstance(atom, Literal) else values[atom]
 
-        def is_known(values: Any, kind: type) -> bool:
-            return all(isinstance(value, kind) for value in values)
-
         for equation in _needed(jaxpr):
             primitive, params, out = equation.primitive, equation.params, equation.outvars[0].aval
             atoms = [atom for atom in equation.invars if 0 not in atom.aval.shape]
             operands = [read(atom) for atom in atoms]
+            known = all(isinstance(value, np.ndarray) for value in operands)
             if primitive.name in _CALLS:
                 inner = params.get("jaxpr") or params["call_jaxpr"]
                 results = self.run(inner.jaxpr, [*map(np.asarray, inner.consts), *operands])
-            elif is_known(out.shape, int) and is_known(operands, np.ndarray):  # computed by JAX
+            elif known and all(isinstance(size, int) for size in out.shape):  # computed by JAX
                 result = primitive.bind(*operands, **params)
                 results = [*map(np.asarray, result if primitive.multiple_results else [result])]
             else:

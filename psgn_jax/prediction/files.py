@@ -41,13 +41,12 @@ def predict_files(
 ) -> Iterator[tuple[pathlib.Path, Prediction | Exception]]:
     """Predicts clouds for files and folders of images, one by one, and writes them to `out`.
 
-    In a folder, we leave out the results of earlier runs. A picture replaces no file but such a
-    result. `mask_from`, `invert_mask`, `accept_mask` and all further options are arguments of
-    `Predictor.__call__`.
+    In a folder, we leave out the results of earlier runs; a picture replaces no other file.
+    `mask_from`, `invert_mask`, `accept_mask` and further options are those of `Predictor.__call__`.
 
     Args:
-      open_predictor: returns the network; called once, after the first image and mask were read,
-        so that wrong files are reported before a network is compiled.
+      open_predictor: returns the network; called after the first image and mask were read, so that
+        wrong files are reported before a network is compiled.
       mask: file of the mask (for one image), or folder of masks: of `NAME.jpg`, `NAME_mask.*` or
         another file `NAME.*`. None = automatic (`masks.mask_of`).
       formats: of the clouds, some of `cloud.FORMATS`.

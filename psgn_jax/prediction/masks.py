@@ -139,11 +139,10 @@ def find_mask(
     *,
     accept: bool = False,
 ) -> FoundMask:
-    """Finds the object.
+    """Finds the object in an image, uint8 [h, w, 3] RGB.
 
     Args:
-      image: uint8 [h, w, 3] RGB.
-      alpha: uint8 [h, w] or None, see `photo.useful_alpha`.
+      alpha: uint8 [h, w], see `photo.useful_alpha`.
       method: one of `METHODS`.
       accept: whether the network's mask is returned even if it is not certain.
 
@@ -151,7 +150,6 @@ def find_mask(
       UncertainMaskError: the network is not certain.
       PhotoError: no object was found.
       ValueError: an unknown method.
-      WeightsError: the network's parameters cannot be read.
     """
     if method not in METHODS:
         raise ValueError(f"mask_from={method!r}: accepted: {', '.join(METHODS)}")

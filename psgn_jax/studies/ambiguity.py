@@ -33,11 +33,8 @@ from psgn_jax.system.untrusted import parse_json
 from psgn_jax.viewing import spheres
 from psgn_jax.weights.run_folder import open_run
 
-NUM_DRAWS = 8
-"""K, the number of draws that are compared."""
-
-NUM_MEASURED = 32
-"""Number of draws per image whose depth is measured."""
+NUM_DRAWS = 8  # that are compared
+NUM_MEASURED = 32  # draws per image whose depth is measured
 
 # Geometry of `data_gen.catalogues.cabinets` before normalisation: position of the front of the body
 # along x, from the middle of the rail; and length of the deepest body.
@@ -86,15 +83,15 @@ def configs(base: Config, _: Callable[[str], str]) -> dict[str, runner.Overrides
 
 
 class Cabinet(NamedTuple):
-    """Parameters of a sample: seed of what is visible from the front, scale, hidden depth."""
+    """Parameters of a sample."""
 
-    seed: int
+    seed: int  # of what is visible from the front
     scale: float
-    depth: float
+    depth: float  # hidden
 
 
 def cabinets(data: DataConfig) -> list[Cabinet]:
-    """The parameters of every record that is evaluated, in order."""
+    """The parameters of every evaluated record, in order."""
     reader = RecordReader(data.eval_folders, data.eval_split)
     known: list[Cabinet] = []
     for index in range(len(reader)):

@@ -24,9 +24,7 @@ from psgn_jax.models.point_out_net import OutputGrid
 from psgn_jax.studies import figures, networks, runner
 from psgn_jax.viewing import spheres
 
-AROUND = 0.2
-"""Radius of the neighbourhood of a true point, unit of the frame."""
-
+AROUND = 0.2  # radius of the neighbourhood of a true point, unit of the frame
 _SAMPLED = 2048  # true points of a sample whose neighbourhoods are counted
 
 _OF_BRANCH = {
@@ -132,7 +130,7 @@ def measure(run: runner.Run) -> runner.Measured:
 
 
 def panels(case: runner.Sample, model: ModelConfig) -> dict[str, np.ndarray]:
-    """Image; maps of x, y, z; points coloured by branch, and truth, from two directions."""
+    """Image; maps of x, y, z; points by branch, and truth, from two directions."""
     network, pred = build(model), case["pred"]
     branches = network.branches
     branch = np.repeat([0, 1], [len(branches.fc), len(branches.deconv)])

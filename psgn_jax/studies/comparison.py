@@ -5,10 +5,10 @@ volume; the paper's voxel head with four sets of inputs (`HEADS`); and 3D-R2N2 (
 five views, for as long as the head `OURS` and the three networks that it reads took together. We
 measure on the test split, or without one on the evaluation split:
 
-- IoU of 32^3 grids. Thresholds are chosen on the evaluation split;
-- CD and EMD of 1,024 points by the paper's protocol, which converts grids to clouds by farthest
-  point sampling. We sample from 4,096 points on the surface of the occupied cells (**ours**: the
-  paper does not state from which). CD and EMD to the true surface points are **ours**, too;
+- IoU of 32^3 grids, with thresholds that were chosen on the evaluation split;
+- CD and EMD of 1,024 points. As in the paper, farthest point sampling makes clouds of grids, here
+  from 4,096 points on the surface of the occupied cells (**ours**: the paper does not state from
+  which). CD and EMD to the true surface points are **ours**, too;
 - recall of thin parts (**ours**): of the true cells that are in no 2x2x2 block of occupied cells,
   the share that a predicted grid contains.
 
@@ -53,7 +53,7 @@ OURS, PEER = "head_cd_emd_volume", "r2n2"
 VIEWS = (1, 3, 5)
 NUM_POINTS = 1024
 CANDIDATES = 4096
-"""Number of points on the surface of a volume from which the farthest points are sampled."""
+"""Points on the surface of a volume, of which we take the farthest ones."""
 
 PAPER = {
     "plane": (0.601, 0.513, 0.549, 0.561),
@@ -130,9 +130,6 @@ def configs(base: Config, folder: Callable[[str], str]) -> dict[str, runner.Over
     }
 
 
-# --- Training of 3D-R2N2 ------------------------------------------------------------------------
-
-
 def train(run: runner.Run) -> None:
     """Trains a run, 3D-R2N2 for as long as `OURS` and its networks took together."""
     if run.name == PEER:
@@ -200,7 +197,7 @@ def cloud_of(volume: np.ndarray, number: int) -> np.ndarray:
 
 
 def distances(cloud: np.ndarray, case: runner.Sample, number: int) -> dict[str, float]:
-    """CD and EMD of a cloud [1024, 3] to the true volume, and to the true surface."""
+    """CD and EMD of a cloud [1024, 3] to the true volume and to the true surface."""
     # A random subset, because the points of a record are ordered by position.
     order = np.random.default_rng([1, number]).permutation(len(case["points"]))
     surface = case["points"][order[:NUM_POINTS]]

@@ -1,10 +1,10 @@
 """CD against EMD in training: `psgn study losses [--runs=CD_RUN,EMD_RUN]`.
 
-We compare the two-branch networks of the study `networks`, which are trained with the CD and with
-EMD + 5 CD, or two other finished runs. The paper says that training with the CD "tends to scatter a
-few points in its uncertain area" and that training with the EMD is "more compact" but "sometimes
-overly shrinks local structures". So we measure the share of predicted points farther than `FAR`
-from the truth (stray) and of true points farther than `FAR` from the prediction (missed).
+We compare the two-branch networks of the study `networks`, trained with the CD and with EMD + 5 CD,
+or two other finished runs. According to the paper, the CD "tends to scatter a few points in its
+uncertain area", and the EMD is "more compact" but "sometimes overly shrinks local structures". So
+we measure the share of predicted points farther than `FAR` from the truth (stray) and of true
+points farther than `FAR` from the prediction (missed).
 
 Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figure of both, which shows an example and
 no numbers; networks, sizes and measures here are **ours**.
@@ -20,7 +20,7 @@ from psgn_jax.studies.runner import Results, Sample, Study, evaluate
 from psgn_jax.viewing import spheres
 
 FAR = 0.1
-"""Distance in radii from which a point counts as stray or missed."""
+"""Distance in radii beyond which a point is stray or missed."""
 
 METRICS = {
     "cd_sq_radius2": "CD squared [radius^2]",

@@ -37,11 +37,10 @@ Sample = Mapping[str, np.ndarray]
 CASE = ("image", "points", "intrinsics", "extrinsics")
 """Arrays of a sample that are kept by default, besides `pred`."""
 
-NUM_SHOWN = 6
-"""Number of evenly spaced samples that are kept for the figure."""
+NUM_SHOWN = 6  # evenly spaced samples, for the figure
 
 Overrides = Mapping[str, Any]
-"""Fields of a configuration that differ, by dotted name, such as `train.steps`."""
+"""Fields of a configuration that differ, by dotted name."""
 
 
 class Run(NamedTuple):
@@ -159,8 +158,7 @@ class Study:
 
 
 _INTERVALS = {"train.images_every": 0, "train.checkpoint_every": 200}
-_EVALUATIONS = 16
-"""Number of points of a learning curve."""
+_EVALUATIONS = 16  # points of a learning curve
 
 
 def changed(config: Config, overrides: Overrides) -> Config:
@@ -300,8 +298,8 @@ def learning_curves(
 ) -> dict[str, dict[str, figures.Curve]]:
     """{title: {configuration: curve}} from the evaluations during the trainings of `runs`.
 
-    Only at the last point has the learning rate fallen to its end. So compare a point with those of
-    other configurations, not with a training of that length.
+    Only at the last point, the learning rate is at its end. So compare a point with those of other
+    configurations, not with a training of that length.
     """
     charts: dict[str, dict[str, figures.Curve]] = {}
     for metric, title in metrics.items():

@@ -122,10 +122,7 @@ def _summary(checks: Sequence[Check]) -> list[str]:
 
 
 def report(path: str | pathlib.Path, num_checked: int = 256) -> tuple[list[str], bool]:
-    """Describes and checks a data set.
-
-    Returns:
-      Lines of text, and True if no damage was found.
+    """Describes and checks a data set: lines of text, and whether no damage was found.
 
     Raises:
       RecordError: there is no readable manifest.

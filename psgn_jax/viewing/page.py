@@ -105,12 +105,10 @@ def write_pages(
 ) -> dict[str, pathlib.Path]:
     """Writes one page, or several that link to each other: `page.html`, `page-2.html`, ...
 
-    Args:
-      cases: at least one; only one case and one page are in memory at a time.
-      max_bytes: maximum size of a page, unless a single case is larger.
+    Only one page is in memory at a time. Returns the page of each case, by the case's name.
 
-    Returns:
-      The page of each case, by the name of the case.
+    Args:
+      max_bytes: maximum size of a page, unless a single case is larger.
 
     Raises:
       ValueError: a name occurs twice.

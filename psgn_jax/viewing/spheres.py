@@ -48,7 +48,10 @@ Clouds = Mapping[str, tuple[np.ndarray, ArrayLike]]
 
 def colours_by_height(points: np.ndarray) -> np.ndarray:
     """Colours uint8 [n, 3] by height; the scale is z from 0 to 1."""
-    return _ramp(HEIGHT_COLOURS, points[:, 2])
+    stops, height = range(len(HEIGHT_COLOURS)), np.nan_to_num(points[:, 2].astype(np.float64))
+    place = np.clip(height, 0, 1) * stops[-1]
+    channels = [np.interp(place, stops, channel) for channel in HEIGHT_COLOURS.T]
+    return np.rint(np.stack(channels, axis=1)).astype(np.uint8)
 
 
 def by_height(clouds: Mapping[str, np.ndarray]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -197,12 +200,6 @@ def write_picture(picture: Image.Image, path: str | pathlib.Path) -> None:
     buffer = io.BytesIO()
     picture.save(buffer, Image.registered_extensions()[pathlib.Path(path).suffix.lower()])
     write_atomic(path, buffer.getvalue(), sync=False)
-
-
-def _ramp(stops: np.ndarray, values: np.ndarray) -> np.ndarray:
-    position = np.clip(np.nan_to_num(values.astype(np.float64)), 0, 1) * (len(stops) - 1)
-    channels = [np.interp(position, np.arange(len(stops)), channel) for channel in stops.T]
-    return np.rint(np.stack(channels, axis=1)).astype(np.uint8)
 
 
 def _stamp(

@@ -38,10 +38,7 @@ _REMEDY = (
 
 
 def runtime_files(given: str | os.PathLike[str] = "") -> dict[str, bytes]:
-    """The runtime's files by name.
-
-    Args:
-      given: folder or `.tgz` with the files; "" = the cache, which npm fills if needed.
+    """The runtime's files by name, of a folder or `.tgz`; "" = the cache, which npm fills.
 
     Raises:
       ConfigError: the files are not available, or a checksum differs.

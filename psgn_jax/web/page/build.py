@@ -31,12 +31,11 @@ def build_page(
     data: str = "",
     split: str = "validation",
 ) -> int:
-    """Writes the page; returns its size in bytes.
+    """Writes the page, or replaces an earlier one; returns its size in bytes.
 
     Args:
-      out: folder, created if missing; files of an earlier page are replaced.
       weights: how weights are stored, see `portable.folder.write_network`.
-      runtime: source of the runtime, see `browser_runtime.runtime_files`.
+      runtime: see `browser_runtime.runtime_files`.
     """
     out = pathlib.Path(out)
     files = {f"runtime/{name}": content for name, content in runtime_files(runtime).items()}
