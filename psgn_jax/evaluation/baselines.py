@@ -10,8 +10,6 @@ Every row has a cloud of n points for each sample of a split; n is the network's
   copying can give (Tatarchenko et al., "What Do Single-view 3D Reconstruction Networks Learn?",
   CVPR 2019).
 - retrieval: the cloud of the training image whose features are most similar (cosine).
-- cluster: n random points of the clouds of a k-means cluster. We cluster the clouds by their
-  histograms of 8^3 cells, and choose a cluster by the mean features of its images.
 - fixed cloud: n random points of all training clouds.
 - shuffled: the network's predictions for other images of the split. If this row is as good as the
   network, the network ignores its images.
@@ -30,7 +28,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from absl import logging
-from scipy.cluster.vq import kmeans2
 
 from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.data import loader
@@ -41,7 +38,7 @@ from psgn_jax.losses.chamfer import chamfer_sq_mean, nearest_both
 from psgn_jax.models import efficientnet, networks
 from psgn_jax.prediction.refine import refined
 
-ROWS = ("floor", "network", "refined", "oracle", "retrieval", "cluster", "fixed cloud", "shuffled")
+ROWS = ("floor", "network", "refined", "oracle", "retrieval", "fixed cloud", "shuffled")
 THRESHOLDS = (0.01, 0.02, 0.05)
 METRICS = ("cd_sq_radius2", "emd_radius", *(f"fscore_{t:g}" for t in THRESHOLDS))
 TITLES = ("CD squared [radius^2]", "EMD [radius]", *(f"F at {t:g} radius [%]" for t in THRESHOLDS))
@@ -49,7 +46,7 @@ MOST_TRAINING = 20_000
 """Of larger training splits, this many samples are drawn at random."""
 
 _COARSE, _BY_CD, _BY_EMD = 128, 64, 16  # points of a first comparison; clouds kept after two
-_PER_CLUSTER, _CELLS, _RESAMPLES = 30, 8, 2000
+_RESAMPLES = 2000
 
 
 def measure(config: Config, params: Any, lite0: Any, split: str) -> dict[str, np.ndarray]:
@@ -92,23 +89,21 @@ def measure(config: Config, params: Any, lite0: Any, split: str) -> dict[str, np
     both = both[:, rng.permutation(2 * n)]
     truth, floor = both[:, :n], both[:, n:]
     middle = train_features.mean(axis=0)
-    train_features, features = (_unit(f - middle) for f in (train_features, features))
+    similarity = _unit(features - middle) @ _unit(train_features - middle).T
     logging.info("baselines: %d samples, %d training clouds", len(truth), len(train))
     pairs = jax.jit(map_pairs(_metrics))
-    oracle = np.stack([_oracle(cloud, train) for cloud in truth])
-    similar = np.argmax(features @ train_features.T, axis=1)
-    everything = train.reshape(-1, 3)
+    fixed = rng.choice(train.reshape(-1, 3), n, replace=False)
     clouds = {
         "floor": floor,
         "network": predictions[:, 0],
         "refined": predictions[:, 1],
-        "retrieval": train[similar],
-        "cluster": _cluster_clouds(train, train_features, features, rng),
-        "fixed cloud": np.repeat(_some(everything, n, rng)[None], len(truth), 0),
+        "retrieval": train[np.argmax(similarity, axis=1)],
+        "fixed cloud": np.broadcast_to(fixed, truth.shape),
         "shuffled": np.roll(predictions[:, 0], max(1, len(truth) // 2), axis=0),
     }
     table = {name: np.asarray(pairs(c, truth), np.float64) for name, c in clouds.items()}
-    return {name: oracle if name == "oracle" else table[name] for name in ROWS}
+    table["oracle"] = np.stack([_oracle(cloud, train) for cloud in truth])
+    return {name: table[name] for name in ROWS}
 
 
 def _batches(config: Config, split: str, count: int, wanted: int) -> Iterator[Any]:
@@ -154,26 +149,6 @@ def _oracle(truth: np.ndarray, train: np.ndarray) -> np.ndarray:
     best = values[0].copy()
     best[1] = values[:, 1].min()
     return best
-
-
-def _some(points: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    return points[rng.choice(len(points), count, replace=False)]
-
-
-def _cluster_clouds(
-    train: np.ndarray, train_features: np.ndarray, features: np.ndarray, rng: np.random.Generator
-) -> np.ndarray:
-    cells = np.clip(((train - [-1, -1, 0]) / [2, 2, 1] * _CELLS).astype(int), 0, _CELLS - 1)
-    flat = (cells @ [_CELLS * _CELLS, _CELLS, 1]).astype(int)
-    counts = np.stack([np.bincount(row, minlength=_CELLS**3) for row in flat])
-    count = max(1, len(train) // _PER_CLUSTER)
-    roots = np.sqrt(counts / train.shape[1])  # Euclidean distances of roots: Hellinger's distance
-    _, label = kmeans2(roots, count, minit="++", rng=0)
-    used = np.unique(label)
-    centres = np.stack([train_features[label == c].mean(0) for c in used])
-    chosen = used[np.argmax(features @ centres.T, axis=1)]
-    drawn = {c: _some(train[label == c].reshape(-1, 3), train.shape[1], rng) for c in set(chosen)}
-    return np.stack([drawn[c] for c in chosen])
 
 
 def intervals(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -2,12 +2,11 @@
 
 Each training is an ordinary run in `WORKDIR/CONFIG-SEED`: a stopped study resumes, and a finished
 run is not trained again. We measure last checkpoints, because most studies measure the samples on
-which the best ones were chosen. The results are `NAME.md` (tables), `NAME.csv` and `NAME.json` (all
-numbers), `NAME.png`, and `NAME_curves.png`: the metrics during training against the samples seen.
+which the best ones were chosen. The results are `NAME.md` (tables), `NAME.csv` (all numbers),
+`NAME.png`, and `NAME_curves.png`: the metrics during training against the samples seen.
 """
 
 import dataclasses
-import json
 import math
 import pathlib
 from collections.abc import Callable, Mapping, Sequence
@@ -26,7 +25,7 @@ from psgn_jax.evaluation.results import SampleName
 from psgn_jax.evaluation.table import Lines, aligned, csv_of, markdown
 from psgn_jax.studies import figures
 from psgn_jax.system.errors import UserError
-from psgn_jax.system.files import finite_or_none, write_atomic
+from psgn_jax.system.files import write_atomic
 from psgn_jax.training import loop
 from psgn_jax.training.log import read_metrics
 from psgn_jax.weights.run_folder import load_config, open_run
@@ -268,15 +267,9 @@ def _write(
     tables = [*_tables(summaries, study), *study.tables(results), *_costs(runs)]
     about = results[runs[0].name][0].about
     note = f"{about}{'. ' if about else ''}{_ERRORS} {study.note}".strip() + "\n"
-    document = {
-        "about": about,
-        "steps": {run.name: run.config.train.steps for run in runs},
-        "results": [finite_or_none(summary._asdict()) for summary in summaries],
-    }
     contents: dict[str, str | bytes] = {
         ".md": "\n".join([*map(markdown, tables), note]),
         ".csv": csv_of(Summary._fields, summaries),
-        ".json": json.dumps(document, indent=1) + "\n",
         ".png": figures.png(study.figure(results)),
     }
     if not place and (found := learning_curves(runs, study.metrics)):

@@ -10,16 +10,6 @@ from urllib.parse import urlsplit
 
 from psgn_jax.system.errors import UserError
 
-TYPES = {
-    ".css": "text/css; charset=utf-8",
-    ".html": "text/html; charset=utf-8",
-    ".js": "text/javascript; charset=utf-8",
-    ".json": "application/json",
-    ".mjs": "text/javascript; charset=utf-8",
-    ".png": "image/png",
-    ".wasm": "application/wasm",
-}
-
 
 def server(folder: pathlib.Path, port: int = 0) -> http.server.ThreadingHTTPServer:
     """A server of the files in `folder` on 127.0.0.1, to be started with `serve_forever`.
@@ -42,7 +32,12 @@ def server(folder: pathlib.Path, port: int = 0) -> http.server.ThreadingHTTPServ
 
 class _Handler(http.server.SimpleHTTPRequestHandler):
     timeout = 60  # seconds without data, after which a connection is closed
-    extensions_map = TYPES | {"": "application/octet-stream"}
+    # Some systems name other types.
+    extensions_map = http.server.SimpleHTTPRequestHandler.extensions_map | {
+        ".js": "text/javascript",
+        ".mjs": "text/javascript",
+        ".wasm": "application/wasm",
+    }
 
     def handle(self) -> None:
         with contextlib.suppress(ConnectionError):
