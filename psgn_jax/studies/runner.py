@@ -240,12 +240,9 @@ def run(
         logging.warning("no split %r: thresholds are chosen on the measured one", study.split)
     texts = []
     for place, several in places.items():
-        results: dict[str, list[Measured]] = {}
-        for one in several:
-            measured = study.measure(one)
-            results.setdefault(one.name, []).append(measured)
-            if list(measured.names) != list(results[runs[0].name][0].names):
-                raise ConfigError(f"{one.folder}, {runs[0].folder}: measured on different samples")
+        results = {name: [*map(study.measure, same)] for name, same in _by_name(several).items()}
+        if len({tuple(one.names) for many in results.values() for one in many}) > 1:
+            raise ConfigError(f"{folder}: the runs are measured on different samples")
         shown = study
         if not study.metrics:
             titles = {metric: metric for many in results.values() for metric in many[0].metrics}
