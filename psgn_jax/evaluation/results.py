@@ -47,7 +47,7 @@ class Evaluation:
         measured, in units (`data.visibility`).
       note: text below the table, in place of the default text about points.
       frame: "place" if images and true points were placed by the rule of `data.framing`, or "keep".
-      refined: whether the clouds are those of `prediction.refine`.
+      refined: whether `prediction.refine` has changed the clouds.
       chosen: values that were chosen on this or an earlier split, such as thresholds.
     """
 

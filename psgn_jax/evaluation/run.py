@@ -1,6 +1,6 @@
 """Evaluates trained networks, and writes tables and a gallery of all samples.
 
-The metrics are those of the network's task (`Config.task`), for clouds those of
+The network's task (`Config.task`) defines the metrics; clouds have the metrics of
 `evaluation.clouds.evaluate_pair`. The unit is the radius of an object's bounding hemisphere.
 
 The folder `eval_<split>_<best|last>` of a run gets `table.txt`, `table.csv` and `table.json` with a

@@ -41,7 +41,7 @@ LARGEST_DIFFERENCE = 1e-4
 """Largest accepted difference between a coordinate of a float32 file and JAX's (unit)."""
 
 LARGEST_CD_CHANGE = 0.01
-"""Largest accepted change of the mean CD, relative to that of JAX's clouds."""
+"""Largest accepted change of the mean CD, relative to JAX's clouds."""
 
 TEMPLATES = pathlib.Path(__file__).resolve().parent / "templates"
 JAVASCRIPT = ("framing.js", "resample.js")

@@ -111,7 +111,7 @@ class _Graph:
         return name
 
     def kernel(self, array: np.ndarray, channel: int) -> str:
-        """A kernel, whose axis `channel` is that of the output channels, in the stored type."""
+        """A kernel in the stored type; its axis `channel` has the output channels."""
         if self.stored == "float16":
             return self.node("Cast", self.constant(array, np.float16), to=TensorProto.FLOAT)
         if self.stored == "int8":

@@ -30,7 +30,7 @@ from psgn_jax.viewing.predictions import VERSION
 FC, DECONV = 0, 1
 
 UNSEEN = (150, 150, 150)
-"""Colour of a cloud of which no point is visible in the image."""
+"""Colour of a cloud without visible points."""
 
 # Radius of the disc of a point, and largest distance of a visible point behind the nearest disc
 # (unit). Compared with depth maps, for 1,024 points of the authors' surfaces, the precision of the
@@ -276,7 +276,7 @@ def colours_from_view(points: np.ndarray, view: Framed) -> tuple[np.ndarray, np.
     row = corner[far_first, 1, None] + offsets[:, 1]
     covered &= (column >= 0) & (column < width) & (row >= 0) & (row < height)
     nearest = np.full(height * width, np.inf)
-    # If a pixel has several values, the last assignment remains: that of the nearest disc.
+    # If a pixel has several values, the last assignment remains, here the nearest disc's.
     layers = np.broadcast_to(depth[far_first, None], covered.shape)
     nearest[(row * width + column)[covered]] = layers[covered]
     inside = (corner >= 0).all(axis=1) & (corner < (width, height)).all(axis=1)

@@ -42,7 +42,7 @@ def predict_files(
     """Predicts clouds for files and folders of images, one by one, and writes them to `out`.
 
     In a folder, we leave out the results of earlier runs; a picture replaces no other file.
-    `mask_from`, `invert_mask`, `accept_mask` and further options are those of `Predictor.__call__`.
+    `mask_from`, `invert_mask`, `accept_mask` and further options are as for `Predictor.__call__`.
 
     Args:
       open_predictor: returns the network; called after the first image and mask were read, so that

@@ -81,10 +81,10 @@ class Predictor:
           samples: number of clouds, up to 64; more than one needs a network with a random input.
           seed: seed of the random input, which is the same for every image.
           frame: "place" crops and scales the object (`framing.place`); "keep" keeps the framing of
-            an image of 4:3; "auto" keeps that of training renderings and places other images.
+            an image of 4:3; "auto" keeps training renderings and places other images.
           mask_from: one of `masks.METHODS`; ignored if a mask is given.
           invert_mask: whether the given mask is dark on the object; None = if it looks so.
-          accept_mask: whether to use a mask of which the mask network is not certain.
+          accept_mask: whether to use the mask network's mask even if it is not certain.
           normal_form: "yes" moves and scales the clouds so that the lowest point is at z = 0 and
             the farthest at distance 1 from the origin (`framing.normal_form`), because a photo does
             not show the size of its object; "no" does not; "auto" does if the image was placed.

@@ -106,7 +106,7 @@ def sampler(
     """Compiled `(params, batch, seed, first) -> points`: K predictions for each image of a batch.
 
     Points with the same index correspond, because a small change of the random input moves a point
-    only a little. `batch` is that of `networks.predict`; `first` is the number of samples in
+    only a little. `batch` is as for `networks.predict`; `first` is the number of samples in
     earlier batches. The encoder runs once per image.
 
     Raises:

@@ -29,7 +29,7 @@ _SAMPLED = 2048  # true points of a sample whose neighbourhoods are counted
 
 _OF_BRANCH = {
     "points": "points",
-    "order": "distance of neighbours over that of random points",
+    "order": "distance of neighbours / distance of random points",
     "spread": "rms distance from the branch's centre [radius]",
     "extent": "rms distance from the object's centre [radius]",
     "pred_to_gt": "predicted points to truth [radius^2]",
@@ -53,7 +53,7 @@ METRICS = {
 
 
 def order(points: np.ndarray, neighbours: np.ndarray) -> float:
-    """Mean distance of the pairs `neighbours` [k, 2], divided by that of all pairs of points."""
+    """Mean distance of the pairs `neighbours` [k, 2], divided by the mean over all pairs."""
     n = len(points)
     if n < 2 or not len(neighbours):
         return float("nan")

@@ -53,7 +53,7 @@ OURS, PEER = "head_cd_emd_volume", "r2n2"
 VIEWS = (1, 3, 5)
 NUM_POINTS = 1024
 CANDIDATES = 4096
-"""Points on the surface of a volume, of which we take the farthest ones."""
+"""Points on the surface of a volume; we take the farthest ones."""
 
 PAPER = {
     "plane": (0.601, 0.513, 0.549, 0.561),

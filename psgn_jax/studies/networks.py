@@ -61,7 +61,7 @@ def measure(run: runner.Run) -> runner.Measured:
 
 
 def figure(results: runner.Results) -> figures.Figure:
-    """Errors divided by those of `vanilla`, with the error over samples of the difference."""
+    """Errors divided by `vanilla`'s, with the error over samples of the difference."""
     series: dict[str, list[float]] = {name: [] for name in NETWORKS}
     errors: dict[str, list[float]] = {name: [] for name in NETWORKS}
     for loss, metric in TRAINED_FOR.items():
@@ -74,7 +74,7 @@ def figure(results: runner.Results) -> figures.Figure:
             series[name].append(values.mean() / unit)
             errors[name].append(runner.standard_error(values - found["vanilla"]) / unit)
     groups = [f"{METRICS[m]}, trained with {loss.upper()}" for loss, m in TRAINED_FOR.items()]
-    title = "Error divided by that of vanilla; lower is better"
+    title = "Error divided by vanilla's; lower is better"
     return figures.bars({title: series}, groups, errors=errors)
 
 

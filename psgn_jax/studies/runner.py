@@ -43,9 +43,9 @@ Overrides = Mapping[str, Any]
 
 
 class Run(NamedTuple):
-    """A training of a study; `name` is that of its configuration."""
+    """A training of a study."""
 
-    name: str
+    name: str  # of its configuration
     seed: int
     folder: pathlib.Path
     config: Config
@@ -288,8 +288,8 @@ def learning_curves(
 ) -> dict[str, dict[str, figures.Curve]]:
     """{title: {configuration: curve}} from the evaluations during the trainings of `runs`.
 
-    Only at the last point, the learning rate is at its end. So compare a point with those of other
-    configurations, not with a training of that length.
+    Only at the last point, the learning rate is at its end. So compare points with other
+    configurations' points, not with trainings of that length.
     """
     charts: dict[str, dict[str, figures.Curve]] = {}
     for metric, title in metrics.items():

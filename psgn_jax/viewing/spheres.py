@@ -226,7 +226,7 @@ def _stamp(
     flat = (row * width + column)[inside]
     rise = np.sqrt(forward[inside])
     surface = depth[owner] - radius * rise
-    # If a pixel has several fragments, the last assignment remains: that of the nearest one.
+    # If a pixel has several fragments, the last assignment remains, here the nearest one's.
     far_first = np.argsort(-surface, kind="stable")
     nearest = np.full(height * width, -1)
     nearest[flat[far_first]] = far_first
