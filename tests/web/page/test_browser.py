@@ -142,7 +142,7 @@ def test_the_mask_of_a_photo_is_found_as_by_python(open_page):
     for name, doubt in doubts.items():
         file = CHAIR.with_stem(name)
         give(page, file)
-        found = masks.find_mask(np.asarray(Image.open(file)))
+        found = masks.find_mask(np.asarray(Image.open(file)), method="network")
         assert masks.mask_iou(mask_of(page, found.mask.shape), found.mask) > 0.98
         assert re.search(rf"points in .*\d s\.( {doubt}.*|)$", status(page))
         assert bool(doubt) == bool(found.warnings) == ("correct" in status(page))
