@@ -38,7 +38,7 @@ def ask(served, path, method="GET", host=None):
     answer = connection.getresponse()
     body = answer.read()
     connection.close()
-    return answer.status, dict(answer.getheaders()), body
+    return answer.status, {name.title(): value for name, value in answer.getheaders()}, body
 
 
 def test_files_of_the_folder_are_served(served):
