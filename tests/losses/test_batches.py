@@ -1,4 +1,4 @@
-"""`map_pairs` divides traced batches into parts, with the results of the whole batch."""
+"""`map_pairs` has the results of each pair, whatever the platform."""
 
 import jax
 import jax.numpy as jnp
@@ -6,32 +6,25 @@ import numpy as np
 import pytest
 
 from psgn_jax import losses
-from psgn_jax.losses import batches
 
 
-@pytest.mark.parametrize("num_pairs", [3, 17])
-def test_parts_give_the_results_of_the_whole(num_pairs, rng, monkeypatch):
-    a, b, w = (
-        jnp.asarray(rng.normal(size=(num_pairs, *shape)), jnp.float32)
-        for shape in ((5, 3), (7, 3), (2,))
-    )
+@pytest.mark.parametrize("platform", ["cpu", "gpu"])
+def test_the_results_are_those_of_each_pair(platform, rng):
+    arrays = [jnp.asarray(rng.normal(size=(4, *s)), jnp.float32) for s in ((5, 3), (7, 3), (2,))]
 
     def function(a, b, w):
         return {"cd": losses.chamfer_sq_mean(a, b) * w[0], "w": w}
 
-    def total(a):
-        return jnp.sum(losses.map_pairs(function)(a, b, w)["cd"])
+    def total(a, mapped):
+        return jnp.sum(mapped(a, *arrays[1:])["cd"])
 
-    whole = losses.map_pairs(function)(a, b, w)
-    monkeypatch.setattr(batches, "num_cores", lambda: 8)
-    parts = jax.jit(lambda *args: losses.map_pairs(function)(*args))(a, b, w)
-    jax.tree.map(lambda x, y: np.testing.assert_allclose(x, y, rtol=1e-6), parts, whole)
-    equations = jax.make_jaxpr(total)(a).eqns
-    num_parts = sum(e.primitive.name == "scan" for e in equations)
-    assert num_parts == max(1, min(4, num_pairs // 4))
-    by_parts = jax.jit(jax.grad(total))(a)
-    monkeypatch.setattr(batches, "num_cores", lambda: 1)
-    np.testing.assert_allclose(by_parts, jax.grad(total)(a), rtol=1e-5)
+    mapped = losses.map_pairs(function, platform=platform)
+    pairs = [function(*pair) for pair in zip(*arrays, strict=True)]
+    each = jax.tree.map(lambda *leaves: jnp.stack(leaves), *pairs)
+    found = jax.jit(mapped)(*arrays)
+    jax.tree.map(lambda x, y: np.testing.assert_allclose(x, y, rtol=1e-6), found, each)
+    gradients = [jax.grad(total)(arrays[0], m) for m in (mapped, jax.vmap(function))]
+    np.testing.assert_allclose(*gradients, rtol=1e-5)
 
 
 def test_batches_of_two_sizes_are_refused():
@@ -39,7 +32,6 @@ def test_batches_of_two_sizes_are_refused():
         losses.map_pairs(losses.chamfer_sq_mean)(jnp.zeros((2, 5, 3)), jnp.zeros((3, 5, 3)))
 
 
-def test_no_pairs(monkeypatch):
-    monkeypatch.setattr(batches, "num_cores", lambda: 8)
+def test_no_pairs():
     function = jax.jit(losses.map_pairs(losses.chamfer_sq_mean))
     assert function(jnp.zeros((0, 5, 3)), jnp.zeros((0, 7, 3))).shape == (0,)
