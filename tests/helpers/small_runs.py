@@ -1,5 +1,6 @@
 """A small data set, a configuration file and a fast environment, for tests of whole commands."""
 
+import functools
 import os
 
 from helpers import drawn_solids as solids
@@ -7,12 +8,14 @@ from psgn_jax.config.experiment import to_dict
 from psgn_jax.data.dataset import write_dataset
 
 
+@functools.cache
+def _drawn(number, seed):
+    return tuple(solids.samples(number, seed=seed, image_size=(16, 32)))
+
+
 def write_solids(folder):
     """Writes 24 training and 11 validation samples of drawn solids; returns the folder."""
-    splits = {
-        "train": solids.samples(24, seed=0, image_size=(16, 32)),
-        "validation": solids.samples(11, seed=1, image_size=(16, 32)),
-    }
+    splits = {"train": _drawn(24, 0), "validation": _drawn(11, 1)}
     write_dataset(folder, splits, source="solids", records_per_shard=10)
     return folder
 

@@ -1,3 +1,5 @@
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -53,6 +55,7 @@ def pairs_of(whole, kind, n, rng):
     return a.astype(np.float32), b.astype(np.float32)
 
 
+@functools.cache
 def real_clouds(folder, pairs):
     whole = []
     for path in sorted(folder.glob("*.gz")):
@@ -62,7 +65,7 @@ def real_clouds(folder, pairs):
     return np.stack(whole[:pairs])
 
 
-@pytest.mark.parametrize(("n", "pairs"), [(384, 6), pytest.param(1024, 64, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("n", "pairs"), [(384, 6), pytest.param(1024, 32, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", KINDS)
 def test_real_pairs(authors_batches, rng, kind, n, pairs):
     a, b = pairs_of(real_clouds(authors_batches, pairs), kind, n, rng)

@@ -70,12 +70,14 @@ def test_the_files_give_the_points_of_jax(name):
     network = PortableNetwork(run)
     session = folder.session(onnx_file.to_onnx(network, network.inputs, "points", "float32", {}))
     program = jax.export.deserialize(bytearray(network.stablehlo()))
-    for images, draws in ((1, 1), (3, 2)):
-        arrays = arrays_for(network, images, draws)
-        expected = np.asarray(network.compiled(*arrays.values()))
-        assert expected.shape[:-2] == ((images, draws) if "r" in arrays else (images,))
-        np.testing.assert_allclose(session(arrays), expected, atol=1e-5)
-        np.testing.assert_allclose(program.call(*arrays.values()), expected, atol=1e-5)
+    arrays = arrays_for(network, images=3)
+    expected = np.asarray(network.compiled(*arrays.values()))
+    assert expected.shape[:-2] == ((3, 2) if "r" in arrays else (3,))
+    first = {key: array[:1] if key != "r" else array[:1, :1] for key, array in arrays.items()}
+    of_first = expected[:1, :1] if "r" in arrays else expected[:1]
+    for given, wanted in ((arrays, expected), (first, of_first)):
+        np.testing.assert_allclose(session(given), wanted, atol=1e-5)
+        np.testing.assert_allclose(program.call(*given.values()), wanted, atol=1e-5)
 
 
 def test_a_network_trained_in_bfloat16_computes_in_float32():

@@ -1,18 +1,17 @@
-"""Commands in a folder with Python files of others, under every name that may be imported."""
+"""Commands in a folder with Python files of others, under every name that may be imported.
 
-import importlib.metadata
+`weights/test_wheel.py` runs the other commands in such a folder.
+"""
+
 import os
 import pathlib
 import subprocess
 import sys
 
-import numpy as np
 import pytest
-from helpers import drawn_solids as solids
-from PIL import Image
+from helpers.processes import write_modules
 
 from data_gen.engine import has_mitsuba
-from psgn_jax.data.dataset import write_dataset
 from psgn_jax.system import processes
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -26,24 +25,11 @@ MESH = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n
 
 @pytest.fixture
 def hostile(tmp_path):
-    """A folder with a mesh, a photo and records, beside modules that leave a mark when they run."""
+    """A folder with a mesh, beside modules that leave a mark when they run."""
     folder = tmp_path / "theirs"
     folder.mkdir()
-    own = {"psgn_jax", "data_gen"}
-    for name in {*sys.stdlib_module_names, *importlib.metadata.packages_distributions()} - own:
-        if name.isidentifier():
-            (folder / f"{name}.py").write_text(
-                f"open({str(tmp_path / 'executed')!r}, 'a').write({name!r} + '\\n')\n"
-            )
+    write_modules(folder, tmp_path / "executed")
     (folder / "mesh.obj").write_text(MESH)
-    photo = np.full((60, 80, 3), 255, np.uint8)
-    photo[15:45, 25:55] = 60
-    Image.fromarray(photo).save(folder / "photo.png")
-    rng = np.random.default_rng(0)
-    box = solids.random_solid("box", rng)
-    samples = [solids.draw(box, rng, num_points=1500) for _ in range(4)]
-    splits = dict.fromkeys(("train", "validation", "test"), samples)
-    write_dataset(folder / "records", splits, source="solids")
     (tmp_path / "bin").mkdir()
     (tmp_path / "bin/psgn").write_text(CONSOLE_SCRIPT)
     return folder
@@ -88,24 +74,3 @@ def test_render_executes_no_file_of_the_current_folder(hostile, script):
 def test_free_set_executes_no_file_of_the_current_folder(hostile):
     done = run(hostile, "free-set", "--packages=.", "--sources=procedural", "--check")
     assert done.returncode == 0, done.stderr
-
-
-SMALL = ("--config.data.path=records", "--config.data.num_workers=2", "--config.train.steps=2",
-         "--config.train.batch_size=2", "--config.optim.warmup_steps=0",
-         "--config.train.eval_every=0")  # fmt: skip
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("arguments", "code"),
-    [
-        (("train", "--config=quickstart", "--workdir=run", *SMALL), 0),
-        (("predict", "photo.png", "--out=out"), 0),
-        (("evaluate", "--data=records", "--out=out"), None),
-        (("page", "--out=page.html"), None),  # without npm it ends with an error
-    ],
-)
-def test_no_command_executes_a_file_of_the_current_folder(hostile, arguments, code):
-    done = run(hostile, *arguments)
-    assert code is None or done.returncode == code, done.stderr
-    assert "Traceback" not in done.stderr
