@@ -24,15 +24,10 @@ from data_gen.mesh import (
 )
 
 AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
-"""Names of the directions in `orient`."""
 
 
 def axis_vector(name: str) -> Float[np.ndarray, " 3"]:
-    """The unit vector of a direction of `AXES`.
-
-    Raises:
-      ValueError: the name is not in `AXES`.
-    """
+    """The unit vector of one of `AXES`; ValueError for another name."""
     if name not in AXES:
         raise ValueError(f"axis {name!r}: expected one of {list(AXES)}")
     vector = np.zeros(3)
@@ -93,11 +88,10 @@ def _existing_extremes(
     measure: Callable[[np.ndarray], np.ndarray],
     best: Float[np.ndarray, " k"],
 ) -> Float[np.ndarray, "m 3"]:
-    """For each measure, the existing point of the faces with the largest value above `best`.
+    """For each convex measure, the existing point of the faces with the largest value above `best`.
 
-    Measures are convex functions of points. Faces that exist only in part and may contain a larger
-    value are divided into four, recursively. If a part is smaller than `_SMALL` times the extent,
-    only its corners are examined.
+    We divide faces that exist only in part and may contain a larger value into four, recursively.
+    Of a part smaller than `_SMALL` times the extent, we examine only the corners.
     """
     extent = float(np.ptp(model.vertices, axis=0).max())
     best, chosen = best.copy(), np.full((len(best), 3), np.nan)
@@ -152,10 +146,10 @@ def outline(
 ) -> Float[np.ndarray, "n 3"]:
     """Points with the same extent as the visible surface.
 
-    Without alpha textures, the points are all vertices. With alpha textures, they are the vertices
-    of the faces without alpha and, for each measure that is larger on a face with alpha, the
-    existing point that maximises it. Measures are convex functions of points, [n, 3] to [n, k].
-    None = the extent in 260 directions, including the axes.
+    Without alpha textures, they are all vertices. Otherwise they are the vertices of the faces
+    without alpha and, for each measure that is larger on a face with alpha, the existing point that
+    maximises it. Measures are convex functions of points, [n, 3] to [n, k]; None = the extent in
+    260 directions, including the axes.
     """
     faces = faces_with_alpha(model)
     if not len(faces):
@@ -184,11 +178,7 @@ _STRAY_GAP, _STRAY_SIZE = 0.6, 0.15
 
 
 def _check_strays(model: Model) -> None:
-    """Refuses models whose parts are far from each other.
-
-    Raises:
-      UnusableModelError: there are such parts; the message names the smaller one.
-    """
+    """Refuses models whose parts are far from each other; the message names the smaller one."""
     corners = model.corners()
     low, high = corners.min(axis=1), corners.max(axis=1)
     extent = float((high.max(axis=0) - low.min(axis=0)).max())
@@ -218,8 +208,8 @@ def normalize(model: Model) -> Model:
     """Moves and scales a model to the project's frame. Its axes must be correct (`orient`).
 
     We move the lowest point to z = 0 and the centre of the bounding box to x = y = 0, and scale the
-    farthest point to distance 1 from the origin. Only visible surface counts: transparent parts may
-    lie outside. With alpha textures, the bounds are exact to 0.002 of the extent.
+    farthest point to distance 1 from the origin. Only visible surface counts. With alpha textures,
+    the bounds are exact to 0.002 of the extent.
 
     Raises:
       UnusableModelError: the extent is zero or overflows, or a part is so far away that the object
@@ -236,11 +226,11 @@ def normalize(model: Model) -> Model:
 def recentre(model: Model, centre: str) -> Model:
     """A model of `normalize` with another point at x = y = 0, scaled to radius 1 again.
 
-    "bounds" is the centre of the bounding box; the model is not changed. "vertices" is the mean of
-    the vertices, each counted once. It lies where the mesh is dense: near the head of a guitar,
-    near the back of a chair. The authors' objects are centred on their vertices: in 26 % of the
-    samples, the centre of the bounding box is more than 0.1 away from the origin. For furniture and
-    procedural models, it is in 18 to 23 % of the samples with "vertices", 1 to 6 % with "bounds".
+    "bounds" is the centre of the bounding box, as in `model`. "vertices" is the mean of the
+    vertices, which lies where the mesh is dense: near the back of a chair. The authors' objects are
+    centred on their vertices: in 26 % of the samples, the centre of the bounding box is more than
+    0.1 away from the origin. For furniture and procedural models, it is in 18 to 23 % of the
+    samples with "vertices", 1 to 6 % with "bounds".
 
     Raises:
       UnusableModelError: the extent is zero or overflows.

@@ -10,16 +10,14 @@ licence. If something is missing, the command prints how to get it:
     cd FOLDER && apt-get download sweethome3d-furniture
     dpkg-deb -x sweethome3d-furniture_*.deb sweethome3d-furniture
 
-Each source becomes a separate data set, `records/free/<source>`. Training reads several of them:
+Each source becomes a data set, `records/free/<source>`. Training reads several of them:
 `--config.data.path=records/free/furniture,records/free/procedural`. `SOURCES.md` and `sources.json`
-list the contents and the licences, and `licences/` contains the copyright statements of the
-packages. The index states the licences and authors of the meshes.
+list the contents and the licences, and `licences/` has the copyright statements of the packages.
 
-The same command continues a stopped one. It refuses and reports unusable models. `--fraction=0.01`
-renders a small part of the set. `--photo=0.25`, `--angles=0.25` and `--level=0.25` render a quarter
-of the views of each model with the preset of that name (`data_gen/config.py`), in
-`records/free/photo/<source>` and so on. `--variants=8` replaces each model by 8 variants with other
-proportions.
+The same command continues a stopped one. `--fraction=0.01` renders a small part of the set.
+`--photo=0.25`, `--angles=0.25` and `--level=0.25` render a quarter of the views of each model with
+the preset of that name (`data_gen/config.py`), in `records/free/photo/<source>` and so on.
+`--variants=8` replaces each model by 8 variants with other proportions.
 
 Exit codes: 0 done; 1 done, but some sources could not be rendered; 2 wrong arguments, missing
 packages or no data set; 143 stopped by SIGTERM; 130 stopped by Ctrl-C.
@@ -57,15 +55,8 @@ MESHES = "meshes"
 """Name of the folder with an index, beside the packages."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Licence:
-    """The licence of some models.
-
-    Attributes:
-      name: SPDX identifier of the licence if there is one, else its name.
-      models: pattern of the names of the models, "" = all that no earlier pattern matches.
-      holders: the copyright holders to be named.
-    """
+class Licence(NamedTuple):
+    """The licence of the models whose names match the pattern `models`, and its holders."""
 
     name: str
     models: str = ""
@@ -77,19 +68,17 @@ class Source:
     """A source of a training set.
 
     Attributes:
-      name: name of the source and of its folder in the training set.
+      name: its name and its folder in the training set.
       catalogue: one of `open_catalogue.CATALOGUES`.
       views: number of images of each model.
-      licences: licences of its models; the first one with a matching pattern counts. Empty = the
-        licences in the index.
-      package: name of the Debian package or of the folder of meshes, "" = none is needed.
-      place: source of the catalogue: a path in the unpacked package, or a number of models.
+      licences: the first one with a matching pattern counts; empty = the index states them.
+      package: name of the Debian package or of the folder of meshes; "" = none is needed.
+      place: source of the catalogue: a path in the package, or a number of models.
       options: options of the catalogue.
       exclude: pattern of the names of models that are left out.
-      missing: fraction of the models that are rendered without some of their faces, see
-        `data_gen.render_model.without_faces`.
-      families: whether near-duplicates (`family_of`) are in the same split; otherwise the catalogue
-        decides the split.
+      missing: see `image.missing` of the settings.
+      families: whether near-duplicates (`family_of`) share a split; otherwise the catalogue
+        decides.
     """
 
     name: str
@@ -105,9 +94,8 @@ class Source:
 
     def path(self, packages: str | os.PathLike[str]) -> str:
         """The source of the catalogue, given the folder of the unpacked packages."""
-        return (
-            str(pathlib.Path(packages) / self.package / self.place) if self.package else self.place
-        )
+        parts = (packages, self.package) if self.package else ()
+        return os.path.join(*parts, self.place)
 
     def licences_of(
         self, model_ids: Sequence[str], packages: str | os.PathLike[str]
@@ -127,21 +115,15 @@ def select(
 ) -> Catalogue:
     """A catalogue of the models of a source that are in the training set.
 
-    Args:
-      source: the source.
-      packages: folder of the unpacked packages.
-      fraction: fraction of the models, chosen by a hash of the name. A larger fraction contains the
-        smaller ones.
-      variants: see `open_catalogue.variants_of`; a variant has the split of its model.
+    A hash of their names chooses a `fraction` of the models, so a larger one contains the smaller
+    ones. See `open_catalogue.variants_of` for `variants`.
 
     Raises:
       ValueError: the catalogue cannot be opened, or no model is left.
     """
     inner = open_catalogue(source.catalogue, source.path(packages), **source.options)
-    entries = [
-        e for e in inner.models
-        if not source.exclude or not re.search(source.exclude, e.model_id)
-    ]  # fmt: skip
+    exclude = source.exclude or "(?!)"  # which matches nothing
+    entries = [e for e in inner.models if not re.search(exclude, e.model_id)]
     if not entries:
         raise ValueError(f"source {source.name!r}: no model is left, expected at least 1")
     if source.families:
@@ -157,10 +139,11 @@ def select(
 # --- The sources ------------------------------------------------------------------------------
 
 
-PERMISSIVE = ("CC0-*", "CC-BY-?.?*", "MIT", "MIT-0", "Apache-*")
-COPYLEFT = ("GPL-*", "AGPL-*", "CC-BY-SA-*")
-"""Licences of the sources `collections` and `copyleft`, as patterns."""
-
+_OF_MESHES = {
+    "collections": ("CC0-*", "CC-BY-?.?*", "MIT", "MIT-0", "Apache-*"),
+    "copyleft": ("GPL-*", "AGPL-*", "CC-BY-SA-*"),
+}
+"""Patterns of the licences of the sources from an index."""
 
 _OURS = Source(
     "procedural",
@@ -201,7 +184,7 @@ SOURCES = {
         ),
         *(
             Source(name, "indexed", views=14, package=MESHES, options={"licences": licences})
-            for name, licences in (("collections", PERMISSIVE), ("copyleft", COPYLEFT))
+            for name, licences in _OF_MESHES.items()
         ),
     )
 }
@@ -212,14 +195,7 @@ OTHER_PRESETS = ("photo", "angles", "level")
 
 
 class Part(NamedTuple):
-    """A data set of the training set: a source rendered with a preset of `data_gen/config.py`.
-
-    Attributes:
-      source: the source.
-      preset: the preset.
-      folder: folder of the data set, relative to the folder of the training set.
-      views: number of images of each model.
-    """
+    """A data set: a source rendered with a preset, in a folder of the training set."""
 
     source: Source
     preset: str
@@ -228,9 +204,7 @@ class Part(NamedTuple):
 
 
 def plan(chosen: Sequence[Source], fractions: Mapping[str, float] = {}) -> list[Part]:
-    """The data sets of a training set, source by source.
-
-    `fractions` are the fractions of the views with each of `OTHER_PRESETS`; a missing one is 0.
+    """The data sets of a training set, from the fractions of the views with each other preset.
 
     Raises:
       ValueError: the sum of the fractions exceeds 1.
@@ -253,7 +227,7 @@ def plan(chosen: Sequence[Source], fractions: Mapping[str, float] = {}) -> list[
 def settings_of(
     part: Part, centre: str = "vertices", workers: int = 0, variant: str = "auto"
 ) -> settings.Settings:
-    """Settings of a data set. The authors' objects are centred on their vertices."""
+    """The settings of a data set."""
     values = config.get_config(part.preset)
     values.views, values.centre, values.image.missing = part.views, centre, part.source.missing
     if part.preset != "photo":
@@ -284,7 +258,7 @@ def missing(chosen: Sequence[Source], packages: str | os.PathLike[str]) -> list[
 
 
 def _missing_meshes(folder: pathlib.Path, sources: Sequence[Source]) -> list[str]:
-    """The repositories of the files that are missing in a folder of meshes, or its index."""
+    """Where to get the missing files of a folder of meshes, or its index."""
     if not (folder / INDEX).exists():
         names = ",".join(name for name, s in SOURCES.items() if s.package != MESHES)
         return [
@@ -323,7 +297,7 @@ def _documents_of(packages: str | os.PathLike[str], package: str) -> tuple[str, 
 
 
 def _reason(text: str) -> str:
-    """A reason for a refusal without names and numbers, so that equal reasons can be counted."""
+    """A reason without names and numbers, so that equal reasons can be counted."""
     text = re.sub(r"'[^']*'|\"[^\"]*\"", "...", text)
     return re.sub(r"-?\d+(\.\d+)?(e[+-]?\d+)?", "N", text)[:120]
 
@@ -334,7 +308,7 @@ def _row(
     packages: str | os.PathLike[str],
     folders: Sequence[str],
 ) -> dict[str, Any]:
-    """The row of a source in the table, from the lines of `models.jsonl` of all its data sets."""
+    """The row of a source, from the lines of `models.jsonl` of all its data sets."""
     good = {line["model_id"]: line for line in lines if line["status"] == "ok"}
     bad = {x["model_id"]: x for x in lines if x["model_id"] not in good}
     refused = Counter(_reason(line["reason"]) for line in bad.values())
@@ -360,7 +334,7 @@ def _row(
 
 
 def _markdown(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The table as Markdown, to be distributed with the set and with weights trained on it."""
+    """The table as Markdown."""
     out = [
         "# Sources of this training set",
         "",
@@ -372,10 +346,9 @@ def _markdown(rows: Sequence[Mapping[str, Any]]) -> str:
     ]
     for each in rows:
         package = f"{each['package']} {each['version']}".strip() or "none"
-        names = "; ".join(f"{n} ({x['models']})" for n, x in sorted(each["licences"].items()))
-        holders = "; ".join(
-            dict.fromkeys(h for x in each["licences"].values() for h in x["holders"])
-        )
+        terms = each["licences"]
+        names = "; ".join(f"{n} ({x['models']})" for n, x in sorted(terms.items()))
+        holders = "; ".join(dict.fromkeys(h for x in terms.values() for h in x["holders"]))
         out.append(
             f"| {each['source']} | {package} | {each['models']} | {each['images']} | "
             f"{sum(each['refused'].values())} | {names} | {holders} |"
@@ -424,15 +397,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags.float("fraction", 1.0, "Fraction of each source's models, at least 3 models.", **share)
     for name in OTHER_PRESETS:
         flags.float(name, 0.0, f"Fraction of the views rendered with the preset {name}.", **share)
-    flags.enum(
-        "centre", "vertices", ["bounds", "vertices"], "Point of a model that is moved to x = y = 0."
-    )
+    flags.enum("centre", "vertices", ["bounds", "vertices"], "Point that is at x = y = 0.")
     flags.integer("workers", 0, "Processes, 0 = one per processor.", lower_bound=0)
     flags.enum("variant", "auto", ["auto", "llvm", "scalar"], "Variant of Mitsuba.")
-    flags.integer(
-        "variants", 0, "Number of variants with other proportions that replace each model; 0 = the "
-        "models themselves.", lower_bound=0,
-    )  # fmt: skip
+    flags.integer("variants", 0, "Variants that replace each model; 0 = none.", lower_bound=0)
     flags.bool("check", False, "Only report missing packages and the number of models.")
     return flags.run(_main, argv, wrong_input=(ValueError, RuntimeError))
 
@@ -447,10 +415,8 @@ def _main(flags: Flags) -> int:
         raise ValueError(f"--sources: got {unknown[0]!r}, expected some of {list(SOURCES)}")
     chosen = [s for name, s in SOURCES.items() if not given.sources or name in given.sources]
     if commands := missing(chosen, given.packages):
-        sys.stderr.write(
-            "error: sources are missing; get them with these commands:\n  "
-            + "\n  ".join(commands) + "\n"
-        )  # fmt: skip
+        lines = ["error: sources are missing; get them with these commands:", *commands]
+        sys.stderr.write("\n  ".join(lines) + "\n")
         return 2
     parts = plan(chosen, {preset: given[preset].value for preset in OTHER_PRESETS})
     made, problems = _render(parts, given)
@@ -462,15 +428,9 @@ def _main(flags: Flags) -> int:
 
 
 def _render(parts: Sequence[Part], given: Any) -> tuple[list[str], list[str]]:
-    """Renders all data sets, or completes them, and writes the table after each.
+    """Renders the data sets, and writes the table after each; with `--check`, only counts.
 
-    `given` are the values of the flags. With `--check`, it only reports the numbers of models.
-
-    Returns:
-      The folders of the data sets, and a line for each data set that could not be rendered.
-
-    Raises:
-      RuntimeError: Mitsuba is missing or does not run.
+    It returns the folders of the data sets, and a line for each that could not be rendered.
     """
     lines: dict[str, Sequence[Any]] = {}
     problems = []

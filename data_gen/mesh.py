@@ -1,7 +1,4 @@
-"""The mesh that all readers and catalogues produce: flat arrays, materials, normals.
-
-A `Model` consists of triangles, each with a material. `build_model` cleans raw arrays and makes a
-model from them, `data_gen.readers` reads models from files, and `data_gen.catalogues` lists models.
+"""The mesh that all readers and catalogues produce: triangles, materials, normals.
 
 Colours are display values (sRGB) in [0, 1], as in material files.
 """
@@ -17,18 +14,12 @@ import scipy.sparse.csgraph
 from jaxtyping import Float, Int, UInt8
 
 MAX_FACES = 400_000
-"""Default limit of the number of faces.
-
-Reading an OBJ file takes about 1 kB of memory per face: 1 GB for a million faces.
-"""
+"""Default limit of the number of faces. An OBJ file takes 1 kB of memory per face."""
 
 CREASE_DEGREES = 40.0
-"""Default crease angle: faces that meet at a sharper edge have separate normals there."""
 
 EXISTS = 0.1
-"""Surface with a lower opacity is treated as absent, such as the holes of an alpha map.
-
-Window glass has a much higher opacity and is part of the object."""
+"""Surface with a lower opacity is absent, such as the holes of an alpha map. Glass has more."""
 
 # A face is degenerate (a line or a point) if its area / extent^2 is smaller than this.
 _DEGENERATE = 1e-12
@@ -50,8 +41,7 @@ class Material:
       specular: RGB of the highlight.
       shininess: exponent of the highlight.
       opacity: 1 = opaque; multiplied by the texture's alpha.
-      texture: uint8 [H, W, 4], RGBA, repeated outside [0, 1]^2. Its first row is at v = 1, its last
-        row at v = 0.
+      texture: uint8 [H, W, 4], RGBA, repeated outside [0, 1]^2. Its first row is at v = 1.
       name: name of the material in its file.
     """
 
@@ -79,8 +69,8 @@ class Model:
       uv: float32 [F, 3, 2], texture coordinates of the corners; 0 if there are none.
       face_material: int64 [F], index into `materials`.
       materials: at least one.
-      category: category of the object, "" if unknown.
-      model_id: name of the object, unique in its catalogue.
+      category: "" if unknown.
+      model_id: unique in its catalogue.
       parameters: the parameters of a procedural model.
       warnings: what was missing or wrong in the file, and what was used instead.
     """
@@ -103,9 +93,7 @@ class Model:
     @functools.cached_property
     def edges(self) -> Int[np.ndarray, "e 2"]:
         """The edges of the faces as pairs of vertices, each edge once."""
-        faces = self.faces
-        one = np.concatenate([faces[:, 0], faces[:, 1], faces[:, 2]])
-        two = np.concatenate([faces[:, 1], faces[:, 2], faces[:, 0]])
+        one, two = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
         key = np.unique(np.minimum(one, two) * len(self.vertices) + np.maximum(one, two))
         return np.stack(np.divmod(key, len(self.vertices)), axis=1)
 
@@ -117,9 +105,7 @@ class Model:
         linear = np.asarray(matrix, np.float64)[:, :3]
         determinant = np.linalg.det(linear)
         if not np.isfinite(matrix).all() or determinant == 0:
-            raise ValueError(
-                f"matrix: got {np.asarray(matrix).tolist()}, expected an invertible one"
-            )
+            raise ValueError(f"matrix: got {np.array(matrix).tolist()}, expected an invertible one")
         # Normals transform with the inverse transpose.
         normals = unit_vectors(self.normals @ np.linalg.inv(linear))
         turn = slice(None, None, -1 if determinant < 0 else 1)
@@ -146,10 +132,10 @@ def build_model(
 ) -> Model:
     """Cleans raw arrays and makes a `Model` from them.
 
-    We remove faces with indices out of range, faces without area, faces of fully transparent
-    materials and unused vertices. The model's warnings state how many faces we removed.
-    `crease_normals` computes corner normals that are missing, zero or not finite. If a face's given
-    normals point to its back, we reverse the face.
+    We remove faces with indices out of range, without area, or of fully transparent materials, and
+    unused vertices. The model's warnings count the removed faces. `crease_normals` computes corner
+    normals that are missing, zero or not finite. If a face's normals point to its back, we reverse
+    the face.
 
     Args:
       vertices: [V, 3].
@@ -158,7 +144,7 @@ def build_model(
       face_material: [F], None = all 0.
       normals: [F, 3, 3] for corners, or None.
       uv: [F, 3, 2] for corners, or None.
-      warnings: of the reader; this function adds its own.
+      warnings: of the reader.
       max_faces: largest accepted number of faces.
       **names: `category`, `model_id` and `parameters` of the model.
 
@@ -264,10 +250,7 @@ def face_areas(
 
 
 def weld(vertices: np.ndarray) -> np.ndarray:
-    """A number [V] for each vertex; vertices at the same position have the same number.
-
-    Positions are compared with a resolution of 2^-20 of the extent.
-    """
+    """A number [V] for each vertex, the same for vertices within 2^-20 of the extent."""
     low = vertices.min(axis=0)
     extent = max(float((vertices.max(axis=0) - low).max()), 1e-300)
     cells = np.rint((vertices - low) / (extent * _WELD)).astype(np.int64)
@@ -282,10 +265,9 @@ def crease_normals(
 ) -> Float[np.ndarray, "f 3 3"]:
     """Corner normals: smooth across flat edges, discontinuous at sharp ones.
 
-    Two faces that share an edge (by position, whether or not they share vertices) and whose normals
-    differ by less than `crease_degrees` share a normal at the edge's ends. A shared normal is the
-    mean of the faces' normals, weighted by their angles at the vertex. 0 = flat shading, 180 =
-    smooth everywhere.
+    Two faces share a normal at the ends of a common edge if theirs differ by less than
+    `crease_degrees`: the mean of the faces' normals, weighted by their angles at the vertex. Edges
+    are common by position, whether or not the faces share vertices.
     """
     count = len(faces)
     corner = weld(vertices)[faces]
@@ -335,10 +317,7 @@ def faces_with_alpha(model: Model) -> Int[np.ndarray, " n"]:
 def opacity_at(
     model: Model, face: Int[np.ndarray, " n"], weights: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, " n"]:
-    """Opacity at points of faces: opacity of the material times alpha of the nearest texel.
-
-    `weights` are the barycentric coordinates of the points.
-    """
+    """Opacity at points of faces with barycentric coordinates: material times nearest texel."""
     owner = model.face_material[face]
     result = np.array([m.opacity for m in model.materials])[owner]
     for index, material in enumerate(model.materials):

@@ -9,14 +9,11 @@ _BLOCK = 1 << 22  # triples of corners that are compared at a time, one byte eac
 
 
 def cut_ears(outlines: np.ndarray) -> np.ndarray:
-    """Triangulates simple polygons by cutting ears: int [p, n - 2, 3].
+    """Triangulates simple polygons, counter-clockwise [p, n, 2], by cutting ears: [p, n - 2, 3].
 
-    A corner is an ear if its triangle is convex and contains no other corner. We cut the first ear
+    An ear is a corner whose triangle is convex and contains no other corner. We cut the first ear
     of each polygon, then the first ear of the rest, and so on. A polygon that intersects itself has
     as many triangles, but they may overlap.
-
-    Args:
-      outlines: float [p, n, 2], the corners of p polygons, counter-clockwise.
     """
     count, size = outlines.shape[:2]
     parts = -(-count * size**2 // _BLOCK)
@@ -54,19 +51,13 @@ def _cross(o: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def triangles(
     counts: np.ndarray, corners: np.ndarray, vertices: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Triangulates polygons.
+    """Triangulates polygons with `counts` [P] corners, whose vertices are `corners` in order.
 
-    Args:
-      counts: number of corners [P] of each polygon, at least 3.
-      corners: vertex index of each corner, polygon after polygon.
-      vertices: [V, 3].
-
-    Returns:
-      Positions [T, 3] in `corners`, and the polygon [T] of each triangle.
+    It returns positions [T, 3] in `corners`, and the polygon [T] of each triangle.
     """
-    start = np.cumsum(counts) - counts
+    start, own = (np.cumsum(n) - n for n in (counts, counts - 2))
     polygon = np.repeat(np.arange(len(counts)), counts - 2)
-    number = np.arange(len(polygon)) - np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2)
+    number = np.arange(len(polygon)) - own[polygon]
     first = start[polygon]
     result = np.stack([first, first + number + 1, first + number + 2], axis=1)
     # A fan is correct for convex polygons. If its triangles do not all have the same orientation,
@@ -79,7 +70,6 @@ def triangles(
         )
         turned = (normal * total[polygon]).sum(axis=1) < 0
         concave = np.unique(polygon[turned])
-        own = np.cumsum(counts - 2) - (counts - 2)
         for size in np.unique(counts[concave]):
             if size > MOST_CORNERS:
                 break

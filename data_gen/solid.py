@@ -52,14 +52,8 @@ def _line_hits(
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Intersections of triangles with the lines along an axis through the centres of cells.
 
-    For each triangle, the lines are enumerated row by row. The border of a triangle belongs to it,
+    For each triangle, we go through the lines row by row. The border of a triangle belongs to it,
     so a line through an edge that two triangles share intersects at least one of them.
-
-    Args:
-      corners: positions, in units of the edge of a cell.
-      faces: indices into `corners`.
-      axis: direction of the lines.
-      size: number of cells along an edge of the grid.
 
     Yields:
       Cells of the lines along the next two axes (in cyclic order), and the position on the line.
@@ -142,14 +136,12 @@ def mark_surface(
       - a point of an edge or a corner of a triangle, so that parts thinner than a cell are kept.
 
     There is no leak. If the surface intersects the segment between the centres of two neighbouring
-    cells, the intersection is in one of the two, and we mark that cell. So a step between the
-    centres of unmarked cells never crosses the surface. (A segment in the plane of a triangle also
-    touches the border of another triangle, if it enters a closed surface.) Rounding would have to
-    move an intersection by half a cell to leave both unmarked.
+    cells, the intersection is in one of the two, and we mark that cell. (A segment in the plane of
+    a triangle also touches the border of another triangle, if it enters a closed surface.) Rounding
+    would have to move an intersection by half a cell to leave both unmarked.
 
     Args:
       corners: positions, in units of the edge of a cell; the grid spans [0, size] on each axis.
-        Surface outside the grid is not marked.
       faces: indices into `corners`.
       edges: edges of the faces, indices into `corners`.
       size: number of cells along an edge of the grid.
@@ -198,9 +190,8 @@ def _with_border(
 ) -> np.ndarray:
     """The outside cells and the marked cells whose centre is outside.
 
-    The centre of a marked cell is outside if the centre of a neighbour is outside and the surface
-    is not between the two. Two steps suffice, because all neighbours of cells farther inside are
-    marked.
+    It is outside if a neighbour's is and the surface is not between the two. Two steps suffice,
+    because all neighbours of cells farther inside are marked.
     """
     for _ in range(2):
         reached = np.zeros_like(outside)
@@ -253,12 +244,11 @@ def _one_piece(
 def peel(
     cells: Bool[np.ndarray, "x y z"], loose: Bool[np.ndarray, "x y z"]
 ) -> Bool[np.ndarray, "x y z"]:
-    """Removes loose cells as long as this neither separates nor pierces anything.
+    """Removes loose cells; the numbers of parts, holes and cavities stay the same.
 
-    A cell is removed if it is simple (Bertrand and Malandain 1994): its occupied neighbours of 26
+    We remove a cell if it is simple (Bertrand and Malandain 1994): its occupied neighbours of 26
     are connected, and so are the empty ones of its 6 within its 18. Cells whose coordinates have
-    the same parity do not affect each other and are removed together. The numbers of parts, holes
-    and cavities stay the same.
+    the same parity do not affect each other, so we remove them together.
     """
     result = np.pad(cells, 1)
     flat = result.reshape(-1)
@@ -284,16 +274,13 @@ def solid_occupancy(
 ) -> Bool[np.ndarray, "size size size"]:
     """Solid voxels of a model, which need not be watertight.
 
-    The grid has the schema's form: indexed [x, y, z], it covers [-1, 1] x [-1, 1] x [0, 2] of the
-    rotated frame.
+    Indexed [x, y, z], the grid covers [-1, 1] x [-1, 1] x [0, 2] of the rotated frame.
 
-    The rule:
       1. We mark the surface without gaps in small cells, a third of a cell wide.
-      2. A flood fill from the sides and the top reaches the outside, without crossing the surface.
-         So an object without a bottom is solid. A marked small cell belongs to the side of its
-         centre.
-      3. We do the same with the cells of the grid, so that parts with cracks and gaps smaller than
-         a cell are solid, too.
+      2. A flood fill from the sides and the top reaches the outside, so an object without a bottom
+         is solid. A marked small cell belongs to the side of its centre.
+      3. We do the same with the cells of the grid, so parts with cracks and gaps smaller than a
+         cell are solid, too.
       4. A cell is occupied if at least half of its small cells are inside.
       5. We keep thin parts: a cell with marked or inside small cells is also occupied, unless one
          of its 26 neighbours is occupied by rule 3 or 4 and `peel` removes it. So sheets and bars
@@ -301,8 +288,8 @@ def solid_occupancy(
          at most as many 26-connected components as the cells of its surface.
 
     Args:
-      model: the model, normalised to the project's frame. Parts outside the grid are ignored.
-      rotation: rotation to the frame of the grid, such as the view-aligned frame.
+      model: the model, in the project's frame. Parts outside the grid are ignored.
+      rotation: to the frame of the grid, such as the view-aligned frame.
       size: number of cells along an edge.
 
     Raises:

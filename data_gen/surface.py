@@ -46,10 +46,7 @@ _MAX_BINNED = 3_000_000
 
 
 class _Twins:
-    """Finds coincident faces: if several faces contain a point, only the first one counts.
-
-    Faces are looked up by the cell of a grid and the quantised direction of their plane.
-    """
+    """Looks up coincident faces by the cell of a grid and the direction of their plane."""
 
     def __init__(self, model: Model) -> None:
         self._model = model
@@ -141,8 +138,8 @@ def _toward_air(
 ) -> Int[np.ndarray, " n"]:
     """1 if the front of a surface is outside and its back inside, -1 if reversed, else 0.
 
-    The outside is found as in `solid_occupancy`. Each side is judged by the first cell along the
-    normal that the surface does not pass through; distances of 1 to 3.25 cells are tried.
+    We find the outside as in `solid_occupancy`. The first cell along the normal that the surface
+    does not pass through tells, at distances of 1 to 3.25 cells.
     """
     size = _AIR_CELLS
     low = model.vertices.min(axis=0)
@@ -249,8 +246,8 @@ def _inward(
 def _parts(model: Model) -> tuple[Int[np.ndarray, " f"], Bool[np.ndarray, " p"]]:
     """The number of the part of each face, and which parts are open.
 
-    Two faces with a common edge belong to the same part if they traverse it in opposite directions,
-    so each part is consistently oriented. A part is open if an edge is traversed only once.
+    Faces that traverse a common edge in opposite directions belong to the same part. A part is open
+    if an edge is traversed only once.
     """
     corner = weld(model.vertices)[model.faces].astype(np.int64)
     start, end = corner.ravel(), np.roll(corner, -1, axis=1).ravel()

@@ -1,8 +1,6 @@
 """Parts of procedural models: closed surfaces of few triangles.
 
-A part is `(vertices [V, 3], faces [F, 3])`, with faces counter-clockwise seen from outside. Sizes
-are in the unit in which the model is built; +z is up. The normals of the finished model are
-computed by `mesh.crease_normals`.
+Faces are counter-clockwise seen from outside, and +z is up.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +14,7 @@ from data_gen.polygons import cut_ears
 
 
 class Solid(NamedTuple):
-    """A closed surface."""
+    """A closed surface: vertices [V, 3] and faces [F, 3]."""
 
     vertices: np.ndarray
     faces: np.ndarray
@@ -52,13 +50,7 @@ def _outward(vertices: np.ndarray, faces: np.ndarray) -> Solid:
 
 
 def loft(rings: ArrayLike, loop: bool = False) -> Solid:
-    """The surface through rings [K, N, 3], with a cap on the first and the last ring.
-
-    With `loop`, the last ring is joined to the first one, and there are no caps.
-
-    The faces between the rings i and i + 1 at point j have the numbers 2 (i N + j) and
-    2 (i N + j) + 1.
-    """
+    """The surface through rings [K, N, 3], capped, or with a `loop` from the last to the first."""
     points = np.asarray(rings, np.float64)
     count, size = points.shape[:2]
     i, j = np.mgrid[: count if loop else count - 1, :size]
@@ -118,12 +110,15 @@ def box(x: float, y: float, z: float, bevel: float = 0.0) -> Solid:
 
 
 def block(
-    x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], bevel: float = 0.0
+    x: tuple[float, float],
+    y: tuple[float, float],
+    z: tuple[float, float],
+    bevel: float = 0.0,
+    shape: Callable[..., Solid] = box,
 ) -> Solid:
-    """A box between two limits along each axis; see `box`."""
+    """A box, or a `pillow`, between two limits along each axis."""
     spans = np.array([x, y, z])
-    length, width, height = np.ptp(spans, axis=1)
-    return box(length, width, height, bevel).at(*spans.mean(axis=1))
+    return shape(*np.ptp(spans, axis=1), bevel).at(*spans.mean(axis=1))
 
 
 def stack(levels: Sequence[tuple[np.ndarray, float]]) -> Solid:
@@ -163,10 +158,7 @@ def lathe(
     loop: bool = False,
     smooth: int = 1,
 ) -> Solid:
-    """The surface of revolution of a profile of (radius, z).
-
-    A `loop` makes a ring with a hole. With `smooth` > 1, a curve through the points is used.
-    """
+    """The surface of revolution of a profile of (radius, z); a `loop` makes a ring with a hole."""
     if smooth > 1:
         profile = smooth_path([(r, 0.0, z) for r, z in profile], smooth)[:, [0, 2]]
     angle = np.arange(sides) / sides * 2 * np.pi
@@ -223,6 +215,10 @@ def prism(
     )
 
 
+def _unit(v: np.ndarray) -> np.ndarray:
+    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12)
+
+
 def inset(outline: np.ndarray, distance: float) -> np.ndarray:
     """A polygon [N, 2] with its edges moved inward by a small distance."""
     before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
@@ -230,8 +226,7 @@ def inset(outline: np.ndarray, distance: float) -> np.ndarray:
         outline[:, 0] * np.roll(outline[:, 1], -1) - outline[:, 1] * np.roll(outline[:, 0], -1)
     ).sum()
     turn = np.array([[0.0, 1.0], [-1.0, 0.0]]) * np.sign(area)
-    a = before / np.maximum(np.linalg.norm(before, axis=1, keepdims=True), 1e-12) @ turn
-    b = after / np.maximum(np.linalg.norm(after, axis=1, keepdims=True), 1e-12) @ turn
+    a, b = _unit(before) @ turn, _unit(after) @ turn
     middle = (a + b) / np.maximum(1 + (a * b).sum(axis=1, keepdims=True), 0.35)
     return outline + distance * middle
 
@@ -241,17 +236,10 @@ def smooth_path(points: ArrayLike, steps: int = 6) -> np.ndarray:
     p = np.asarray(points, np.float64)
     p = np.concatenate([[2 * p[0] - p[1]], p, [2 * p[-1] - p[-2]]])
     t = (np.arange(steps) / steps)[:, None]
-    pieces = [
-        0.5
-        * (
-            2 * b
-            + (c - a) * t
-            + (2 * a - 5 * b + 4 * c - d) * t**2
-            + (3 * b - a - 3 * c + d) * t**3
-        )
-        for a, b, c, d in zip(p[:-3], p[1:-2], p[2:-1], p[3:], strict=True)
-    ]
-    return np.concatenate([*pieces, p[-2:-1]])
+    a, b, c, d = (p[k : len(p) - 3 + k, None] for k in range(4))
+    squared, cubed = 2 * a - 5 * b + 4 * c - d, 3 * b - a - 3 * c + d
+    pieces = 0.5 * (2 * b + (c - a) * t + squared * t**2 + cubed * t**3)
+    return np.concatenate([pieces.reshape(-1, p.shape[1]), p[-2:-1]])
 
 
 def superellipse(x: float, y: float, power: float = 2.0, sides: int = 32) -> np.ndarray:
@@ -266,12 +254,8 @@ def hull(
 ) -> Solid:
     """A smooth body through superellipses perpendicular to the x axis.
 
-    Args:
-      stations: rows of x (ascending or descending), half width, half height and z of the centre; an
-        optional fifth number is the power there, in place of `power`.
-      power: power of the superellipses.
-      steps: number of sections for each interval between stations.
-      sides: number of points of a section.
+    `stations` are rows of x, half width, half height and z of the centre; there are `steps`
+    sections of `sides` points between two of them.
     """
     table = np.array(sorted(map(tuple, stations)))
     knots = np.arange(len(table))
@@ -279,7 +263,7 @@ def hull(
     rows = scipy.interpolate.PchipInterpolator(table[:, 0], table[:, 1:])(places)
     rings = []
     for x, row in zip(places, rows, strict=True):
-        outline = superellipse(2 * row[0], 2 * row[1], row[3] if len(row) > 3 else power, sides)
+        outline = superellipse(2 * row[0], 2 * row[1], power, sides)
         rings.append(np.column_stack([np.full(sides, x), outline[:, 0], outline[:, 1] + row[2]]))
     return loft(rings)
 
@@ -293,10 +277,8 @@ _AEROFOIL = np.array(
 def wing(sections: Sequence[Sequence[float]], thickness: float = 0.1, fin: bool = False) -> Solid:
     """A wing through aerofoils from the root to the tip, with the leading edge toward +x.
 
-    Args:
-      sections: rows of x, y, z of the leading edge and the chord.
-      thickness: thickness / chord.
-      fin: whether the thickness is along y instead of along z.
+    `sections` are rows of x, y, z of the leading edge and the chord; `thickness` is relative to the
+    chord, along z or, for a `fin`, along y.
     """
     rings = []
     for x, y, z, chord in sections:
@@ -310,7 +292,7 @@ def sheet(grid: np.ndarray, thickness: float) -> Solid:
     """A curved panel of constant thickness, centred on the surface through a grid [K, N, 3]."""
     points = np.asarray(grid, np.float64)
     normal = np.cross(np.gradient(points, axis=0), np.gradient(points, axis=1))
-    normal = normal / np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
+    normal = _unit(normal)
     rows, columns = points.shape[:2]
     count = rows * columns
     index = np.arange(count).reshape(rows, columns)
@@ -331,8 +313,7 @@ def tube(path: ArrayLike, radius: ArrayLike, sides: int = 8) -> Solid:
     """A round bar along a path [M, 3]; `radius` is one number or one for each point."""
     points = np.asarray(path, np.float64)
     radii = np.broadcast_to(np.asarray(radius, np.float64), (len(points),))
-    step = np.gradient(points, axis=0)
-    tangent = step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12)
+    tangent = _unit(np.gradient(points, axis=0))
     # Parallel transport of the frame, so that it does not twist.
     normal = np.cross(tangent[0], np.eye(3)[np.abs(tangent[0]).argmin()])
     rings = []

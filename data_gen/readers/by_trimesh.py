@@ -152,10 +152,7 @@ def _from_trimesh_material(material: Any, assets: Assets) -> Material:
 
 
 def palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:
-    """A material and uv [F, 3, 2] that give each face its own colour, uint8 [F, 4].
-
-    Colours are rounded to 5 bits; each distinct colour is a texel.
-    """
+    """A material and uv [F, 3, 2] that give each face its colour, uint8 [F, 4] to 5 bits."""
     key = (colours.astype(np.int64) >> 3) @ np.array([1 << 15, 1 << 10, 1 << 5, 1])
     distinct, first, index = np.unique(key, return_index=True, return_inverse=True)
     width = int(np.ceil(np.sqrt(len(distinct))))
@@ -171,7 +168,7 @@ def palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Context without warnings and tracebacks of trimesh; `Assets` notes what is missing."""
+    """Hides warnings and tracebacks of trimesh; `Assets` notes what is missing."""
     log = logging.getLogger("trimesh.util")  # which all its modules use
     before, log.disabled = log.disabled, True
     try:
@@ -198,7 +195,6 @@ def read_trimesh(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
 
 
 def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
-    """Implements `read_trimesh`; it may raise any exception."""
     import trimesh
 
     formats = trimesh.available_formats() - _ARCHIVES
@@ -219,10 +215,7 @@ def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
             raise UnusableModelError("XML entities are refused")
     with _quiet():
         scene = trimesh.load_scene(
-            io.BytesIO(data),
-            file_type=kind,
-            resolver=_resolver(assets),
-            process=False,
+            io.BytesIO(data), file_type=kind, resolver=_resolver(assets), process=False
         )
         names = [scene.graph[node] for node in scene.graph.nodes_geometry]
     parts: dict[str, list[np.ndarray]] = collections.defaultdict(list)

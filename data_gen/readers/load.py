@@ -32,11 +32,10 @@ def load_model(
     Args:
       name: path of the file; with `files`, its name there.
       files: the file and the files that it refers to; None = the folder of `name`.
-      up: the axis of the file that points up, see `frame.orient`.
-      front: the axis of the file toward which the front of the object points.
+      up, front: see `frame.orient`.
       model_id: name of the object; empty = the name of the file.
       max_faces: largest accepted number of faces.
-      turn: rotation that is applied in the axes of the file, before `up` and `front`.
+      turn: a change of the model in the axes of the file.
       **about: `category` and `parameters` of the model.
 
     Raises:
@@ -49,7 +48,6 @@ def load_model(
             path = path.resolve()
         files, name = FolderFiles(path.parent), path.name
     name = str(name)
-    model_id = model_id or name
     assets = Assets(files, posixpath.dirname(name), max_faces)
     kind = posixpath.splitext(name)[1].lstrip(".").lower()
     stored = files.find(name)
@@ -62,11 +60,6 @@ def load_model(
     with np.errstate(over="ignore", invalid="ignore"):  # `normalize` refuses what overflows
         arrays = read_obj(data, assets) if kind == "obj" else read_trimesh(data, kind, assets)
         del data
-        model = build_model(
-            **arrays,
-            **about,
-            model_id=model_id,
-            warnings=assets.warnings,
-            max_faces=max_faces,
-        )
+        more = {"model_id": model_id or name, "warnings": assets.warnings, "max_faces": max_faces}
+        model = build_model(**arrays, **about, **more)
         return normalize(orient(turn(model), up, front))

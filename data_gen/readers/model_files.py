@@ -1,7 +1,4 @@
-"""Access to the files of a model, in a folder or in a zip archive, which is read in place.
-
-Files outside the root are never opened.
-"""
+"""The files of a model in a folder or a zip archive; those outside are never opened."""
 
 import abc
 import functools
@@ -23,10 +20,10 @@ class Files(abc.ABC):
 
     @abc.abstractmethod
     def find(self, name: str) -> str | None:
-        """The stored name of the file `name`, which may differ in upper and lower case; or None."""
+        """The stored name of a file, which may differ in case; or None."""
 
     def why_not(self, name: str) -> str:
-        """The reason why `find` returns None for a name, such as "is missing"."""
+        """Why `find` returns None for a name."""
         return "is missing"
 
     @abc.abstractmethod
@@ -34,11 +31,11 @@ class Files(abc.ABC):
         """The contents of a file, by a name that `find` returned."""
 
     def open(self, base: str, name: str) -> bytes:
-        """The contents of the file `name`, as written in a file in the folder `base`.
+        """The contents of the file that a file in the folder `base` calls `name`.
 
-        Backslashes, quotes and wrong case are accepted. If the file does not exist, a file of the
-        same name directly in `base` is used, because references often contain folders of the
-        author's computer. If a path leads out of the root, only its last part is used.
+        Backslashes, quotes and wrong case are accepted. If the file does not exist or is outside
+        of the root, we take a file of the same name directly in `base`, because references often
+        contain folders of the author's computer.
 
         Raises:
           FileNotFoundError: there is no such file.
@@ -105,11 +102,7 @@ class FolderFiles(Files):
         return not path.resolve().is_relative_to(self.root.resolve())
 
     def read(self, name: str) -> bytes:
-        """See `Files`.
-
-        Raises:
-          UnusableModelError: the file is larger than `MAX_FILE_BYTES`.
-        """
+        """See `Files`; UnusableModelError if the file is larger than `MAX_FILE_BYTES`."""
         path = self.root / name
         size = path.stat().st_size
         if size > MAX_FILE_BYTES:
@@ -121,8 +114,7 @@ class FolderFiles(Files):
 
 _MAX_MEMBERS = 200_000
 
-# The text of a mesh has a compression ratio of 3 to 10. A large member above this ratio is a zip
-# bomb. Small members may exceed it: an image of one colour has a ratio of a thousand.
+# The text of a mesh has a compression ratio of 3 to 10; a small image of one colour may have 1,000.
 _MAX_RATIO, _RATIO_FROM = 200, 8 << 20
 
 
@@ -142,11 +134,7 @@ class ZipFiles(Files):
         return name if name in self._members else self._folded.get(name.casefold())
 
     def read(self, name: str, limit: int = MAX_FILE_BYTES) -> bytes:
-        """See `Files`.
-
-        Raises:
-          UnusableModelError: the member is too large, damaged or a zip bomb.
-        """
+        """See `Files`; UnusableModelError if the member is too large, damaged or a zip bomb."""
         member = self._members[name]
         if member.file_size > limit:
             raise UnusableModelError(

@@ -11,7 +11,7 @@ GREY = (0.6, 0.6, 0.6)
 
 
 def floats(words: Sequence[str], count: int) -> list[float] | None:
-    """The first `count` words as numbers; None if there are fewer or one is not a finite number."""
+    """The first `count` words as finite numbers, or None."""
     try:
         values = [float(w) for w in words[:count]]
     except ValueError:
@@ -54,9 +54,8 @@ def _map_name(rest: str) -> str:
 def read_mtl(text: str, assets: Assets) -> dict[str, Material]:
     """The materials of an MTL file, by name.
 
-    The statements read are Kd, Ks, Ns, d, Tr, illum (2 and above have a highlight), map_Kd and
-    map_d. A black Kd with a texture counts as white, because many exporters write black there and
-    expect only the texture to be used.
+    We read Kd, Ks, Ns, d, Tr, illum (2 and above have a highlight), map_Kd and map_d. A black Kd
+    with a texture counts as white, because many exporters write black and mean only the texture.
     """
     statements: dict[str, dict[str, str]] = {}
     current: dict[str, str] = {}

@@ -1,9 +1,8 @@
 """Reader of Wavefront OBJ files.
 
-Two large collections of training shapes, ShapeNet and Sweet Home 3D, are OBJ files. They contain
-many features that other readers ignore silently: missing and negative indices, several material
-files, options before the names of textures, alpha maps, missing images, concave polygons. Therefore
-this project has its own reader.
+ShapeNet and Sweet Home 3D have many features that other readers ignore silently: missing and
+negative indices, several material files, options before the names of textures, alpha maps, missing
+images, concave polygons.
 """
 
 import posixpath
@@ -40,7 +39,7 @@ _COLUMNS = {"v": 3, "vt": 2, "vn": 3}
 
 
 def _rows(lines: list[list[str]], columns: int) -> np.ndarray:
-    """The words of lines as numbers [n, columns]; short lines are padded with 0, long lines cut."""
+    """The words of lines as numbers [n, columns]; short lines are padded with 0."""
     if any(len(words) < columns for words in lines):
         lines = [[*words, "0", "0", "0"][:columns] for words in lines]
     return np.array(lines, np.float64).reshape(-1, columns)
@@ -62,10 +61,7 @@ def _indices(tokens: list[str]) -> np.ndarray:
 
 
 def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
-    """Arrays of an OBJ file for `mesh.build_model`.
-
-    The file is read in blocks of lines, whose numbers become arrays, so that memory is bounded.
-    """
+    """Arrays of an OBJ file for `mesh.build_model`, read in blocks so that memory is bounded."""
     rows = {key: [np.zeros((0, columns))] for key, columns in _COLUMNS.items()}
     read = dict.fromkeys(_COLUMNS, 0)  # number of rows of each kind so far
     materials: dict[str, Material] = {}

@@ -27,19 +27,14 @@ _PICTURE_FORMATS = ("PNG", "JPEG", "BMP", "TGA", "GIF", "WEBP", "TIFF", "PPM", "
 def decode_texture(data: bytes | Image.Image, side: int = TEXTURE_SIDE) -> np.ndarray:
     """An image as uint8 [H, W, 4] RGBA, reduced to `side` pixels on its longer side.
 
-    The size is read from the header before the image is decoded. The JPEG decoder reduces by a
-    factor of up to 8.
-
     Raises:
-      ValueError: this is not an image, it is damaged, or it has more than `MAX_DECODED_PIXELS`
-        pixels.
+      ValueError: it is not an image, damaged, or larger than `MAX_DECODED_PIXELS`.
     """
     with python_warnings.catch_warnings():
         # Pillow warns about sizes, which are checked below, and about palettes and metadata.
         python_warnings.simplefilter("ignore")
         try:
-            # Pillow refuses images of more than twice this number of pixels, even JPEGs that
-            # `draft` would reduce.
+            # Pillow refuses large images, even JPEGs that `draft` reduces by a factor of up to 8.
             before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
             try:
                 picture = (
@@ -70,8 +65,7 @@ def decode_texture(data: bytes | Image.Image, side: int = TEXTURE_SIDE) -> np.nd
 def _small(picture: Image.Image, side: int) -> Image.Image:
     """The image with `side` pixels on its longer side, reduced without a full-size copy."""
     if picture.mode in ("P", "1"):
-        # A palette image cannot be averaged and is converted. Its pixels have one byte, so the copy
-        # is bounded.
+        # A palette cannot be averaged. Its pixels have one byte, so the copy is bounded.
         picture = picture.convert("RGBA" if "transparency" in picture.info else "RGB")
     factor = side / max(picture.size)
     size = tuple(max(1, round(factor * n)) for n in picture.size)
@@ -81,11 +75,7 @@ def _small(picture: Image.Image, side: int) -> Image.Image:
 
 
 def with_alpha_map(texture: np.ndarray | None, alpha_map: np.ndarray) -> np.ndarray:
-    """The texture (None = white) with an alpha map as alpha.
-
-    The alpha comes from the map's own alpha channel if that is not opaque everywhere, otherwise
-    from the brightness of the map.
-    """
+    """The texture (None = white) with the alpha of a map or, if that is opaque, its brightness."""
     if (alpha_map[..., 3] < 255).any():
         alpha = alpha_map[..., 3]
     else:
@@ -99,14 +89,7 @@ def with_alpha_map(texture: np.ndarray | None, alpha_map: np.ndarray) -> np.ndar
 
 
 class Assets:
-    """The files that a model refers to, within limits, and warnings about what is wrong in them.
-
-    Attributes:
-      files: the files.
-      base: the folder of the model's file, within these.
-      max_faces: largest accepted number of faces.
-      warnings: what is missing or wrong and what is used instead, in order, without repetition.
-    """
+    """The files that a model in the folder `base` refers to, within limits, and warnings."""
 
     def __init__(self, files: Files, base: str = "", max_faces: int = MAX_FACES) -> None:
         self.files, self.base, self.max_faces = files, base, max_faces
@@ -115,7 +98,7 @@ class Assets:
         self._texels = 0
 
     def at(self, base: str) -> "Assets":
-        """The same for a file in another folder; warnings are added to the same list."""
+        """The same for a file in another folder, with the same list of warnings."""
         other = Assets(self.files, base, self.max_faces)
         other.warnings = self.warnings
         return other
@@ -146,8 +129,10 @@ class Assets:
         return self._textures[name]
 
     def bounded(self, materials: Sequence[Material]) -> tuple[Material, ...]:
-        """The materials, with the largest textures halved until their total is within the limit."""
-        # A texture that several materials share counts once and is halved for all of them.
+        """The materials, with the largest textures halved until their total is within the limit.
+
+        A texture that several materials share counts once.
+        """
         distinct = {id(m.texture): m.texture for m in materials if m.texture is not None}
 
         def size(key: int) -> int:

@@ -2,6 +2,7 @@
 # fmt: off
 # Formatted by hand: the formatter would put every coordinate on a line of its own.
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,6 @@ import numpy as np
 from data_gen.catalogues.families import materials as m
 from data_gen.catalogues.families.kit import Kit, column, four_legs
 from data_gen.catalogues.solids import (
-    Solid,
     block,
     box,
     cylinder,
@@ -278,13 +278,7 @@ def couch(kit: Kit, kind: str) -> None:
     other = soft if kit.chance(0.6) else kit.draw(m.fabric)
     thick, back, arm = kit.uniform(0.1, 0.2), kit.uniform(0.14, 0.28), kit.uniform(0.08, 0.3)
     x, y, low, edge = depth / 2, width / 2, seat - thick, min(kit.uniform(0.02, 0.07), 0.4 * thick)
-
-    def padded(one: tuple[float, float], two: tuple[float, float], three: tuple[float, float],
-               radius: float) -> Solid:
-        spans = np.array([one, two, three])
-        long, wide, tall = np.ptp(spans, axis=1)
-        return pillow(long, wide, tall, radius).at(*spans.mean(axis=1))
-
+    padded = functools.partial(block, shape=pillow)
     kit.add(soft, block((-x, x - 0.02), (-y, y), (legs, low + 0.01), 0.02))
     kit.four(frame, cylinder(0.03, legs + 0.02, 10).at(x - 0.1, y - 0.06, legs / 2 + 0.01))
     crown = seat + high * (1 if kind in ("chesterfield", "daybed") else kit.uniform(0.5, 0.95))
