@@ -1,8 +1,7 @@
 """Random cameras, placed so that the whole object is in the image.
 
-The object is in the project's frame (`psgn_jax.data.schema`). It is rotated about the vertical axis
-by minus the azimuth, so that the camera looks at it from +x. The other parameters belong to the
-camera: elevation, distance, roll, focal length.
+The object, in the project's frame (`psgn_jax.data.schema`), is rotated about the vertical axis by
+minus the azimuth, so that the camera looks at it from +x: in the view-aligned frame.
 """
 
 import dataclasses
@@ -14,12 +13,8 @@ from jaxtyping import Bool, Float
 
 from psgn_jax.config.structured import Bounds, Fraction, Within
 
-# Width of the border of the image that the object may not touch.
-_MARGIN_PIXELS = 1.0
-
-# The distance is multiplied by this factor until the object fits.
-_STEP = 1.02
-
+_MARGIN_PIXELS = 1.0  # the object may not touch this border of the image
+_STEP = 1.02  # factor of the distance until the object fits
 
 Range = tuple[float, float]
 """(low, high); a value is drawn from it uniformly."""
@@ -37,16 +32,15 @@ class CameraSettings:
       image_size: (H, W) in pixels.
       azimuth: degrees from the object's front (+x) toward +y.
       elevation: degrees of the camera above the horizon, under 90.
-      distance: distance of the origin from the camera along the optical axis, in units of the
-        frame.
+      distance: of the origin from the camera along the optical axis, in units of the frame.
       focal: focal length in pixels of an image with 192 rows; scaled with the image height. The
         vertical field of view is 2 atan(96 / focal): 27 degrees for 400.
       roll: degrees about the optical axis; positive values turn the object clockwise.
       aim: height above the origin of the point that the camera looks at.
-      keep_size: if True, `distance` is for a focal length of 400 and is multiplied by focal / 400,
-        so the object has the same size in the image for every focal length.
-      off_centre: largest shift of the object in the image, as a fraction of the free space beside
-        it: 0 to 1. The shifts along rows and columns are drawn from -off_centre to off_centre.
+      keep_size: whether `distance` is multiplied by focal / 400, so that the object has the same
+        size in the image for every focal length.
+      off_centre: largest shift of the object along rows and columns of the image, as a fraction of
+        the free space beside it.
     """
 
     image_size: tuple[Side, Side] = (192, 256)
@@ -70,8 +64,7 @@ class Camera:
       extrinsics: float64 [3, 4], from the view-aligned frame to the camera's (OpenCV).
       rotation: float64 [3, 3], from the model's frame to the view-aligned one.
       image_size: (H, W).
-      azimuth, elevation, distance, focal, roll: the parameters of the matrices, in the units of
-        `CameraSettings`.
+      azimuth, elevation, distance, focal, roll: see `CameraSettings`.
     """
 
     intrinsics: Float[np.ndarray, "3 3"]
@@ -90,7 +83,7 @@ class Camera:
         return -self.extrinsics[:, :3].T @ self.extrinsics[:, 3]
 
     def parameters(self) -> dict[str, float]:
-        """The camera's parameters, stored in the sample's record."""
+        """The parameters that the record of a sample has."""
         names = ("azimuth", "elevation", "distance", "focal", "roll")
         return {name: round(float(getattr(self, name)), 6) for name in names}
 
@@ -114,7 +107,7 @@ def make(
 ) -> Camera:
     """The camera with the given parameters, described in `CameraSettings`.
 
-    `pan` is a rotation of the camera in radians that moves the object right and down in the image.
+    `pan` are rotations of the camera in radians that move the object right and down in the image.
     """
     sine, cosine = np.sin(np.deg2rad(elevation)), np.cos(np.deg2rad(elevation))
     upright = np.array(
@@ -164,8 +157,8 @@ def draw(
 ) -> Camera:
     """Draws a camera for an object with these vertices in the model's frame.
 
-    We move it back until the object fits into the image. The settings do not change how many values
-    we draw from `rng`; `off_centre` uses a child generator.
+    We move it back until the object fits into the image. We draw as many values from `rng` with all
+    settings; `off_centre` uses a child generator.
 
     Raises:
       ValueError: the object does not fit into the image at any distance up to 1000.
@@ -205,16 +198,13 @@ def _moved(
     low, high = pixels.min(axis=0), pixels.max(axis=0)
     size = np.array(settings.image_size[::-1], float)
     want = rng.uniform(-settings.off_centre, settings.off_centre, 2)
-    # Shifts in pixels. They are rotated by minus the roll, because the pan is applied before it.
+    # Shifts in pixels, rotated by minus the roll, because the pan comes before it.
     room = np.where(want > 0, size - _MARGIN_PIXELS - high, low - _MARGIN_PIXELS)
     shift = turn_about_vertical(-camera.roll)[:2, :2] @ (want * np.maximum(room, 0))
     for _ in range(12):
         pan = np.arctan(shift / camera.intrinsics[0, 0])
-        moved = make(
-            image_size=settings.image_size,
-            pan=(float(pan[0]), float(pan[1])),
-            **parameters,
-        )
+        both = float(pan[0]), float(pan[1])
+        moved = make(image_size=settings.image_size, pan=both, **parameters)
         if in_frame(turned, moved).all():
             return moved
         shift = shift * 0.8

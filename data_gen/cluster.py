@@ -1,11 +1,10 @@
 """Rendering on a Dask cluster. Only this module imports Dask.
 
 The cluster's workers need this package with its `render` extra, and the catalogue's files under the
-same path (nothing for procedural models). They do not need the output folder: Dask returns the
-samples, and the process that runs the job writes them. Each thread of a Dask worker keeps one
-rendering process, with the limits of the job's settings, so start workers with one thread per
-processor. If a Dask worker dies, Dask gives its models to other workers. If a model kills more
-workers than the scheduler's `allowed-failures`, we report it as crashed.
+same path, but not the output folder: the process that runs the job writes the samples. Each thread
+of a Dask worker keeps one rendering process, so start workers with one thread per processor. If a
+Dask worker dies, Dask gives its models to other workers. If a model kills more workers than the
+scheduler's `allowed-failures`, we report it as crashed.
 """
 
 import contextlib
@@ -50,12 +49,7 @@ def _release(job: str) -> None:
 def render_on(
     address: str, tasks: Sequence[tuple[int, Entry]], context: Context
 ) -> Generator[Result]:
-    """Renders models on a cluster; see `pool.Pool`.
-
-    Args:
-      address: address of the scheduler, such as "tcp://host:8786".
-      tasks: numbered models.
-      context: further data for rendering.
+    """Renders models on the cluster of the scheduler with this address; see `pool.Pool`.
 
     Raises:
       RuntimeError: Dask is not installed, the scheduler does not answer, the cluster has no

@@ -12,19 +12,16 @@ from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.shards import OtherSettingsError
 
 NUM_PER_CATEGORY = 40
-"""Number of models of each of the 13 categories, with one view each: 520 images."""
 
 NUM_MODELS = NUM_PER_CATEGORY * len(FAMILIES)
 
 CORE_SECONDS = 0.4 * NUM_MODELS
-"""Rough seconds of a core for rendering: 520 models take a minute or two on two cores."""
+"""Rough seconds of a core for rendering."""
 
 NAME = f"procedural-3-{NUM_PER_CATEGORY}"
-"""Name of the data set's folder. The first number is a version. Raise it with every change of
-models or images, so that a data set never mixes versions."""
+"""Name of the folder. Raise the first number with every change of models or images."""
 
 SETTINGS = settings.Settings(views=1, models_per_shard=64)
-"""Settings: the authors' camera and image size, one view of each model."""
 
 
 def can_build() -> bool:
@@ -40,9 +37,7 @@ def build(
 ) -> str:
     """Renders the default data set or completes it, and returns its folder.
 
-    A complete data set does not change. If another variant of the renderer began an incomplete one,
-    we render it again from the start. We use LLVM if it is available; without it, the images differ
-    by rounding.
+    A complete data set does not change.
 
     Raises:
       RuntimeError: Mitsuba is missing or does not run, or no model could be rendered.
@@ -53,7 +48,7 @@ def build(
     try:
         progress = job.render_catalogue(source, folder, options)
     except OtherSettingsError:
-        # An incomplete data set of the other variant of the renderer is deleted.
+        # We render an incomplete data set of the other variant of Mitsuba again.
         if load_manifest(folder, allow_incomplete=True).complete:
             raise
         shutil.rmtree(folder)

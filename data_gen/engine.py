@@ -2,11 +2,7 @@
 
 A process calls `start` once with a variant: `llvm_ad_rgb` is fast, `scalar_rgb` works without LLVM.
 After that, `mi` and `dr` are the packages mitsuba and drjit. LLVM may abort the process that loads
-it, so `choose_variant` tests it in separate processes:
-
-    python -m data_gen.engine VARIANT
-
-intersects a ray with a triangle. The exit code is 0 if that works.
+it, so `choose_variant` tests it in separate processes, `python -m data_gen.engine VARIANT`.
 """
 
 import contextlib
@@ -17,13 +13,12 @@ import pathlib
 import re
 import subprocess
 import sys
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from psgn_jax.system import processes
-
-VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
 
 mi: Any = None
 
@@ -59,19 +54,11 @@ class Variant(NamedTuple):
 
 
 def start(variant: str, *, shrink_threads: bool = True) -> None:
-    """Loads Mitsuba in one variant, with the LLVM of DRJIT_LIBLLVM_PATH. Further calls do nothing.
+    """Loads Mitsuba in one variant, with the LLVM of DRJIT_LIBLLVM_PATH; once a process.
 
-    Args:
-      variant: one of `VARIANTS`.
-      shrink_threads: whether to use only one thread; False is needed to read environment maps.
-
-    Raises:
-      ValueError: an unknown variant.
-      RuntimeError: this process has started another variant.
+    `shrink_threads` means one thread only; reading environment maps needs more.
     """
     global mi, dr
-    if variant not in VARIANTS:
-        raise ValueError(f"variant {variant!r}: expected one of {list(VARIANTS)}")
     if mi is not None:
         if mi.variant() != variant:
             raise RuntimeError(f"Mitsuba was started as {mi.variant()}, expected {variant}")
@@ -84,6 +71,28 @@ def start(variant: str, *, shrink_threads: bool = True) -> None:
     if shrink_threads and not variant.startswith("scalar"):
         drjit.set_thread_count(1)
     mi, dr = mitsuba, drjit
+
+
+def mesh(
+    corners: np.ndarray,
+    uv: np.ndarray,
+    normals: np.ndarray | None = None,
+    bsdf: Mapping[str, Any] | None = None,
+) -> Any:
+    """A mesh of Mitsuba from values at the corners of faces: [f, 3, 3], [f, 3, 2] and [f, 3, 3]."""
+    count, properties = 3 * len(corners), mi.Properties()
+    if bsdf is not None:
+        properties["mesh_bsdf"] = mi.load_dict(bsdf)
+    result = mi.Mesh("mesh", count, len(corners), has_vertex_normals=normals is not None,
+                     has_vertex_texcoords=True, props=properties)  # fmt: skip
+    values = mi.traverse(result)
+    given = {"vertex_positions": corners, "vertex_normals": normals, "vertex_texcoords": uv}
+    for name, of_corners in given.items():
+        if of_corners is not None:
+            values[name] = np.ascontiguousarray(of_corners, np.float32).ravel()
+    values["faces"] = np.arange(count, dtype=np.uint32)
+    values.update()
+    return result
 
 
 def release() -> None:
@@ -99,7 +108,7 @@ def has_mitsuba() -> bool:
 
 
 def llvm_candidates() -> list[str]:
-    """LLVM libraries of this machine with a suitable version, best first."""
+    """Suitable LLVM libraries of this machine, best first."""
     named = os.environ.get("DRJIT_LIBLLVM_PATH", "")
     libraries: dict[int, str] = {}
     for folder in _LLVM_FOLDERS:
@@ -128,14 +137,13 @@ def _smoke(variant: Variant) -> bool:
 
 
 def choose_variant(wanted: str = "auto") -> tuple[Variant, str]:
-    """The variant to render with, tested in a separate process, and a message or "".
+    """The variant to render with, and a message or "".
 
     Args:
       wanted: "llvm", "scalar", or "auto" = LLVM if it works.
 
     Raises:
-      RuntimeError: Mitsuba is not installed or does not run, or `wanted` is "llvm" and no LLVM
-        library works.
+      RuntimeError: Mitsuba is not installed or does not run, or LLVM is wanted and does not work.
     """
     if not has_mitsuba():
         raise RuntimeError(NO_MITSUBA)
@@ -156,12 +164,8 @@ def choose_variant(wanted: str = "auto") -> tuple[Variant, str]:
 
 def _smoke_test(variant: str) -> None:
     start(variant)
-    triangle = mi.Mesh("triangle", 3, 1)
-    values = mi.traverse(triangle)
-    values["vertex_positions"] = np.array([-1, -1, 0, 1, -1, 0, 0, 1, 0], np.float32)
-    values["faces"] = np.arange(3, dtype=np.uint32)
-    values.update()
-    scene = mi.load_dict({"type": "scene", "triangle": triangle})
+    triangle = np.array([[[-1, -1, 0], [1, -1, 0], [0, 1, 0]]])
+    scene = mi.load_dict({"type": "scene", "triangle": mesh(triangle, triangle[..., :2])})
     hit = scene.ray_intersect(mi.Ray3f(mi.Point3f(0, 0, 2), mi.Vector3f(0, 0, -1)))
     distance = np.array(hit.t, np.float64).item()
     if abs(distance - 2) > 1e-5:

@@ -1,7 +1,4 @@
-"""Environment maps: files of a folder, and Mitsuba's model of sun and sky.
-
-`load_maps` starts `python -m data_gen.environment_maps` to read the files.
-"""
+"""Environment maps: files of a folder, and Mitsuba's model of sun and sky."""
 
 import functools
 import json
@@ -19,20 +16,6 @@ from psgn_jax.system import processes
 NUM_SUNSKY = 24
 
 
-def list_maps(folder: str) -> list[pathlib.Path]:
-    """The environment maps below a folder, sorted by name.
-
-    Raises:
-      ValueError: the folder contains none.
-    """
-    paths = sorted(
-        p for p in pathlib.Path(folder).rglob("*") if p.suffix.lower() in (".hdr", ".exr")
-    )
-    if not paths:
-        raise ValueError(f"light.folder: got {folder!r}, expected a folder of .hdr and .exr files")
-    return paths
-
-
 def load_maps(folder: str, variant: Variant, size: tuple[int, int]) -> Float[np.ndarray, "m h w 3"]:
     """The environment maps of a folder, reduced to a size.
 
@@ -41,7 +24,10 @@ def load_maps(folder: str, variant: Variant, size: tuple[int, int]) -> Float[np.
     Raises:
       ValueError: the folder has no map, or a map cannot be read.
     """
-    names = [str(p.resolve()) for p in list_maps(folder)]
+    paths = [p for p in pathlib.Path(folder).rglob("*") if p.suffix.lower() in (".hdr", ".exr")]
+    names = [str(p.resolve()) for p in sorted(paths)]
+    if not names:
+        raise ValueError(f"light.folder: got {folder!r}, expected a folder of .hdr and .exr files")
     done = subprocess.run(
         processes.python("data_gen.environment_maps"),
         input=json.dumps([variant.name, names, size]).encode(), capture_output=True,
@@ -66,11 +52,7 @@ def _write_maps() -> None:
 
 
 def _load_map(path: str, size: tuple[int, int]) -> np.ndarray:
-    """An environment map [h, w, 3] from an .hdr or .exr file, reduced to `size`.
-
-    Raises:
-      ValueError: the file cannot be read, or its width is not twice its height.
-    """
+    """An environment map [h, w, 3] from an .hdr or .exr file, reduced to `size`."""
     try:
         bitmap = engine.mi.Bitmap(path).convert(
             engine.mi.Bitmap.PixelFormat.RGB, engine.mi.Struct.Type.Float32, srgb_gamma=False
@@ -90,15 +72,12 @@ def _load_map(path: str, size: tuple[int, int]) -> np.ndarray:
 
 @functools.lru_cache(maxsize=NUM_SUNSKY)
 def sunsky(number: int, size: tuple[int, int]) -> Float[np.ndarray, "h w 3"]:
-    """One of `NUM_SUNSKY` maps of Mitsuba's model, from a clear morning to a hazy noon.
-
-    We compute large maps at a quarter of the resolution.
-    """
+    """One of `NUM_SUNSKY` maps of Mitsuba's model, from a clear morning to a hazy noon."""
     low, high = (2, 15, 0.15), (8, 75, 0.5)
     turbidity, elevation, albedo = (
         np.random.default_rng(0).uniform(low, high, (NUM_SUNSKY, 3))[number].tolist()
     )
-    coarse = max(1, size[0] // 64)
+    coarse = max(1, size[0] // 64)  # large maps have a quarter of the resolution
     sky = _sunsky(turbidity, elevation, albedo, (size[0] // coarse, size[1] // coarse))
     return sky.repeat(coarse, axis=0).repeat(coarse, axis=1).astype(_kind(size))
 

@@ -1,8 +1,8 @@
 """The rendering job: renders the models of a catalogue to a data set, in several processes.
 
 The samples of a model file depend only on the settings and the model's name. So the data set is
-identical, byte for byte, for any number of workers, restarts and parts, on a cluster too, and if it
-is extended instead of rendered at once. `psgn_jax.data.shards` describes the folder of a job.
+identical, byte for byte, for any number of workers, restarts, parts and extensions, on a cluster
+too. `psgn_jax.data.shards` describes the folder of a job.
 """
 
 import dataclasses
@@ -10,7 +10,7 @@ import json
 import os
 import pathlib
 from collections import Counter
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 
 from absl import logging
 
@@ -33,19 +33,18 @@ from psgn_jax.data import shards
 from psgn_jax.data.shards import REPORT
 from psgn_jax.system.untrusted import one_line
 
-# Increased when the same settings give other samples.
-_FORMAT = 1
+_FORMAT = 1  # raised when the same settings give other samples
 
 FEW_MODELS = 20
-"""A warning is logged for smaller sets."""
+"""We warn of smaller sets."""
 
 
 def _with_all_splits(
     out: pathlib.Path, entries: Sequence[Entry], fractions: Sequence[float]
 ) -> tuple[list[Entry], dict[str, str]]:
-    """The models, with splits none of which is empty, and the objects that this moves.
+    """The models with no empty split, and the objects that `moved_to_empty_splits` moves.
 
-    Models in the folder keep their splits. See `catalogues.entry.moved_to_empty_splits`.
+    Models in the folder keep their splits.
     """
     places = (out / shards.JOB, out / shards.WORK / shards.JOB)
     stated = [s for s in map(shards.specification, places) if s is not None]
@@ -109,9 +108,8 @@ def render_catalogue(
 ) -> shards.Progress:
     """Renders a catalogue to a data set; continues an incomplete one or extends a complete one.
 
-    If the folder contains a complete data set and this call has all of its models, we add the other
-    models of this call. Readers see the old state until the new one is complete. If a catalogue
-    divides its models by `split_of` and a split would be empty, we move a model.
+    Readers see the old state until the new one is complete. If the catalogue divides its models by
+    `split_of` and a split would be empty, we move a model.
 
     Args:
       catalogue: source of the models.
@@ -119,9 +117,8 @@ def render_catalogue(
       options: all settings.
       part: (i, n): the i-th of n parts of the work, i from 0.
       choice: which models of the catalogue are used; None = all.
-      limit: use only the first `limit` of the chosen models; 0 = all.
-      render: function that renders the models: `pool.render_local`, or `cluster.render_on` with an
-        address.
+      limit: number of the chosen models that are used, from the first; 0 = all.
+      render: `pool.render_local`, or `cluster.render_on` with an address.
 
     Raises:
       ValueError: `out` contains something else, or models that are not in this call; another
@@ -146,12 +143,10 @@ def render_catalogue(
         "format": _FORMAT, "source": catalogue.name, "settings": values, "variant": variant.name,
     }  # fmt: skip
     about = {"choice": {**dataclasses.asdict(choice), "limit": limit}}
-    job = shards.Job(
-        statement=json.loads(json.dumps(statement)),
-        inputs=[(shards.Tag(e.model_id, e.category, e.split), e) for e in entries],
-        per_shard=options.models_per_shard,
-        about=json.loads(json.dumps(about | ({"moved": moved} if moved else {}))),
-    )
+    about |= {"moved": moved} if moved else {}
+    inputs = [(shards.Tag(e.model_id, e.category, e.split), e) for e in entries]
+    statement, about = json.loads(json.dumps([statement, about]))
+    job = shards.Job(statement, inputs, options.models_per_shard, about)
     maps = None
     if options.light.folder and not shards.is_complete(out, job):
         # Read before anything is written, so that an error here leaves the folder unchanged.
@@ -159,8 +154,4 @@ def render_catalogue(
         size = lights.DETAIL if detail else lights.MAP_SIZE
         maps = load_maps(options.light.folder, variant, size)
     context = Context(options, catalogue.name, variant, maps)
-
-    def make(tasks: Sequence[tuple[int, Entry]]) -> Generator[shards.Result]:
-        return render(tasks, context)
-
-    return shards.write(out, job, make, part)
+    return shards.write(out, job, lambda tasks: render(tasks, context), part)

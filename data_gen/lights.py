@@ -1,8 +1,8 @@
 """Environment maps, and directional lights that approximate them.
 
 An environment map is a float array [H, W, 3] of radiance: its first row is the zenith, its last row
-the nadir, its columns go around the horizon. Local shading uses a few directional lights and
-ambient light, which `reduce` computes from the map. Path tracing uses the map itself.
+the nadir, its columns go around the horizon. `reduce` computes directional lights and ambient light
+from it for local shading. Path tracing uses the map itself.
 """
 
 import dataclasses
@@ -27,13 +27,12 @@ class LightSettings:
     """The light: its source and its strength.
 
     Attributes:
-      source: "procedural" skies of this module, Mitsuba's "sunsky", a "folder",
-        or "mixed": for each view an outdoor scene, a room, a studio or, if `folder` is given, one
-        of its maps (`data_gen.surroundings`).
+      source: "procedural" skies, Mitsuba's "sunsky", a "folder", or "mixed": for each view an
+        outdoor scene, a room, a studio or, if `folder` is given, one of its maps.
       folder: folder of .hdr and .exr files, for "folder" and "mixed".
       count: number of directional lights to which a map is reduced.
-      ambient: range of the ambient fraction of the light. Local shading has no interreflection;
-        without ambient light, surfaces that face away from the lights would be black.
+      ambient: range of the ambient fraction of the light. Without it, surfaces that face away from
+        the lights would be black.
       exposure: range of the brightness of a white surface that faces the light; above 1, the image
         saturates.
       saturation: saturation of the lights' colours, 0 to 1. The authors' light is nearly white.
@@ -77,14 +76,14 @@ def directions_of(size: tuple[int, int]) -> Float[np.ndarray, "h w 3"]:
     height, width = size
     polar = (np.arange(height) + 0.5) / height * np.pi
     around = (np.arange(width) + 0.5) / width * 2 * np.pi
-    return np.stack(
-        [
-            np.sin(polar)[:, None] * np.cos(around),
-            np.sin(polar)[:, None] * np.sin(around),
-            np.broadcast_to(np.cos(polar)[:, None], size),
-        ],
-        axis=-1,
-    )
+    level, height_of = np.sin(polar)[:, None], np.broadcast_to(np.cos(polar)[:, None], size)
+    return np.stack([level * np.cos(around), level * np.sin(around), height_of], axis=-1)
+
+
+def direction(azimuth: float, elevation: float) -> Float[np.ndarray, " 3"]:
+    """The unit vector with these angles in radians."""
+    level = np.cos(elevation)
+    return np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
 
 
 def solid_angles(size: tuple[int, int]) -> Float[np.ndarray, "h w"]:
@@ -94,10 +93,7 @@ def solid_angles(size: tuple[int, int]) -> Float[np.ndarray, "h w"]:
 
 
 def shrink(radiance: np.ndarray, size: tuple[int, int] = MAP_SIZE) -> Float[np.ndarray, "h w 3"]:
-    """A map reduced by averaging, which keeps the total light.
-
-    Negative values and values that are not finite become 0.
-    """
+    """A map reduced by averaging; negative values and those that are not finite become 0."""
     full = np.asarray(radiance, np.float64)[..., :3]
     full = np.clip(np.nan_to_num(full, nan=0.0, posinf=1e6, neginf=0.0), 0, 1e6)
     for axis, wanted in enumerate(size):
@@ -129,27 +125,20 @@ def procedural_sky(rng: np.random.Generator) -> Float[np.ndarray, "h w 3"]:
     up = np.clip(height, 0, 1)[..., None] ** rng.uniform(0.4, 1.0)
     result = np.where(height[..., None] > 0, horizon * (1 - up) + zenith * up, ground)
 
-    def spot(direction: np.ndarray, width_degrees: float) -> np.ndarray:
+    def spot(centre: np.ndarray, width_degrees: float) -> np.ndarray:
         sharp = 1 / (1 - np.cos(np.deg2rad(width_degrees)))
-        return np.exp(sharp * (toward @ direction - 1))[..., None]
+        return np.exp(sharp * (toward @ centre - 1))[..., None]
 
     for number in range(int(rng.integers(2, 5))):
         # The first spot is the sun or a lamp overhead; the others are windows and bright walls.
         low, high = (35, 75) if number == 0 else (-5, 60)
         elevation, azimuth = np.deg2rad(rng.uniform(low, high)), rng.uniform(0, 2 * np.pi)
-        direction = np.array(
-            [
-                np.cos(elevation) * np.cos(azimuth),
-                np.cos(elevation) * np.sin(azimuth),
-                np.sin(elevation),
-            ]
-        )
         warmth = rng.uniform(-0.12, 0.12)
         colour = np.array([1 + warmth, 1.0, 1 - warmth])
         width = rng.uniform(8, 20) if number == 0 else rng.uniform(12, 35)
         power = rng.uniform(1.5, 3.0) if number == 0 else rng.uniform(0.5, 1.6)
         area = 2 * np.pi * (1 - np.cos(np.deg2rad(width)))
-        result = result + spot(direction, width) * colour * power / area
+        result = result + spot(direction(azimuth, elevation), width) * colour * power / area
     return result
 
 
@@ -171,9 +160,9 @@ def reduce(
 
     We choose the brightest directions one after the other; each collects the light within 35
     degrees. Ambient light has the mean colour of the map's upper half on surfaces that face up, and
-    a mixture of the colours of both halves on surfaces that face down. We scale all light so that a
-    white surface has the brightness `exposure` in the brightest orientation visible from above or
-    from the front. The fraction `ambient` of this brightness is ambient light.
+    of both halves on surfaces that face down. In the brightest orientation visible from above or
+    from the front, a white surface has the brightness `exposure`; the fraction `ambient` of it is
+    ambient light.
     """
     size = (radiance.shape[0], radiance.shape[1])
     toward = directions_of(size).reshape(-1, 3)

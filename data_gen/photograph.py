@@ -17,11 +17,8 @@ from data_gen.scene import BACKGROUND, Scene
 from data_gen.settings import FilmSettings, ImageSettings
 from data_gen.surroundings import TEXELS, Ground, Surroundings
 
-# Values above this multiple of white are clipped before the lens blur is applied.
-_BRIGHTEST = 6.0
-
-# Smallest reflectance by which the colours are divided before they are filtered.
-_DARKEST = 0.03
+_BRIGHTEST = 6.0  # multiple of white, clipped before the lens blur
+_DARKEST = 0.03  # smallest reflectance by which we divide colours before the filter
 
 
 def photograph(
@@ -79,13 +76,8 @@ def trace(
 ) -> tuple[Float[np.ndarray, "h w 3"], Float[np.ndarray, "h w 1"]]:
     """Radiance of object and ground, times their opacity, and the opacity.
 
-    Args:
-      scene: the scene; its directional lights are ignored.
-      picture: the view as rendered by `picture.render`.
-      around: the surroundings, from which all light comes.
-      ground: the ground under the object; None = there is none.
-      rays: paths per pixel.
-      seed: the same seed gives the same noise.
+    `picture` is the view as rendered by `picture.render`. All light comes from the surroundings.
+    There are `rays` paths per pixel.
     """
     mi, camera = engine.mi, scene.camera
     # In Mitsuba's maps +y is up, and column u shows the direction with atan2(x, -z) = 2 pi u. Our
@@ -152,10 +144,9 @@ def _bitmap(values: np.ndarray) -> dict[str, Any]:
 
 
 def _object(scene: Scene) -> Any:
-    """The object as one mesh of Mitsuba with one material.
+    """The object as one mesh of Mitsuba with one texture: the stack of all materials' textures.
 
-    Mitsuba compiles a scene anew if it has another number of meshes. Therefore the textures of all
-    materials, and the colours of those without one, are stacked into a single texture.
+    Mitsuba compiles a scene anew if it has another number of meshes.
     """
     surfaces = scene.surfaces
     uv = surfaces.uv.copy()
@@ -197,7 +188,7 @@ def _object(scene: Scene) -> Any:
     if not surfaces.opaque:
         bsdf = {"type": "mask", "opacity": _bitmap(values[..., 3:]), "bsdf": bsdf}
     turn = scene.camera.rotation.T.astype(np.float32)
-    mesh = _mesh(surfaces.corners @ turn, surfaces.normals @ turn, uv, bsdf)
+    mesh = engine.mesh(surfaces.corners @ turn, uv, surfaces.normals @ turn, bsdf)
     mesh.add_attribute("face_roughness", 1, rough)
     mesh.add_attribute("face_metallic", 1, metal)
     return mesh
@@ -224,23 +215,7 @@ def _strip(ground: Ground) -> Any:
         two = np.stack([values[:-1, 0], values[1:, 1], values[:-1, 1]], axis=1)
         return np.concatenate([one, two])
 
-    return _mesh(faces(edge @ turn), faces(normal @ turn), faces(uv), bsdf)
-
-
-def _mesh(corners: np.ndarray, normals: np.ndarray, uv: np.ndarray, bsdf: dict[str, Any]) -> Any:
-    """A mesh of Mitsuba from values at the corners of faces."""
-    count, properties = 3 * len(corners), engine.mi.Properties()
-    properties["mesh_bsdf"] = engine.mi.load_dict(bsdf)
-    mesh = engine.mi.Mesh("mesh", count, len(corners), has_vertex_normals=True,
-                          has_vertex_texcoords=True, props=properties)  # fmt: skip
-    values = engine.mi.traverse(mesh)
-    for name, of_corners in (
-        ("vertex_positions", corners), ("vertex_normals", normals), ("vertex_texcoords", uv),
-    ):  # fmt: skip
-        values[name] = np.ascontiguousarray(of_corners, np.float32).ravel()
-    values["faces"] = np.arange(count, dtype=np.uint32)
-    values.update()
-    return mesh
+    return engine.mesh(faces(edge @ turn), faces(uv), faces(normal @ turn), bsdf)
 
 
 def smooth(
@@ -250,11 +225,11 @@ def smooth(
     *,
     step: int = 1,
 ) -> Float[np.ndarray, "h w 3"]:
-    """Weighted means over 5 x 5 pixels of the same surface (weights 1/2, 1, 1, 1, 1/2 per axis).
+    """Weighted means over 5 x 5 pixels of the same surface, `step` apart.
 
-    The pixels are `step` apart. `guides` are for each pixel its normal n, its position p and a
-    tolerance: another pixel is on the same surface if its normal is similar and its distance from
-    the plane through p perpendicular to n is less than `step` times the tolerance.
+    `guides` are for each pixel its normal n, its position p and a tolerance: another pixel is on
+    the same surface if its normal is similar and its distance from the plane through p
+    perpendicular to n is less than `step` times the tolerance.
     """
     for axis in (0, 1):
         size = valid.shape[axis]
@@ -286,10 +261,9 @@ def develop(
     *,
     illuminant: Float[np.ndarray, " 3"],
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """The image that a camera records of linear radiance.
+    """The image that a camera records of linear radiance under light of a colour.
 
-    `weight` are the weights of the pixels in the measurement of the exposure, `illuminant` is the
-    colour of the light.
+    `weight` tells how much each pixel counts for the exposure.
     """
     height, width = weight.shape
     draw = {

@@ -1,7 +1,7 @@
 """Images of scenes: intersection of rays with the mesh, and local shading.
 
 Mitsuba intersects the rays with one merged mesh; models differ only in their data, so nothing is
-recompiled. `shading` computes the colours, with the same arithmetic for both variants of Mitsuba.
+recompiled. `shading` computes the colours in numpy, alike for both variants of Mitsuba.
 """
 
 from typing import NamedTuple
@@ -13,20 +13,15 @@ from data_gen import cameras, engine, shading
 from data_gen.cameras import Camera
 from data_gen.scene import BACKGROUND, RayHits, Scene, Surfaces
 
-# Largest number of surfaces that a ray passes through (holes and glass).
-_MAX_LAYERS = 8
-
-# A ray ends when its accumulated opacity reaches this.
-_OPAQUE = 0.98
-
-# Distance behind a hit at which a ray continues, in units of the frame.
-_BEHIND = 2e-4
+_MAX_LAYERS = 8  # surfaces that a ray passes through (holes and glass)
+_OPAQUE = 0.98  # a ray ends when its accumulated opacity reaches this
+_BEHIND = 2e-4  # distance behind a hit at which a ray continues
 
 # Samples whose normal deviates more than this from their pixel's centre are on another surface.
 _SAME_SURFACE = float(np.cos(np.deg2rad(30.0)))
 
 Window = tuple[slice, slice]
-"""Rows and columns of a part of the image that contains the whole object."""
+"""Rows and columns of a part of the image."""
 
 
 class Mesh:
@@ -34,15 +29,9 @@ class Mesh:
 
     def __init__(self, corners: Float[np.ndarray, "f 3 3"]) -> None:
         """Builds the search structure of the triangles."""
-        count = len(corners)
-        mesh = engine.mi.Mesh("model", 3 * count, count, has_vertex_texcoords=True)
-        values = engine.mi.traverse(mesh)
-        values["vertex_positions"] = np.ascontiguousarray(corners, np.float32).ravel()
-        values["faces"] = np.arange(3 * count, dtype=np.uint32)
         # With these, the texture coordinates of a hit are its barycentric coordinates.
-        values["vertex_texcoords"] = np.tile(np.array([0, 0, 1, 0, 0, 1], np.float32), count)
-        values.update()
-        self._scene = engine.mi.load_dict({"type": "scene", "model": mesh})
+        uv = np.tile(np.array([[0, 0], [1, 0], [0, 1]], np.float32), (len(corners), 1, 1))
+        self._scene = engine.mi.load_dict({"type": "scene", "model": engine.mesh(corners, uv)})
 
     def cast(
         self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
@@ -79,17 +68,15 @@ class Mesh:
 
 
 def window_of(surfaces: Surfaces, camera: Camera) -> Window:
-    """The smallest window that contains all vertices, plus a border of one pixel."""
+    """The window of all vertices, plus a border of one pixel."""
     pixels, _ = cameras.project(surfaces.vertices @ camera.rotation.T, camera)
     height, width = camera.image_size
     low = np.floor(np.nanmin(pixels, axis=0)).astype(int) - 1
     high = np.ceil(np.nanmax(pixels, axis=0)).astype(int) + 1
     left, right = np.clip([low[0], high[0]], 0, width)
     top, bottom = np.clip([low[1], high[1]], 0, height)
-    return (
-        slice(int(top), int(max(bottom, top + 1))),
-        slice(int(left), int(max(right, left + 1))),
-    )
+    rows = slice(int(top), int(max(bottom, top + 1)))
+    return rows, slice(int(left), int(max(right, left + 1)))
 
 
 def sample_rays(
@@ -188,9 +175,8 @@ def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False)
     """Renders a view of `scene` with local shading; `mesh` is made from `scene.surfaces.corners`.
 
     We sample mask and depth at the centres of the pixels. The colour is a mean over `side` x `side`
-    samples, 0 = only the centre. With soft edges, all samples of the pixel count. Without them, as
-    in the authors' images, only samples with the centre's material and orientation count: this
-    smooths textures, as mipmaps do, but edges stay hard.
+    samples, 0 = only the centre. Without soft edges, as in the authors' images, only samples with
+    the centre's material and orientation count: this smooths textures, but edges stay hard.
     """
     camera = scene.camera
     window = window_of(scene.surfaces, camera)

@@ -1,9 +1,8 @@
 """Rendering processes, which may crash, and a pool of them on this machine.
 
-A `Renderer` manages one process. It renders one model at a time and returns its samples, or the
-reason why the process ended. `render_local` renders the models of a job with `job.workers`
-renderers; `data_gen.cluster` renders them on the workers of a Dask cluster. The process itself is
-`python -m data_gen.pool FD`; it communicates through the open pipe with this file descriptor.
+A `Renderer` manages one process, `python -m data_gen.pool FD`, which communicates through the open
+pipe with this file descriptor. `render_local` uses `job.workers` renderers; `data_gen.cluster` uses
+those of the workers of a Dask cluster.
 """
 
 import concurrent.futures
@@ -26,11 +25,8 @@ from psgn_jax.data.shards import Result
 from psgn_jax.system import processes
 from psgn_jax.system.cores import num_cores
 
-_ATTEMPTS = 2
-"""Number of attempts at a model if its process dies, perhaps for another reason than the model."""
-
-# If this many processes end before they are ready, we give up: no model can be the cause.
-_FAILED_STARTS = 3
+_ATTEMPTS = 2  # at a model if its process dies, perhaps for another reason than the model
+_FAILED_STARTS = 3  # if so many processes end before they are ready, no model can be the cause
 _SECONDS_TO_START = 300.0
 _SECONDS_IDLE = 600.0
 
@@ -45,12 +41,8 @@ class Renderer:
     """Renders models in a separate process, within the limits of the job's settings.
 
     The process starts for the first model. We replace it when it dies, exceeds a limit or has
-    rendered `models_per_worker` models. We do not use `multiprocessing`, because with it, daemonic
-    processes such as cluster workers may not start children. The process must be able to import
-    the loaders of models.
-
-    Args:
-      context: data that the process needs in addition to the models.
+    rendered `models_per_worker` models. It is not one of `multiprocessing`, whose daemonic
+    processes, such as cluster workers, may not start children.
     """
 
     def __init__(self, context: Context) -> None:
@@ -63,8 +55,7 @@ class Renderer:
     def render(self, number: int, entry: Entry) -> Result:
         """Renders a model, once more if the process dies.
 
-        Its line has a status of `render_model.render_model`, "error", or "crashed", "timeout" or
-        "memory" if the process has ended.
+        To the statuses of `render_model` come "error", "crashed", "timeout" and "memory".
 
         Raises:
           RuntimeError: the processes end before they are ready.
@@ -152,8 +143,7 @@ class Renderer:
         self._process = self._connection = None
         if process is None:
             return None
-        # The process is already ending: it was asked to end or killed, or its pipe is closed. We
-        # give it time, because its own exit code says more than the exit code of a kill.
+        # It is ending already, and its own exit code says more than that of a kill.
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(10)
         process.kill()
@@ -167,7 +157,7 @@ class Renderer:
         return failure(entry, status, reason or f"exit code {code}"), []
 
     def _megabytes(self) -> float:
-        """Resident memory of the process; 0 if it is unknown."""
+        """Resident memory of the process, 0 if unknown."""
         try:
             assert self._process is not None
             statm = pathlib.Path(f"/proc/{self._process.pid}/statm").read_text()
@@ -209,7 +199,7 @@ def render_local(tasks: Sequence[tuple[int, Entry]], context: Context) -> Genera
 def _serve(connection: multiprocessing.connection.Connection) -> None:
     """Receives a `Context`, sends None when ready, then receives entries and sends (line, records).
 
-    It ends at None, at the end of the connection, and after ten minutes without a message.
+    It ends at None, at the end of the connection, or when idle for long.
     """
     # Ctrl-C is sent to all processes of a terminal; the `Renderer` ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)

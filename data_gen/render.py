@@ -6,17 +6,14 @@ NAME is one of the catalogues below. PATH is the source of this catalogue: a fol
 numbers of models. The folder RECORDS becomes a data set for training. Its file `models.jsonl` has a
 line for each model: status, reason for a refusal, checks and times.
 
-Any setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`; `--help` lists all
-of them, and the options of the catalogues. You can kill the command; the same command continues
-where it stopped. The records are identical, byte for byte, for any number of workers, restarts or
-parts. `--shard=i/n` renders the i-th of n parts (i from 0), for job arrays with a common folder;
-the part that finishes last completes the data set. `--scheduler=tcp://host:8786` renders on the
-workers of a Dask cluster; `data_gen/cluster.py` describes what they need.
+Any setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`. You can kill the
+command; the same command continues where it stopped. The records are identical, byte for byte, for
+any number of workers, restarts or parts. The parts of `--shard=i/n` share the folder; the one that
+finishes last completes the data set. `data_gen/cluster.py` describes what the workers of
+`--scheduler=tcp://host:8786` need.
 
-`--include` and `--exclude` choose models by patterns of category, folder and name; `--sample=N`
-takes N of them, spread over categories and folders. A complete data set can be extended: the same
-command with a larger `--limit`, `--sample` or source renders only the new models. Training reads
-the old state until the new one is complete.
+A complete data set can be extended: the same command with a larger `--limit`, `--sample` or source
+renders only the new models. Training reads the old state until the new one is complete.
 
 Exit codes: 0 done, all models have samples; 1 done, some models were refused (normal for
 collections); 2 wrong arguments, or no samples; 3 this part is finished, other parts are not; 5 the
@@ -56,7 +53,7 @@ _DEFAULT = pathlib.Path(__file__).with_name("config.py")
 
 
 def parse_part(text: str) -> tuple[int, int]:
-    """`i/n` as numbers; ValueError if i is not from 0 to n - 1."""
+    """`i/n` as numbers."""
     match = re.fullmatch(r"([0-9]+)/([0-9]+)", text)
     if not match or not int(match[1]) < int(match[2]):
         raise ValueError(f"--shard: got {text!r}, expected i/n with i from 0 to n - 1")
@@ -65,36 +62,24 @@ def parse_part(text: str) -> tuple[int, int]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command; returns its exit code."""
-    flags = Flags(
-        "psgn render --catalogue=NAME --source=PATH --out=FOLDER",
-        __doc__,
-        lambda: "\n".join(_details()),
-    )
+    usage = "psgn render --catalogue=NAME --source=PATH --out=FOLDER"
+    flags = Flags(usage, __doc__, lambda: "\n".join(_details()))
     flags.config(settings.Settings(), file=str(_DEFAULT))
     flags.enum("catalogue", None, sorted(CATALOGUES), "Where the models come from.")
     flags.string("source", None, "Source of the catalogue: a folder, a file, or numbers of models.")
     flags.string("out", None, "Folder of the data set.")
-    flags.string(
-        "shard", "0/1", "i/n: this process does the i-th of n parts, i from 0, for job arrays."
-    )
-    flags.integer(
-        "limit", 0, "Render only this many of the chosen models, from the first; 0 = all.",
-        lower_bound=0,
-    )  # fmt: skip
-    flags.integer(
-        "sample", 0, "Number of models, spread over categories and folders; 0 = all.", lower_bound=0
-    )
+    flags.string("shard", "0/1", "i/n: the i-th of n parts, i from 0, for job arrays.")
+    for name, what in (
+        ("limit", "Number of the chosen models that are rendered, from the first; 0 = all."),
+        ("sample", "Number of models, spread over categories and folders; 0 = all."),
+    ):
+        flags.integer(name, 0, what, lower_bound=0)
     flags.integer("seed", 0, "Seed of the choice of --sample.", lower_bound=0)
     patterns = "category, folder or name fits this pattern, such as Weather or '*flare*'."
     flags.multi_string("include", [], f"Only models whose {patterns}")
     flags.multi_string("exclude", [], f"No models whose {patterns}")
-    flags.multi_string(
-        "option", [], "NAME=VALUE for the catalogue, such as up=+z or max_faces=200000."
-    )
-    flags.string(
-        "scheduler", "", "Address of a Dask scheduler, whose workers render the models; empty = "
-        "this machine.",
-    )  # fmt: skip
+    flags.multi_string("option", [], "NAME=VALUE for the catalogue, such as up=+z.")
+    flags.string("scheduler", "", "Address of a Dask scheduler; empty = this machine.")
     return flags.run(_main, argv, wrong_input=(ValueError, RuntimeError))
 
 
@@ -110,9 +95,8 @@ def _main(flags: Flags) -> int:
     source = open_catalogue(
         values.catalogue, values.source, **parse_options(values.catalogue, values.option)
     )
-    render = pool.render_local
-    if values.scheduler:
-        render = functools.partial(cluster.render_on, values.scheduler)
+    on_cluster = functools.partial(cluster.render_on, values.scheduler)
+    render = on_cluster if values.scheduler else pool.render_local
     choice = Choice(tuple(values.include), tuple(values.exclude), values.sample, values.seed)
     progress = job.render_catalogue(
         source, values.out, options, part=part, choice=choice, limit=values.limit, render=render

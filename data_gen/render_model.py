@@ -29,7 +29,7 @@ from psgn_jax.data import schema
 from psgn_jax.data.codec import encode
 
 COVERAGE = 0.0003
-"""Smallest fraction of the image that a model with missing faces must cover."""
+"""Limit of `checks.coverage` for a model with missing faces."""
 
 # Makes the random numbers of missing faces independent of others with the same seed.
 _STREAM = zlib.crc32(b"missing faces")
@@ -68,8 +68,7 @@ class Context:
 def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str, Any]]:
     """All samples of a model as records, and its line in `models.jsonl`.
 
-    The `status` of the line is "ok", or "refused" with a `reason`; a refused model has no samples.
-    The line contains the checks of the views, and the seconds of each step.
+    The status of the line is "ok", or "refused" with a reason; a refused model has no samples.
     """
     settings = context.settings
     seed = model_seed(settings.seed, context.source, entry.model_id)
@@ -88,11 +87,8 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
     try:
         model = recentre(entry.load(), settings.centre)
         lap("load")
-        line |= {
-            "faces": len(model.faces),
-            "materials": len(model.materials),
-            "warnings": list(model.warnings),
-        }
+        counts = {"faces": len(model.faces), "materials": len(model.materials)}
+        line |= {**counts, "warnings": list(model.warnings)}
         surface = sample_surface(model, settings.num_points, seed)
         # An unbalanced tree is faster to build, and a view makes only a few hundred queries.
         tree = scipy.spatial.cKDTree(surface.points, compact_nodes=False, balanced_tree=False)
@@ -152,12 +148,8 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
         line["reason"], done = str(error), []
     except MemoryError:
         line["reason"], done = "it needs more memory than is available", []
-    line |= {
-        "samples": len(done),
-        "views": views,
-        "seconds": seconds,
-        "megabytes": round(peak_megabytes()),
-    }
+    megabytes = round(peak_megabytes())
+    line |= {"samples": len(done), "views": views, "seconds": seconds, "megabytes": megabytes}
     return done, line
 
 
@@ -168,7 +160,6 @@ def _picture_of(
     settings: Settings,
     rng: np.random.Generator,
 ) -> Picture:
-    """The picture of a view, with the shading of the settings."""
     image = settings.image
     if image.shading == "local":
         return render(mesh, shown, side=image.samples, soft_edges=image.soft_edges)
@@ -184,18 +175,13 @@ def _picture_of(
 def without_faces(model: Model, settings: Settings, seed: int) -> tuple[Model, Settings]:
     """The part of a model that is rendered, and settings whose checks accept it.
 
-    The authors' images show some objects of ShapeNet only in part. Faces that point inward, or
-    whose materials could not be read, are missing. The points cover the whole object. In 8 of the
-    authors' 1,440 training images, the object covers less than .5 % of the image. In .8 % of the
-    images, more than a tenth of the points project outside the mask.
+    The authors' images show some objects of ShapeNet only in part: faces that point inward, or
+    whose materials could not be read, are missing, but the points cover the whole object. In .8 %
+    of the images, more than a tenth of the points project outside the mask.
 
     A fraction `settings.image.missing` of the models loses faces: on one side (a random direction,
     up in half of the cases), outside a ball around a point of the surface, or inside such a ball.
     The radius is log-uniform in [.05, .8].
-
-    Returns:
-      The model without these faces, with the same vertices, and the settings: `checks.inside` is 0
-      and `checks.coverage` at most `COVERAGE`. If nothing is missing, both are returned unchanged.
     """
     rng = np.random.default_rng([_STREAM, seed])
     if rng.random() >= settings.image.missing:
@@ -216,13 +202,8 @@ def without_faces(model: Model, settings: Settings, seed: int) -> tuple[Model, S
         kept = ~near if kind == 3 else near
     if not kept.any():
         return model, settings
-    part = dataclasses.replace(
-        model,
-        faces=model.faces[kept],
-        normals=model.normals[kept],
-        uv=model.uv[kept],
-        face_material=model.face_material[kept],
-    )
+    fields = ("faces", "normals", "uv", "face_material")
+    part = dataclasses.replace(model, **{name: getattr(model, name)[kept] for name in fields})
     checks = dataclasses.replace(
         settings.checks, inside=0.0, coverage=min(COVERAGE, settings.checks.coverage)
     )
@@ -237,14 +218,9 @@ def check_view(
 ) -> dict[str, float]:
     """Measurements of a view, which `objection_to` compares with the settings.
 
-    `points` are in the view-aligned frame, the points of the search `tree` in the model's.
-
-    Returns:
-      coverage: fraction of the image that the mask covers; edge: number of mask pixels at the
-      border of the image; luminance: mean of the pixels in the mask, 0 to 255; inside: fraction of
-      the points that project into the mask dilated by one pixel; depth: median distance of
-      back-projected pixels from the nearest point, 1e6 if the mask is empty; `before`: fraction of
-      the points that lie in front of the visible surface.
+    `points` are in the view-aligned frame, the points of the search `tree` in the model's. To those
+    of `CheckSettings` come `edge`, the number of mask pixels at the border of the image, and
+    `before`, the fraction of the points in front of the visible surface.
     """
     mask = picture.mask
     height, width = mask.shape
@@ -276,7 +252,7 @@ def check_view(
 
 
 def objection_to(checks: Mapping[str, float], settings: Settings) -> str:
-    """The reason why a view is refused, "" if it is accepted."""
+    """Why a view is refused, "" if it is not."""
     limits = settings.checks
     if checks["edge"]:
         return f"{checks['edge']} pixels of the object touch the border of the image, expected none"
@@ -294,7 +270,6 @@ def objection_to(checks: Mapping[str, float], settings: Settings) -> str:
 
 
 def _rounded(value: Any) -> Any:
-    """A value of a model's parameters, with floats rounded."""
     if isinstance(value, Mapping):
         return {key: _rounded(item) for key, item in value.items()}
     if isinstance(value, tuple):

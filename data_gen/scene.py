@@ -1,8 +1,4 @@
-"""The scene of an image as plain arrays: surfaces, materials and textures of a model.
-
-A scene contains only data and can be made, tested and pickled without a renderer. The arrays of a
-model are made once; each view adds a camera and lights.
-"""
+"""The scene of an image as plain arrays. Each view adds a camera and lights to those of a model."""
 
 import dataclasses
 from typing import NamedTuple
@@ -35,10 +31,9 @@ class Surfaces:
       shininess: float32 [M].
       opacity: float32 [M].
       texels: uint32 [T], RGBA of all textures in row-major order, four uint8 viewed as one uint32;
-        the first texel is white.
+        the first texel is white, for materials without a texture.
       texture_start: int64 [M], index of a material's first texel.
-      texture_size: int32 [M, 2], (height, width); a material without a texture has the white texel,
-        of size (1, 1).
+      texture_size: int32 [M, 2], (height, width).
       opaque: whether all surfaces are opaque.
     """
 

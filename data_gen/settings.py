@@ -19,16 +19,13 @@ class ImageSettings:
       shading: "local" as in the paper, or "photo": Mitsuba traces paths, with shadows, light from
         other surfaces, reflections and ground, and a film develops the image.
       samples: samples along the edge of a pixel, 0 = only its centre.
-      soft_edges: whether edges are antialiased. The authors' images have hard edges. Edges of
-        "photo" shading are always antialiased.
-      background: "grey" as in the authors' images; "surroundings", the environment map (for "photo"
-        shading).
-      ground: the ground under the object, for "photo" shading: "none", one of
-        `surroundings.GROUNDS`, or "random" = one that fits the surroundings. It appears only in the
-        image, not in mask and depth. It is left out if the camera is below it.
+      soft_edges: whether edges are antialiased, as always with "photo" shading. The authors' images
+        have hard edges.
+      background: "grey" as in the authors' images, or "surroundings", the environment map.
+      ground: "none", one of `surroundings.GROUNDS`, or "random" = one that fits the surroundings.
+        Mask and depth do not show it; it is left out if the camera is below it.
       rays: paths per pixel, for "photo" shading.
-      missing: fraction of the models that are rendered without some of their faces, see
-        `data_gen.render_model.without_faces`.
+      missing: fraction of the models that are rendered without some of their faces.
     """
 
     shading: Literal["local", "photo"] = "local"
@@ -42,16 +39,16 @@ class ImageSettings:
 
 @dataclasses.dataclass(frozen=True)
 class FilmSettings:
-    """The response of a camera, for "photo" shading. Values are drawn uniformly from the ranges.
+    """The response of a camera, for "photo" shading: ranges of uniform values.
 
     Attributes:
       exposure: deviation from automatic exposure, in stops.
-      white_balance: fraction of the light's colour that is removed, 0 to 1.
-      contrast: contrast of the tone curve, 0 = none, 1 = that of film.
+      white_balance: fraction of the light's colour that is removed.
+      contrast: of the tone curve, 0 = none, 1 = that of film.
       saturation: factor of the distance of colours from grey.
-      vignette: relative darkening of the corners, 0 to 1.
-      blur: blur of the lens: standard deviation in pixels.
-      grain: noise of the sensor: standard deviation at middle grey, 1 = white.
+      vignette: relative darkening of the corners.
+      blur: of the lens, standard deviation in pixels.
+      grain: of the sensor, standard deviation at middle grey, 1 = white.
     """
 
     exposure: Annotated[Range, Within(-10, 10)] = (-0.6, 0.5)
@@ -69,11 +66,9 @@ class CheckSettings:
 
     Attributes:
       coverage: smallest fraction of the image that the object covers.
-      inside: smallest fraction of the points that project into the mask dilated by one pixel. It is
-        below 1 because parts much thinner than a pixel, such as the strings of a racket, lie
-        between the centres of the pixels.
-      depth: largest median distance of back-projected pixels from the nearest surface point, in
-        units of the frame.
+      inside: smallest fraction of the points that project into the mask dilated by one pixel.
+        Parts much thinner than a pixel lie between the centres of pixels.
+      depth: largest median distance of back-projected pixels from the nearest surface point.
       luminance: smallest mean brightness of the object's pixels, 0 to 255.
     """
 
@@ -85,19 +80,14 @@ class CheckSettings:
 
 @dataclasses.dataclass(frozen=True)
 class JobSettings:
-    """How the job runs.
-
-    None of these settings changes the samples of a model, except that the images of the two
-    variants of Mitsuba differ by rounding. `seconds_per_model` and `megabytes_per_worker` decide
-    which models are refused.
+    """How the job runs. Samples do not depend on it, but for the rounding of a variant.
 
     Attributes:
       workers: number of processes, 0 = one per processor.
-      models_per_worker: a worker process is replaced after this many models, because its memory
-        grows.
-      seconds_per_model: a model that takes longer is refused and its worker is stopped.
-      megabytes_per_worker: a model that needs more memory is refused and its worker is stopped.
-      variant: "llvm", "scalar", or "auto" = LLVM if it works.
+      models_per_worker: after so many models, we replace a process, because its memory grows.
+      seconds_per_model: a model that takes longer is refused.
+      megabytes_per_worker: a model that needs more memory is refused.
+      variant: of Mitsuba: "llvm", "scalar", or "auto" = LLVM if it works.
     """
 
     workers: Annotated[int, Bounds(0, 4096)] = 0
@@ -112,7 +102,7 @@ class Settings:
     """All settings.
 
     Attributes:
-      seed: seed of all random choices; the seed of a model is computed from it and the name.
+      seed: of all random choices; with the name, it gives the seed of a model.
       views: number of images of each model.
       centre: the point of a model that is moved to x = y = 0: "bounds" or "vertices", see
         `frame.recentre`.
@@ -170,10 +160,7 @@ EFFECTS: tuple[tuple[Sequence[str], Callable[[Settings], bool], str], ...] = (
     (["camera.keep_size"], lambda s: s.camera.focal != (400.0, 400.0),
      "another camera.focal than 400"),
 )  # fmt: skip
-"""Settings that have an effect only under a condition: names, condition, and the condition as text.
-
-With another value than the default, they are refused if the condition does not hold.
-"""
+"""Settings that only have an effect under a condition: names, condition, and this as text."""
 
 
 # Like hand-held photographs: lenses of 28 to 105 mm on 35 mm film, a wide range of elevations, a
@@ -198,20 +185,14 @@ PRESETS: dict[str, Mapping[str, Mapping[str, Any]]] = {
     "photo": {
         "camera": _HAND_HELD,
         "light": {"source": "mixed"},
-        "image": {
-            "shading": "photo",
-            "background": "surroundings",
-            "ground": "random",
-        },
+        "image": {"shading": "photo", "background": "surroundings", "ground": "random"},
     },
 }
 """Presets: the settings that differ from the defaults, by section."""
 
 
 def parse(values: Mapping[str, Any]) -> Settings:
-    """Settings from nested mappings, such as an `ml_collections.ConfigDict`.
-
-    Fields that are missing keep their defaults.
+    """Settings from nested mappings, such as an `ml_collections.ConfigDict`, and defaults.
 
     Raises:
       ValueError: a field is unknown or invalid; the message says what was expected.

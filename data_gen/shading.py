@@ -1,8 +1,7 @@
 """Local shading of ray hits: Blinn-Phong under directional lights, in numpy.
 
-There are no shadows and no interreflection, as in the paper's images: the colour of a surface
-depends only on its own normal. The arithmetic is done on display values (sRGB) without a transfer
-curve, as in the authors' images.
+As in the paper's images, there are no shadows and no interreflection, and we compute with display
+values (sRGB) without a transfer curve.
 """
 
 import numpy as np
@@ -18,8 +17,7 @@ def look_up(
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
     """Diffuse colour and opacity at points of faces; opacities below `EXISTS` become 0.
 
-    Textures repeat and are read at the nearest texel. They are antialiased by several samples per
-    pixel.
+    We read the nearest texel: several samples per pixel antialias textures.
     """
     owner = surfaces.material[face]
     colour = surfaces.diffuse[owner]
@@ -48,8 +46,8 @@ def shading_normals(
 ) -> Float[np.ndarray, "n 3"]:
     """Unit normals of hits on the viewer's side, in the view-aligned frame.
 
-    `weights` are barycentric coordinates, `rotation` is from the model's frame to the view-aligned
-    one, and `rays` are directions in the view-aligned frame, away from the camera.
+    `rotation` is from the model's frame to the view-aligned one, in which `rays` lead away from the
+    camera.
     """
     turn = rotation.astype(np.float32).T
     normal = np.einsum("nk,nkd->nd", weights, surfaces.normals[face]) @ turn

@@ -28,10 +28,7 @@ _FITTING = {
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Surroundings:
-    """An environment map [H, W, 3] (see `data_gen.lights`), its kind, and the extent of its ground.
-
-    The ground extends by `half` along two directions that are turned by `turn` degrees.
-    """
+    """An environment map (`data_gen.lights`), its kind, and half sides and turn of its ground."""
 
     radiance: Float[np.ndarray, "h w 3"]
     kind: str = "map"
@@ -45,10 +42,10 @@ class Ground:
 
     Attributes:
       texture: float32 [T, T, 3], linear reflectances.
-      size: side length of the texture, in units of the frame.
+      size: side length of the texture.
       gloss: strength of reflections, 0 to 1.
       profile: its cross-section, points (x, z) from the back to the front.
-      half_width: it extends this far to both sides.
+      half_width: half its width.
       turn: rotation about the vertical axis, degrees.
     """
 
@@ -88,7 +85,7 @@ def _colour(
 def _with_key_light(rng: np.random.Generator, rest: np.ndarray, key: np.ndarray) -> np.ndarray:
     """The sum of two maps, the second scaled to a random share of the light on the ground.
 
-    Without one light that is stronger than the others, objects have hardly any shadow.
+    Without one strong light, objects have hardly any shadow.
     """
     up = np.maximum(lights.directions_of(lights.DETAIL)[..., 2:], 0)
     weight = up * lights.solid_angles(lights.DETAIL)[..., None]
@@ -104,9 +101,9 @@ def _disc(direction: np.ndarray, degrees: float) -> np.ndarray:
     return (toward @ direction > np.cos(np.deg2rad(degrees)))[..., None].astype(float)
 
 
-def _direction(azimuth_degrees: float, elevation_degrees: float) -> np.ndarray:
-    around, up = np.deg2rad(azimuth_degrees), np.deg2rad(elevation_degrees)
-    return np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
+def _direction(rng: np.random.Generator, low: float, high: float) -> np.ndarray:
+    """A random direction with an elevation between two angles in degrees."""
+    return lights.direction(*np.deg2rad([rng.uniform(0, 360), rng.uniform(low, high)]))
 
 
 def outdoors(rng: np.random.Generator, sky: Float[np.ndarray, "h w 3"]) -> Surroundings:
@@ -131,7 +128,7 @@ def outdoors(rng: np.random.Generator, sky: Float[np.ndarray, "h w 3"]) -> Surro
         result += edge * (shade * texture * rng.uniform(0.06, 0.3) + haze - result)
     result = np.where(degrees < 0, _colour(rng, 0.15, 0.35, 0.1), result)
     if not overcast:
-        sun = _disc(_direction(rng.uniform(0, 360), rng.uniform(22, 70)), 1.0)
+        sun = _disc(_direction(rng, 22, 70), 1.0)
         result = _with_key_light(rng, result, sun * [1.0, 0.93, 0.8])
     return Surroundings(result, "outdoors")
 
@@ -141,10 +138,10 @@ def studio(rng: np.random.Generator) -> Surroundings:
     toward = lights.directions_of(lights.DETAIL)
     rest = _colour(rng, 0.08, 0.7, 0.06) * (0.7 + 0.3 * toward[..., 2:])
     for _ in range(int(rng.integers(1, 4))):
-        centre = _direction(rng.uniform(0, 360), rng.uniform(5, 60))
+        centre = _direction(rng, 5, 60)
         lamp = np.clip((toward @ centre - rng.uniform(0.75, 0.97)) / 0.02, 0, 1)[..., None]
         rest = rest + lamp * _colour(rng, 1, 8, 0.06)
-    lamp = _disc(_direction(rng.uniform(0, 360), rng.uniform(30, 65)), rng.uniform(3, 8))
+    lamp = _disc(_direction(rng, 30, 65), rng.uniform(3, 8))
     return Surroundings(_with_key_light(rng, rest, lamp * _colour(rng, 1, 1, 0.06)), "studio")
 
 
@@ -186,7 +183,7 @@ def room(rng: np.random.Generator, eye: Float[np.ndarray, " 3"]) -> Surroundings
             inner = np.array([0.9, 1.0, 1.12]) * rng.uniform(1, 5)
         paint(frame, left, low, right, high)
         paint(inner, left + 0.07, low + 0.07, right - 0.07, high - 0.07)
-    lamp = _disc(_direction(rng.uniform(0, 360), rng.uniform(35, 75)), rng.uniform(2, 6))
+    lamp = _disc(_direction(rng, 35, 75), rng.uniform(2, 6))
     result = _with_key_light(rng, result, lamp * [1.0, 0.92, 0.8])
     size = half if floor == 0 else rng.uniform(1.3, 3.0, 2)
     return Surroundings(result, "room", (float(size[0]), float(size[1])), turn)
@@ -200,15 +197,7 @@ def draw(
     *,
     detail: bool,
 ) -> Surroundings:
-    """Draws the surroundings of a view.
-
-    Args:
-      rng: source of all choices.
-      settings: the light.
-      maps: the maps of `settings.folder`; None = no folder.
-      camera: the camera of the view.
-      detail: whether the map is visible in the image.
-    """
+    """Draws the surroundings of a view; `detail`: whether the map is visible in the image."""
 
     def measured() -> Surroundings:
         assert maps is not None

@@ -21,11 +21,10 @@ class Choice:
     `Effects/Birds/swarm.ac`.
 
     Attributes:
-      include: patterns; models that match none of them are left out. () = keep all.
-      exclude: patterns; models that match one of them are left out.
-      sample: number of models sampled from the remaining ones, spread over categories and folders;
-        0 = all.
-      seed: seed of the sample. With the same seed, a larger sample contains the smaller ones.
+      include: patterns of models that are kept; () = all.
+      exclude: patterns of models that are left out.
+      sample: number of models, spread over categories and folders; 0 = all.
+      seed: of the sample. With the same seed, a larger sample contains the smaller ones.
     """
 
     include: tuple[str, ...] = ()
@@ -35,7 +34,7 @@ class Choice:
 
 
 def matches(pattern: str, entry: Entry) -> bool:
-    """Whether a pattern matches a model, as described in `Choice`."""
+    """Whether a pattern of a `Choice` matches a model."""
     return any(fnmatch.fnmatchcase(text, pattern) for text in _texts(entry))
 
 
@@ -81,10 +80,9 @@ def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
 def _spread(entries: Sequence[Entry], seed: int) -> list[Entry]:
     """All models in a random order whose prefixes are all spread over categories and folders.
 
-    Models with the same category and folder form a group. If a group has m of the n models, about
-    k m / n of the first k models come from this group. The model with rank r in the random
-    order of its group gets the position (r + u) / m, where u is uniform in [0, 1) and common to the
-    group.
+    Of n models, m have the same category and folder. The one with rank r in a random order of these
+    m gets the position (r + u) / m, where u is uniform in [0, 1) and the same for all of them. So
+    about k m / n of the first k models are from this group.
     """
 
     def uniform(*words: str) -> float:

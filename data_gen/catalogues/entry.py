@@ -1,7 +1,4 @@
-"""The interface of catalogues, which list models without reading them and load them one by one.
-
-Entries can be pickled and sent to worker processes.
-"""
+"""The interface of catalogues, which list models without reading them."""
 
 import dataclasses
 import functools
@@ -27,16 +24,15 @@ def printable(text: str) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Entry:
-    """A model of a catalogue.
+    """A model of a catalogue; it can be pickled.
 
     Attributes:
-      model_id: name, unique in the catalogue.
-      category: name of the category, "" if unknown.
-      split: one of `SPLITS`. All views of a model are in the same split.
-      load: reads the model, with this name and category, and normalises it to the project's frame;
-        can be pickled. It raises `mesh.UnusableModelError` if no sample can be made from the model.
-      variant_loader: returns the variant with a name and a deviation, see `variant`; None = the
-        model with moved vertices, `proportions.vary`.
+      model_id: unique in the catalogue.
+      category: "" if unknown.
+      split: one of `SPLITS`.
+      load: reads the model, with this name and category, and normalises it to the project's frame.
+        It raises `mesh.UnusableModelError` if no sample can be made from the model.
+      variant_loader: from a name and a deviation to the variant; None = `proportions.vary`.
     """
 
     model_id: str
@@ -47,15 +43,13 @@ class Entry:
 
     def __post_init__(self) -> None:
         """Makes both names printable."""
-        object.__setattr__(self, "model_id", printable(self.model_id))
-        object.__setattr__(self, "category", printable(self.category))
+        for field in ("model_id", "category"):
+            object.__setattr__(self, field, printable(getattr(self, field)))
 
     def variant(self, number: int, deviation: float) -> "Entry":
-        """The object with other proportions, drawn for its new name; it keeps the split.
+        """The object `<model_id> variant <number>`, with other proportions drawn for this name.
 
-        Args:
-          number: part of the name, `<model_id> variant <number>`.
-          deviation: see `proportions.random_proportions`.
+        It keeps the split. See `proportions.random_proportions` for the deviation.
         """
         name = f"{self.model_id}{_VARIANT}{number}"
         load = self.variant_loader or functools.partial(_load_variant, self.load)
@@ -78,10 +72,8 @@ def _load_variant(load: Callable[[], Model], name: str, deviation: float) -> Mod
 class Catalogue:
     """A list of models, always in the same order.
 
-    Attributes:
-      name: name of the catalogue; the seeds of its models depend on it.
-      models: the models.
-      fractions: how `split_of` divides the models; None = the splits are given.
+    The seeds of the models depend on `name`. `fractions` tells how `split_of` divides them; None =
+    the splits are given.
     """
 
     name: str
@@ -91,10 +83,6 @@ class Catalogue:
 
 def split_of(model_id: str, fractions: tuple[float, float, float] = FRACTIONS) -> str:
     """The split of a model, by a hash of its name; it does not depend on the other models.
-
-    Args:
-      model_id: name of the model.
-      fractions: fractions of the splits, in the order of `SPLITS`; not negative, with sum 1.
 
     Raises:
       ValueError: a fraction is negative, or their sum is not 1.
@@ -133,8 +121,8 @@ _ENDINGS = re.compile(
 def family_of(model_id: str) -> str:
     """The common part of the names of near-duplicates.
 
-    It is the name without folders and suffix, and without numbers, colours and levels of detail at
-    its end: `Models/farmhouse2-white.glb` and `farmhouse4.glb` are in the family "farmhouse".
+    It has no folders, no suffix, and no numbers, colours and levels of detail at its end:
+    `Models/farmhouse2-white.glb` and `farmhouse4.glb` are in the family "farmhouse".
     """
     name = model_id.rpartition("/")[2].rpartition("#")[2].casefold()
     stem = re.sub(r"\.[a-z]{1,4}$", "", name)
@@ -148,18 +136,11 @@ def family_of(model_id: str) -> str:
 def moved_to_empty_splits(
     splits: Mapping[str, str], wanted: Sequence[str], fixed: Collection[str] = ()
 ) -> dict[str, str]:
-    """Objects of a small set that change their split so that no split is empty.
+    """New splits of objects of a small set, so that none of the `wanted` splits is empty.
 
     An empty split gets one object of the largest split; a hash of its name chooses it. If no split
     has two objects, a later split gives its own: two objects are for training and validation.
-
-    Args:
-      splits: split of each object, by name.
-      wanted: the splits that should not be empty, in the order of `SPLITS`.
-      fixed: names of objects that keep their split.
-
-    Returns:
-      The new splits of the objects that change, by name.
+    Those named in `fixed` keep their split.
     """
     moved: dict[str, str] = {}
     for place, empty in enumerate(wanted):

@@ -54,10 +54,10 @@ def indexed(
 ) -> Catalogue:
     """The meshes that a file `index.csv` in a folder lists.
 
-    The index is a CSV file with a heading. Its column `file` has the path of each mesh, relative to
-    the folder, which is also the name of the model. A column `category` is optional. Further
-    columns, such as `licence` and `author`, are copied into the records as parameters of the model.
-    Glb and glTF files have +y up and their front toward +z.
+    The index is a CSV file with a heading. Its column `file` has the path of each mesh in the
+    folder, which is also the name of the model. A column `category` is optional. The records get
+    further columns, such as `licence` and `author`, as parameters of the model. Files have +y up
+    and their front toward +z.
 
     A model of one grey gets a material that fits its category, drawn for its name. Models
     whose names differ only in numbers, colours or levels of detail are in the same split.
@@ -85,9 +85,7 @@ def indexed(
 def read_index(
     source: str | os.PathLike[str], licences: Sequence[str] = ()
 ) -> list[dict[str, str]]:
-    """The lines of the index of a folder, as mappings from the columns of its heading.
-
-    The column `licence` must fit one of the patterns `licences`; empty = all lines.
+    """The lines of the index of a folder whose licence fits one of the patterns, if there are any.
 
     Raises:
       ValueError: the index is missing or damaged; the message names the line.
@@ -127,9 +125,8 @@ def _load(name: str, files: FolderFiles, category: str, about: dict[str, str]) -
 
 def _is_grey(model: Model) -> bool:
     """Whether all of the model has the same grey and no texture."""
-    colours = {m.diffuse for m in model.materials}
-    plain = all(m.texture is None for m in model.materials)
-    return plain and len(colours) == 1 and np.ptp(min(colours)) < 0.02
+    looks = {(m.diffuse, m.texture is None) for m in model.materials}
+    return len(looks) == 1 and all(plain and np.ptp(grey) < 0.02 for grey, plain in looks)
 
 
 def _clothed(model: Model) -> Model:
@@ -140,9 +137,6 @@ def _clothed(model: Model) -> Model:
     kind = str(rng.choice(fitting or list(_MAKERS)))
     makers = _MAKERS[kind]
     material = makers[int(rng.integers(len(makers)))](rng)
-    uv = kit.texture_coordinates(
-        model.vertices, model.faces, np.zeros(1, np.int64), np.zeros(len(model.faces), np.int64),
-        [material], np.zeros(1, np.int64),
-    )  # fmt: skip
-    owner = np.zeros(len(model.faces), np.int64)
+    first, owner = np.zeros(1, np.int64), np.zeros(len(model.faces), np.int64)
+    uv = kit.texture_coordinates(model.vertices, model.faces, first, owner, [material], first)
     return dataclasses.replace(model, materials=(material,), face_material=owner, uv=uv)

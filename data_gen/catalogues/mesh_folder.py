@@ -21,7 +21,7 @@ _OTHERS = {".3mf", ".3ds", ".blend", ".fbx", ".step", ".stp", ".usd", ".usdz", "
 
 
 def extensions() -> set[str]:
-    """Suffixes of the mesh files that can be read, in lower case with the dot."""
+    """Suffixes of the mesh files that can be read."""
     import trimesh
 
     not_meshes = {"dxf", "svg", "xyz", "binvox", "zip", "bz2", "tar.bz2", "tar.gz", "stl_ascii"}
@@ -29,11 +29,7 @@ def extensions() -> set[str]:
 
 
 def find_meshes(source: str | os.PathLike[str]) -> list[str]:
-    """The mesh files below a folder, sorted, without hidden files.
-
-    Raises:
-      ValueError: the folder is missing or contains no mesh.
-    """
+    """The mesh files below a folder, sorted; ValueError if there are none."""
     root = pathlib.Path(source)
     if not root.is_dir():
         raise ValueError(f"source {str(source)!r}: expected a folder of meshes")
@@ -76,8 +72,7 @@ def folder(
     """All mesh files below a folder.
 
     `chairs/red.obj` is the model "chairs/red.obj" with the category "chairs". Files directly in the
-    folder have no category. Files that a mesh refers to may be anywhere below the folder, but not
-    outside.
+    folder have no category. Files that a mesh refers to must be below the folder.
 
     Args:
       source: the folder.

@@ -1,8 +1,7 @@
 """Opens catalogues by name, with options from the command line.
 
-To add a catalogue, write a function that returns an `entry.Catalogue`, and add it to `CATALOGUES`.
-Its first parameter is `source`. The others are its options: their annotations are the types for
-`--option`, and the section Args of the docstring is shown by `--help`.
+The first parameter of a catalogue is `source`. The others are its options: their annotations are
+the types for `--option`, and `--help` shows the section Args of its docstring.
 """
 
 import os

@@ -1,8 +1,4 @@
-"""Catalogue of procedural models: parametric families of the 13 categories of the paper.
-
-`generate(category, seed)` makes a model of several parts and materials, with its front toward +x.
-Each family has several kinds with random proportions, parts and colours.
-"""
+"""Catalogue of procedural models: parametric families of the 13 categories of the paper."""
 
 import functools
 import os
@@ -22,12 +18,7 @@ _STREAM = 0x70736776
 
 
 class Family(NamedTuple):
-    """The models of a category.
-
-    Attributes:
-      build: adds the parts of a model of one kind to a kit.
-      kinds: the kinds; one that is listed several times is drawn more often.
-    """
+    """A category: `build` adds the parts of a model of one of its kinds to a kit."""
 
     build: Callable[[Kit, str], None]
     kinds: tuple[str, ...]
@@ -60,14 +51,9 @@ _PLAIN = 0.1
 
 
 def generate(category: str, seed: int) -> Model:
-    """A model of a category, in the project's frame, with its front toward +x.
+    """The model `<category>-<seed>`, in the project's frame, with its front toward +x.
 
-    Args:
-      category: one of `CATEGORIES`.
-      seed: at least 0; the same category and seed give the same model.
-
-    Returns:
-      A normalised model named `<category>-<seed>`; `parameters` are its seed and its kind.
+    Its `parameters` are the seed and one of the kinds of its category.
 
     Raises:
       ValueError: the category is unknown or the seed is negative.
@@ -98,8 +84,7 @@ def procedural(
       source: number of models of each category, such as "100"; or categories with their numbers,
         such as "chair=500,table=200".
       first_seed: first seed of each category.
-      fractions: fractions of the models for training, validation and test, see
-        `catalogues.entry.split_of`.
+      fractions: fractions of the models for training, validation and test, see `split_of`.
 
     Raises:
       ValueError: the source has another form, or a category is unknown.

@@ -3,11 +3,7 @@
 We use three axes: the vertical and both sides of the smallest rectangle around the footprint. Along
 each axis, an increasing, piecewise linear function changes the coordinate. The functions of the two
 horizontal axes are odd about the middle of the rectangle. So faces perpendicular to an axis stay
-plane, level parts stay level, and an object that is symmetric about an axis of its rectangle stays
-symmetric.
-
-With the option `variants`, a catalogue has variants instead of its objects: more shapes than
-objects.
+plane, and an object that is symmetric about an axis of its rectangle stays symmetric.
 """
 
 import dataclasses
@@ -38,12 +34,8 @@ def random_proportions(
 
     The slope of a piece is exp(a + b): `a` is drawn once for each axis, `b` once for each piece,
     both from a normal distribution with standard deviation `deviation`, clipped at twice this
-    value. The inner knots are uniform in the middle 80 % of each axis.
-
-    Args:
-      points: the object, z upwards; its footprint must have an area.
-      name: name of the variant, from which the seed is computed.
-      deviation: standard deviation of `a` and of `b`, 0 for no change.
+    value. The inner knots are uniform in the middle 80 % of each axis. The seed is a hash of the
+    name of the variant.
 
     Raises:
       UnusableModelError: the points lie in a vertical plane.
@@ -76,8 +68,7 @@ def random_proportions(
 def vary(model: Model, name: str, deviation: float) -> Model:
     """The model with other proportions and this name, normalised again.
 
-    The vertices are moved. Normals follow by the inverse of the mean stretch of their face along
-    each axis.
+    Normals follow by the inverse of the mean stretch of their face along each axis.
 
     Raises:
       UnusableModelError: the model lies in a vertical plane.

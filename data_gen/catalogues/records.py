@@ -1,16 +1,13 @@
 """Catalogue of the models in a folder of records, for new views of point clouds without meshes.
 
-We approximate the surface of a model by surfels: small ellipses (here rectangles), one at each
-point, tangential to the surface. A surfel's normal and axes are the principal directions of the
-point's nearest neighbours. Its long semi-axis is the distance of the 5th neighbour; a
-Poisson-distributed sample then leaves e^-5 of a plane uncovered. Along thin parts and edges, the
-short semi-axis is shorter. A visible point takes its colour from the record's image, a hidden one
-from the nearest visible point. If the record has no depth, all points are grey.
+We approximate the surface of a model by surfels: small rectangles, one at each point, tangential to
+the surface. The principal directions of the point's nearest neighbours are its normal and its axes.
+Its long semi-axis is the distance of the 5th neighbour; a Poisson-distributed sample then leaves
+e^-5 of a plane uncovered. Along thin parts and edges, the short semi-axis is shorter. A visible
+point takes its colour from the record's image, a hidden one from the nearest visible point. If the
+record has no depth, all points are grey.
 
 Objects keep their position and scale; the job must use `centre=bounds`, which is its default.
-
-A variant (`proportions`) has its origin where the change moves the object's, and its farthest point
-at distance 1 again.
 """
 
 import dataclasses
@@ -42,8 +39,8 @@ def records(source: str | os.PathLike[str]) -> Catalogue:
       source: a folder of records.
 
     Raises:
-      ValueError: the folder contains no records, they cannot be read, a split is unknown, or model
-        names are empty or ambiguous.
+      ValueError: there are no readable records, a split is unknown, or model names are empty or
+        ambiguous.
     """
     source = os.fspath(source)
     entries = [  # in the order of the records
@@ -57,7 +54,7 @@ def records(source: str | os.PathLike[str]) -> Catalogue:
 
 
 def _first_records(source: str) -> dict[str, tuple[str, str, int]]:
-    """Category, split and index of the first record of each model, by name; see `records`."""
+    """Category, split and index of the first record of each model, by name."""
     splits = load_manifest(source).splits()
     splits.pop(DUPLICATES, None)
     unknown = sorted(set(splits) - set(SPLITS))
@@ -83,7 +80,6 @@ def _first_records(source: str) -> dict[str, tuple[str, str, int]]:
 
 @functools.lru_cache(maxsize=4)
 def _reader(source: str, split: str) -> RecordReader:
-    """The records of a split; the last four readers are kept."""
     return RecordReader(source, split)
 
 
@@ -97,21 +93,14 @@ def _load_variant(source: str, split: str, index: int, name: str, deviation: flo
 
 
 def _varied(points: np.ndarray, name: str, deviation: float) -> np.ndarray:
-    """Points [n, 3] with other proportions (`proportions`), the farthest at distance 1.
-
-    The origin stays on the vertical axis of the object.
-    """
+    """Points with other proportions, the farthest at distance 1, above the same origin."""
     change, _ = random_proportions(points, name, deviation)
     moved = change(points) - change(np.zeros((1, 3))) * [1, 1, 0]
     return moved / np.linalg.norm(moved, axis=1).max()
 
 
 def surfels(sample: Sample, change: Change | None = None) -> Model:
-    """A mesh of rectangles, one for each point of a sample, in the frame of the sample.
-
-    Args:
-      sample: a sample.
-      change: new positions of points [n, 3] in the same order.
+    """A mesh of rectangles, one for each point of a sample, in its frame or moved by `change`.
 
     Raises:
       UnusableModelError: there are too few different points.
@@ -137,7 +126,7 @@ def surfels(sample: Sample, change: Change | None = None) -> Model:
 
 
 def _rectangles(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The corners [n, 4, 3] of the surfels of points [n, 3], in order, and their unit normals."""
+    """The corners [n, 4, 3] of the surfels of points [n, 3], and their unit normals."""
     distance, nearest = scipy.spatial.cKDTree(points).query(points, k=_NEIGHBOURS + 1)
     around = points[nearest] - points[nearest].mean(axis=1, keepdims=True)
     # Ascending: across the surface, then the short and the long axis.
@@ -164,10 +153,7 @@ def _smoothed(normals: np.ndarray, nearest: np.ndarray) -> np.ndarray:
 
 
 def _colours(sample: Sample, points: np.ndarray) -> np.ndarray:
-    """The colours of points [n, 3], uint8 [n, 3].
-
-    Without depth, or if no point is visible, all are grey.
-    """
+    """The colours of points, uint8 [n, 3]."""
     grey = np.full((len(points), 3), 150, np.uint8)
     if sample.depth is None:
         return grey

@@ -1,8 +1,7 @@
 """Catalogue of furniture libraries of Sweet Home 3D: `.sh3f` files, which are zip archives.
 
 `PluginFurnitureCatalog.properties` lists the models with category, size in centimetres and rotation
-of the file. The archives are read in place: nothing is unpacked to disk, names cannot lead out of
-the archive, and the size of the data read is bounded regardless of the headers.
+of the file. Nothing is unpacked to disk.
 """
 
 import dataclasses
@@ -27,11 +26,7 @@ _MAX_PROPERTIES_BYTES = 16 << 20
 
 
 def parse_properties(text: str) -> dict[str, str]:
-    r"""Keys and values of a Java properties file that was decoded as Latin-1.
-
-    It may contain comments (`#`, `!`), the separators `=`, `:` and blank, lines continued by a
-    backslash, and the escapes `\uXXXX`, `\t`, `\n`.
-    """
+    r"""Keys and values of a Java properties file that was decoded as Latin-1."""
     escape = re.compile(r"\\(?:u([0-9a-fA-F]{4})|(.))", re.DOTALL)
 
     def plain(match: re.Match[str]) -> str:
@@ -68,11 +63,7 @@ class Furniture:
 
 
 def read_library(path: str | os.PathLike[str]) -> list[Furniture]:
-    """The pieces of a library in the order of its list.
-
-    Raises:
-      ValueError: the file is not such a library; the message gives its name and the reason.
-    """
+    """The pieces of a library in the order of its list; ValueError if it is none."""
     try:
         files = ZipFiles(path)
         stored = files.find(PROPERTIES)
@@ -133,15 +124,10 @@ def _load(path: str, piece: Furniture) -> Model:
     except (zipfile.BadZipFile, OSError, ValueError) as error:
         raise UnusableModelError(f"library {path!r} cannot be read: {error}"[:200]) from error
     return load_model(
-        piece.file,
-        files,
-        up="+y",
-        front="+z",
-        category=piece.category,
-        model_id=piece.model_id,
+        piece.file, files, category=piece.category, model_id=piece.model_id,
         parameters={"name": piece.name, "size_cm": piece.size},
         turn=functools.partial(_place, rotation=piece.rotation, size=piece.size),
-    )
+    )  # fmt: skip
 
 
 def sweet_home(
@@ -149,16 +135,15 @@ def sweet_home(
 ) -> Catalogue:
     """The pieces of a `.sh3f` library, or of all libraries in a folder.
 
-    A model is named `<library>/<id of the piece>`. Its category is the one that the
-    library states, such as "Living room".
+    A model is named `<library>/<id of the piece>`. Its category is the one that the library states,
+    such as "Living room". Libraries that cannot be read are left out with a warning.
 
     Args:
       source: the file or folder.
       fractions: fractions of the models for training, validation and test, see `split_of`.
 
     Raises:
-      ValueError: no library can be read. If only some cannot be read, they are left out with a
-        warning.
+      ValueError: no library can be read.
     """
     path = pathlib.Path(source)
     libraries = sorted(path.rglob("*.sh3f")) if path.is_dir() else [path]

@@ -27,7 +27,7 @@ def shapenet(
     """An unpacked ShapeNetCore of either version, complete or in part.
 
     In each category, the first 80 % of the models by name are for training and the others for
-    testing. This is the split of 3D-R2N2 only if the categories are complete.
+    testing: the split of 3D-R2N2 if the categories are complete.
 
     Args:
       source: the folder that contains the folders of the synsets.

@@ -51,5 +51,3 @@ def test_catalogue_keeps_seeds_in_one_split():
     assert entries[0].load().model_id == entries[0].model_id
     with pytest.raises(ValueError, match="expected positive numbers"):
         cabinets.cabinets((0, 1))
-    with pytest.raises(ValueError, match="kind 'side': expected one of"):
-        cabinets.generate("side", 0, 0)

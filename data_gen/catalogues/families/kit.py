@@ -26,19 +26,14 @@ from data_gen.mesh import Material, Model, build_model
 
 
 class Kit:
-    """The builder of a model.
-
-    Attributes:
-      rng: generator of all parameters.
-      parts: the parts so far, each with its material.
-    """
+    """The builder of a model: a random generator, and the parts so far with their materials."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.rng = rng
         self.parts: list[tuple[Solid, Material]] = []
 
     def add(self, material: Material, *parts: Solid) -> None:
-        """Adds closed surfaces of one material."""
+        """Adds parts of one material."""
         self.parts += [(part, material) for part in parts]
 
     def both(self, material: Material, *parts: Solid) -> None:
@@ -98,7 +93,7 @@ def texture_coordinates(
     """Texture coordinates [F, 3, 2]: projections along the axis nearest to each normal.
 
     Images are upright and not mirrored for a viewer in front of the face. On a face that points up,
-    the bottom of the image is toward +x.
+    their bottom is toward +x.
     """
     # Relative to the bounding box, which does not depend on parts hidden inside it.
     low, high = vertices.min(axis=0), vertices.max(axis=0)

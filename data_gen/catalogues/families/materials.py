@@ -1,8 +1,7 @@
-"""Materials of procedural models, and their procedural textures.
+"""Materials of procedural models, and their textures: small periodic uint8 RGBA arrays.
 
 The hues are distributed as in the authors' images: 60 % of the pixels are grey, most others are red
-to yellow, almost none are purple. Textures are small periodic uint8 RGBA arrays, determined by
-their arguments, with a few random variants of each kind.
+to yellow, almost none are purple.
 """
 # fmt: off
 # Formatted by hand: the formatter would put every number of a table on a line of its own.
