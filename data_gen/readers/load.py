@@ -60,6 +60,6 @@ def load_model(
     with np.errstate(over="ignore", invalid="ignore"):  # `normalize` refuses what overflows
         arrays = read_obj(data, assets) if kind == "obj" else read_trimesh(data, kind, assets)
         del data
-        more = {"model_id": model_id or name, "warnings": assets.warnings, "max_faces": max_faces}
-        model = build_model(**arrays, **about, **more)
+        about["model_id"] = model_id or name
+        model = build_model(**arrays, **about, warnings=assets.warnings, max_faces=max_faces)
         return normalize(orient(turn(model), up, front))
