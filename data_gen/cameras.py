@@ -110,9 +110,8 @@ def make(
     `pan` are rotations of the camera in radians that move the object right and down in the image.
     """
     sine, cosine = np.sin(np.deg2rad(elevation)), np.cos(np.deg2rad(elevation))
-    upright = np.array(
-        [[0, 1, 0, 0], [sine, 0, -cosine, aim * cosine], [-cosine, 0, -sine, distance]]
-    )
+    rows = [[0, 1, 0, 0], [sine, 0, -cosine, aim * cosine], [-cosine, 0, -sine, distance]]
+    upright = np.array(rows)
     if pan != (0.0, 0.0):
         (right, right_part), (down, down_part) = ((np.cos(a), np.sin(a)) for a in pan)
         across = np.array([[right, 0, right_part], [0, 1, 0], [-right_part, 0, right]])

@@ -74,9 +74,8 @@ def _load_map(path: str, size: tuple[int, int]) -> np.ndarray:
 def sunsky(number: int, size: tuple[int, int]) -> Float[np.ndarray, "h w 3"]:
     """One of `NUM_SUNSKY` maps of Mitsuba's model, from a clear morning to a hazy noon."""
     low, high = (2, 15, 0.15), (8, 75, 0.5)
-    turbidity, elevation, albedo = (
-        np.random.default_rng(0).uniform(low, high, (NUM_SUNSKY, 3))[number].tolist()
-    )
+    drawn = np.random.default_rng(0).uniform(low, high, (NUM_SUNSKY, 3))
+    turbidity, elevation, albedo = drawn[number].tolist()
     coarse = max(1, size[0] // 64)  # large maps have a quarter of the resolution
     sky = _sunsky(turbidity, elevation, albedo, (size[0] // coarse, size[1] // coarse))
     return sky.repeat(coarse, axis=0).repeat(coarse, axis=1).astype(_kind(size))

@@ -43,8 +43,7 @@ def orient(model: Model, up: str = "+y", front: str = "+z") -> Model:
     upward, forward = axis_vector(up), axis_vector(front)
     if upward @ forward != 0:
         raise ValueError(f"front {front!r}: expected a direction perpendicular to up {up!r}")
-    rotation = np.stack([forward, np.cross(upward, forward), upward])
-    return model.transformed(np.concatenate([rotation, np.zeros((3, 1))], axis=1))
+    return model.transformed(np.stack([forward, np.cross(upward, forward), upward]))
 
 
 # Parts of faces smaller than this fraction of the extent are not divided further.
@@ -189,9 +188,8 @@ def _check_strays(model: Model) -> None:
         if not len(gaps) or gaps.max() <= _STRAY_GAP * extent:
             continue
         sides = np.split(order, [int(gaps.argmax()) + 1])
-        if max(np.ptp(corners[s].reshape(-1, 3), axis=0).max() for s in sides) > (
-            _STRAY_SIZE * extent
-        ):
+        size = max(np.ptp(corners[s].reshape(-1, 3), axis=0).max() for s in sides)
+        if size > _STRAY_SIZE * extent:
             continue
         part = min(sides, key=lambda s: face_areas(model.vertices, model.faces[s]).sum())
         names = sorted({model.materials[i].name for i in model.face_material[part]} - {""})

@@ -65,9 +65,8 @@ def _with_all_splits(
             "the catalogue's option fractions=0.6,0.2,0.2 sets the fractions of the splits",
             ", ".join(f"{counts[split]} models in {split!r}" for split in wanted),
         )
-    return [
-        dataclasses.replace(e, split=splits[original_name(e.model_id)]) for e in entries
-    ], moved  # fmt: skip
+    entries = [dataclasses.replace(e, split=splits[original_name(e.model_id)]) for e in entries]
+    return entries, moved
 
 
 def text_of(progress: shards.Progress) -> str:

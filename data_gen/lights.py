@@ -150,11 +150,7 @@ def _neighbours(size: tuple[int, int]) -> Float[np.ndarray, "n n"]:
 
 
 def reduce(
-    radiance: Float[np.ndarray, "h w 3"],
-    settings: LightSettings,
-    *,
-    ambient: float,
-    exposure: float,
+    radiance: Float[np.ndarray, "h w 3"], settings: LightSettings, ambient: float, exposure: float
 ) -> Lights:
     """Directional lights and ambient light that approximate a map of size `MAP_SIZE`.
 
@@ -213,7 +209,6 @@ def draw(
     rng: np.random.Generator, settings: LightSettings, radiance: Float[np.ndarray, "h w 3"]
 ) -> Lights:
     """Draws the ambient fraction and the exposure, and reduces a map to lights."""
-    ambient = float(rng.uniform(*settings.ambient))
-    exposure = float(rng.uniform(*settings.exposure))
+    ambient, exposure = (float(rng.uniform(*r)) for r in (settings.ambient, settings.exposure))
     small = radiance if radiance.shape[:2] == MAP_SIZE else shrink(radiance)
-    return reduce(small, settings, ambient=ambient, exposure=exposure)
+    return reduce(small, settings, ambient, exposure)

@@ -97,21 +97,17 @@ class Model:
         key = np.unique(np.minimum(one, two) * len(self.vertices) + np.maximum(one, two))
         return np.stack(np.divmod(key, len(self.vertices)), axis=1)
 
-    def transformed(self, matrix: Float[np.ndarray, "3 4"]) -> "Model":
-        """The model under `matrix[:, :3] @ vertex + matrix[:, 3]`.
-
-        If the matrix mirrors, the corners of each face are reordered.
-        """
-        linear = np.asarray(matrix, np.float64)[:, :3]
-        determinant = np.linalg.det(linear)
+    def transformed(self, matrix: Float[np.ndarray, "3 3"]) -> "Model":
+        """The model under a matrix; if that mirrors, the corners of each face are reordered."""
+        determinant = np.linalg.det(matrix)
         if not np.isfinite(matrix).all() or determinant == 0:
-            raise ValueError(f"matrix: got {np.array(matrix).tolist()}, expected an invertible one")
+            raise ValueError(f"matrix: got {matrix.tolist()}, expected an invertible one")
         # Normals transform with the inverse transpose.
-        normals = unit_vectors(self.normals @ np.linalg.inv(linear))
+        normals = unit_vectors(self.normals @ np.linalg.inv(matrix))
         turn = slice(None, None, -1 if determinant < 0 else 1)
         return dataclasses.replace(
             self,
-            vertices=self.vertices @ linear.T + np.asarray(matrix)[:, 3],
+            vertices=self.vertices @ matrix.T + 0.0,  # which makes -0 to 0
             faces=self.faces[:, turn],
             normals=normals[:, turn].astype(np.float32),
             uv=self.uv[:, turn],
@@ -259,14 +255,12 @@ def weld(vertices: np.ndarray) -> np.ndarray:
 
 
 def crease_normals(
-    vertices: Float[np.ndarray, "v 3"],
-    faces: Int[np.ndarray, "f 3"],
-    crease_degrees: float = CREASE_DEGREES,
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
 ) -> Float[np.ndarray, "f 3 3"]:
     """Corner normals: smooth across flat edges, discontinuous at sharp ones.
 
     Two faces share a normal at the ends of a common edge if theirs differ by less than
-    `crease_degrees`: the mean of the faces' normals, weighted by their angles at the vertex. Edges
+    `CREASE_DEGREES`: the mean of the faces' normals, weighted by their angles at the vertex. Edges
     are common by position, whether or not the faces share vertices.
     """
     count = len(faces)
@@ -281,7 +275,7 @@ def crease_normals(
     key = low * (int(corner.max()) + 1) + high
     order = np.argsort(key, kind="stable")
     links: list[np.ndarray] = []
-    limit = np.cos(np.radians(crease_degrees))
+    limit = np.cos(np.radians(CREASE_DEGREES))
     # An edge of a manifold surface has two faces. If an edge has more, each face is compared with
     # the next three only, so that the cost grows linearly with their number.
     for offset in (1, 2, 3):
@@ -292,9 +286,8 @@ def crease_normals(
         one, two = one[smooth], two[smooth]
         links.append(np.stack([nodes[:, one].ravel(), nodes[:, two].ravel()]))
     rows, columns = np.concatenate(links, axis=1)
-    graph = scipy.sparse.coo_array(
-        (np.ones(len(rows), np.int8), (rows, columns)), shape=(3 * count, 3 * count)
-    )
+    ones, shape = np.ones(len(rows), np.int8), (3 * count, 3 * count)
+    graph = scipy.sparse.coo_array((ones, (rows, columns)), shape)
     groups, label = scipy.sparse.csgraph.connected_components(graph, directed=False)
     triangle = vertices[faces]
     along = unit_vectors(np.roll(triangle, -1, axis=1) - triangle)

@@ -12,39 +12,36 @@ from jaxtyping import Bool, Float, UInt8
 
 from data_gen import engine, lights
 from data_gen.cameras import Camera, turn_about_vertical
-from data_gen.picture import Picture, sample_rays
+from data_gen.picture import Mesh, Picture, render, sample_rays
 from data_gen.scene import BACKGROUND, Scene
-from data_gen.settings import FilmSettings, ImageSettings
-from data_gen.surroundings import TEXELS, Ground, Surroundings
+from data_gen.settings import FilmSettings, Settings
+from data_gen.surroundings import TEXELS, Ground, Surroundings, draw_ground
 
 _BRIGHTEST = 6.0  # multiple of white, clipped before the lens blur
 _DARKEST = 0.03  # smallest reflectance by which we divide colours before the filter
 
 
 def photograph(
-    scene: Scene,
-    picture: Picture,
-    around: Surroundings,
-    ground: Ground | None,
-    *,
-    film: FilmSettings,
-    image: ImageSettings,
-    rng: np.random.Generator,
-) -> UInt8[np.ndarray, "h w 3"]:
-    """The image of a view of `picture.render`, lit by its surroundings."""
+    mesh: Mesh, scene: Scene, around: Surroundings, settings: Settings, rng: np.random.Generator
+) -> Picture:
+    """Renders a view of `scene`, lit by its surroundings; see `picture.render`."""
+    image, picture, ground = settings.image, render(mesh, scene, side=0), None
+    if image.ground != "none" and scene.camera.position[2] >= 0.03:  # the camera is above it
+        ground = draw_ground(rng, image.ground, around)
     visible = image.background == "surroundings"
     seed, blur = int(rng.integers(1 << 31)), float(rng.uniform(0, 0.03))
-    light, opacity = trace(scene, picture, around, ground, rays=image.rays, seed=seed)
+    light, opacity = trace(scene, picture, around, ground, image.rays, seed)
     mask = picture.mask
     weight = mask + 1e-6  # of the pixels in the measurement of the exposure
     if visible:
         weight = 0.3 + 0.6 * mask * mask.size / max(mask.sum(), 1)
         light = light + (1 - opacity) * backdrop(around.radiance, scene.camera, blur)
     up = np.maximum(lights.directions_of(around.radiance.shape[:2])[..., 2:], 0)
-    taken = develop(light, weight, film, rng, illuminant=(around.radiance * up).mean(axis=(0, 1)))
-    if visible:
-        return taken
-    return np.rint(taken * opacity + 255 * BACKGROUND * (1 - opacity)).astype(np.uint8)
+    illuminant = (around.radiance * up).mean(axis=(0, 1))
+    taken = develop(light, weight, settings.film, rng, illuminant=illuminant)
+    if not visible:
+        taken = np.rint(taken * opacity + 255 * BACKGROUND * (1 - opacity)).astype(np.uint8)
+    return picture._replace(image=taken)
 
 
 def backdrop(
@@ -66,17 +63,11 @@ def backdrop(
 
 
 def trace(
-    scene: Scene,
-    picture: Picture,
-    around: Surroundings,
-    ground: Ground | None,
-    *,
-    rays: int,
-    seed: int,
+    scene: Scene, view: Picture, around: Surroundings, ground: Ground | None, rays: int, seed: int
 ) -> tuple[Float[np.ndarray, "h w 3"], Float[np.ndarray, "h w 1"]]:
     """Radiance of object and ground, times their opacity, and the opacity.
 
-    `picture` is the view as rendered by `picture.render`. All light comes from the surroundings.
+    `view` comes from `picture.render`. All light comes from the surroundings.
     There are `rays` paths per pixel.
     """
     mi, camera = engine.mi, scene.camera
@@ -119,7 +110,7 @@ def trace(
     whole = np.linalg.norm(normal, axis=-1) > 0.8
     depth = place @ camera.extrinsics[2, :3] + camera.extrinsics[2, 3]
     ours = (np.linalg.norm(place, axis=-1) < 1.05) & (place[..., 2] > 1e-3)
-    hole = ours & whole & (depth < np.where(picture.mask, picture.depth, np.inf) - 0.02)
+    hole = ours & whole & (depth < np.where(view.mask, view.depth, np.inf) - 0.02)
     hole &= not scene.surfaces.opaque
     whole &= ~hole
     # Light instead of colours is filtered, so that textures stay sharp. Few paths find a bright

@@ -65,9 +65,7 @@ def triangles(
     if (counts > 3).any():
         a, b, c = (vertices[corners[result[:, k]]] for k in range(3))
         normal = np.cross(b - a, c - a)
-        total = np.stack(
-            [np.bincount(polygon, normal[:, k], len(counts)) for k in range(3)], axis=1
-        )
+        total = np.stack([np.bincount(polygon, n, len(counts)) for n in normal.T], axis=1)
         turned = (normal * total[polygon]).sum(axis=1) < 0
         concave = np.unique(polygon[turned])
         for size in np.unique(counts[concave]):

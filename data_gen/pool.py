@@ -213,14 +213,12 @@ def _serve(connection: multiprocessing.connection.Connection) -> None:
             return
         if entry is None:
             return
-        started = time.perf_counter()
         try:
             records, line = render_model(entry, context)
         except Exception as error:
             # An unexpected error: only this model fails.
             what = f"{type(error).__name__}: {error}".splitlines()[0][:300]
             records, line = [], failure(entry, "error", what)
-        line["seconds_total"] = round(time.perf_counter() - started, 3)
         try:
             connection.send((line, records))
         except (BrokenPipeError, ConnectionResetError):

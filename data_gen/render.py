@@ -4,7 +4,7 @@
 
 NAME is one of the catalogues below. PATH is the source of this catalogue: a folder, a file, or
 numbers of models. The folder RECORDS becomes a data set for training. Its file `models.jsonl` has a
-line for each model: status, reason for a refusal, checks and times.
+line for each model: status, reason for a refusal, checks and time.
 
 Any setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`. You can kill the
 command; the same command continues where it stopped. The records are identical, byte for byte, for
@@ -92,9 +92,8 @@ def _main(flags: Flags) -> int:
     if values.scheduler and options.job.workers:
         raise ValueError("--config.job.workers: it has no effect with --scheduler")
     part = parse_part(values.shard)
-    source = open_catalogue(
-        values.catalogue, values.source, **parse_options(values.catalogue, values.option)
-    )
+    catalogue_options = parse_options(values.catalogue, values.option)
+    source = open_catalogue(values.catalogue, values.source, **catalogue_options)
     on_cluster = functools.partial(cluster.render_on, values.scheduler)
     render = on_cluster if values.scheduler else pool.render_local
     choice = Choice(tuple(values.include), tuple(values.exclude), values.sample, values.seed)

@@ -72,32 +72,21 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
     """
     settings = context.settings
     seed = model_seed(settings.seed, context.source, entry.model_id)
-    seconds: dict[str, float] = {}
-    clock = time.perf_counter()
-
-    def lap(name: str) -> None:
-        nonlocal clock
-        now = time.perf_counter()
-        seconds[name] = round(seconds.get(name, 0.0) + now - clock, 4)
-        clock = now
-
+    started = time.perf_counter()
     line = {**failure(entry, "refused", ""), "seed": seed}
     done: list[bytes] = []
     views = []
     try:
         model = recentre(entry.load(), settings.centre)
-        lap("load")
         counts = {"faces": len(model.faces), "materials": len(model.materials)}
         line |= {**counts, "warnings": list(model.warnings)}
         surface = sample_surface(model, settings.num_points, seed)
         # An unbalanced tree is faster to build, and a view makes only a few hundred queries.
         tree = scipy.spatial.cKDTree(surface.points, compact_nodes=False, balanced_tree=False)
-        lap("points")
         drawn, settings = without_faces(model, settings, seed)
         surfaces = scene.flatten(drawn)
         extremes = outline(model)
         mesh = Mesh(surfaces.corners)
-        lap("mesh")
         parameters = _rounded(model.parameters)
         for view in range(settings.views):
             rng = np.random.default_rng([seed, view])
@@ -107,18 +96,18 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
             )
             light = lights.draw(rng, settings.light, around.radiance)
             shown = scene.Scene(surfaces, camera, light)
-            lap("light")
-            picture = _picture_of(mesh, shown, around, settings, rng)
-            lap("render")
+            if settings.image.shading == "local":
+                image = settings.image
+                picture = render(mesh, shown, side=image.samples, soft_edges=image.soft_edges)
+            else:
+                picture = photograph(mesh, shown, around, settings, rng)
             points = (surface.points @ camera.rotation.T).astype(np.float32)
             checks = check_view(picture, camera, points, tree)
             views.append({"view": view, **camera.parameters(), **checks})
             objection = objection_to(checks, settings)
-            lap("check")
             if objection:
                 raise UnusableModelError(f"view {view}: {objection}")
             occupancy = solid_occupancy(model, camera.rotation)
-            lap("occupancy")
             extra = {
                 "seed": seed,
                 # Rotates a point from the model's frame to the sample's.
@@ -142,34 +131,14 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
                 extra=json.dumps(extra, sort_keys=True, allow_nan=False),
             )
             done.append(encode(sample, point_bits=settings.point_bits))
-            lap("encode")
         line["status"] = "ok"
     except UnusableModelError as error:
         line["reason"], done = str(error), []
     except MemoryError:
         line["reason"], done = "it needs more memory than is available", []
-    megabytes = round(peak_megabytes())
-    line |= {"samples": len(done), "views": views, "seconds": seconds, "megabytes": megabytes}
-    return done, line
-
-
-def _picture_of(
-    mesh: Mesh,
-    shown: scene.Scene,
-    around: surroundings.Surroundings,
-    settings: Settings,
-    rng: np.random.Generator,
-) -> Picture:
-    image = settings.image
-    if image.shading == "local":
-        return render(mesh, shown, side=image.samples, soft_edges=image.soft_edges)
-    picture = render(mesh, shown, side=0)
-    ground = None
-    # There is no ground if the camera is below it.
-    if image.ground != "none" and shown.camera.position[2] >= 0.03:
-        ground = surroundings.draw_ground(rng, image.ground, around)
-    taken = photograph(shown, picture, around, ground, film=settings.film, image=image, rng=rng)
-    return picture._replace(image=taken)
+    seconds = round(time.perf_counter() - started, 3)
+    line |= {"samples": len(done), "views": views, "seconds": seconds}
+    return done, line | {"megabytes": round(peak_megabytes())}
 
 
 def without_faces(model: Model, settings: Settings, seed: int) -> tuple[Model, Settings]:

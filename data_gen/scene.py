@@ -72,10 +72,8 @@ def flatten(model: Model) -> Surfaces:
     starts = [start.get(id(m.texture), 0) for m in model.materials]
     sizes = [(1, 1) if m.texture is None else m.texture.shape[:2] for m in model.materials]
     opacity = np.array([m.opacity for m in model.materials], np.float32)
-    used = np.unique(model.face_material)
-    opaque = bool((opacity[used] >= 0.99).all()) and not any(
-        model.materials[i].has_alpha for i in used
-    )
+    seen = [model.materials[i] for i in np.unique(model.face_material)]
+    opaque = all(np.float32(m.opacity) >= 0.99 and not m.has_alpha for m in seen)
     return Surfaces(
         vertices=model.vertices.astype(np.float32),
         corners=model.corners().astype(np.float32),

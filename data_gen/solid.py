@@ -90,9 +90,8 @@ def _line_hits(
         begin = np.where(lower, low[owner], middle[owner])
         end = np.where(lower, middle[owner], high[owner])
         span = v[end] - v[begin]
-        along = np.where(
-            span > 0, np.clip((at - v[begin]) / np.where(span > 0, span, 1), 0, 1), lower
-        )
+        along = np.clip((at - v[begin]) / np.where(span > 0, span, 1), 0, 1)
+        along = np.where(span > 0, along, lower)
         one_u, one_w = (c[begin] + along * (c[end] - c[begin]) for c in (u, w))
         begin, end = low[owner], high[owner]
         along = np.clip((at - v[begin]) / np.maximum(v[end] - v[begin], 1e-300), 0, 1)

@@ -203,9 +203,7 @@ def sample_surface(model: Model, n: int, seed: int) -> SurfaceSample:
         if count == n:
             break
     else:
-        raise UnusableModelError(
-            "almost all of the model is transparent, expected a visible surface"
-        )
+        raise UnusableModelError("almost all of the model is transparent")
     face, weight = np.concatenate(faces), np.concatenate(weights)
     points = np.einsum("nk,nkd->nd", weight, model.vertices[model.faces[face]])
     normals = unit_vectors(np.einsum("nk,nkd->nd", weight, model.normals[face].astype(np.float64)))

@@ -90,9 +90,8 @@ def _with_key_light(rng: np.random.Generator, rest: np.ndarray, key: np.ndarray)
     up = np.maximum(lights.directions_of(lights.DETAIL)[..., 2:], 0)
     weight = up * lights.solid_angles(lights.DETAIL)[..., None]
     share = rng.uniform(0.4, 0.7)
-    return rest + key * (
-        share / (1 - share) * (rest * weight).sum() / max(float((key * weight).sum()), 1e-9)
-    )
+    own = max(float((key * weight).sum()), 1e-9)
+    return rest + key * (share / (1 - share) * (rest * weight).sum() / own)
 
 
 def _disc(direction: np.ndarray, degrees: float) -> np.ndarray:

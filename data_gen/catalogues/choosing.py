@@ -69,9 +69,7 @@ def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
         and not any(matches(p, entry) for p in choice.exclude)
     ]  # fmt: skip
     if entries and not left:
-        raise ValueError(
-            f"include and exclude leave none of the {len(entries)} models, expected at least 1"
-        )
+        raise ValueError(f"include and exclude leave none of the {len(entries)} models")
     if choice.sample > len(left):
         logging.warning("sample=%d: only %d models match", choice.sample, len(left))
     return _spread(left, choice.seed)[: choice.sample] if choice.sample else left

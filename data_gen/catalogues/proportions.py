@@ -81,11 +81,8 @@ def vary(model: Model, name: str, deviation: float) -> Model:
     span = np.ptp(before, axis=1)
     flat = span < 1e-9  # the face is perpendicular to this axis
     stretch = np.where(flat, 1.0, np.ptp(after, axis=1) / np.where(flat, 1.0, span))
-    normals = unit_vectors(model.normals @ turn.T / stretch[:, None] @ turn)
-    changed = dataclasses.replace(
-        model, vertices=vertices, normals=normals.astype(np.float32), model_id=name
-    )
-    return normalize(changed)
+    normals = unit_vectors(model.normals @ turn.T / stretch[:, None] @ turn).astype(np.float32)
+    return normalize(dataclasses.replace(model, vertices=vertices, normals=normals, model_id=name))
 
 
 def footprint(flat: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

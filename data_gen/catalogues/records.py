@@ -59,9 +59,7 @@ def _first_records(source: str) -> dict[str, tuple[str, str, int]]:
     splits.pop(DUPLICATES, None)
     unknown = sorted(set(splits) - set(SPLITS))
     if unknown or not splits:
-        raise ValueError(
-            f"{source}: its splits are {sorted(splits)}, expected some of {list(SPLITS)}"
-        )
+        raise ValueError(f"{source}: splits {sorted(splits)}, expected some of {list(SPLITS)}")
     found: dict[str, tuple[str, str, int]] = {}
     for split in (s for s in SPLITS if s in splits):
         stream = _reader(source, split)
@@ -136,9 +134,8 @@ def _rectangles(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     reach = distance[:, _REACH] * np.sqrt(np.pi) / 2
     long = axes[:, :, 2] * reach[:, None]
     short = axes[:, :, 1] * (reach * np.clip(ratio, _THINNEST, 1))[:, None]
-    corners = points[:, None] + np.stack(
-        [-long - short, long - short, long + short, short - long], 1
-    )
+    offsets = np.stack([-long - short, long - short, long + short, short - long], 1)
+    corners = points[:, None] + offsets
     # No surfel extends below the ground or out of the unit ball.
     corners[..., 2] = np.maximum(corners[..., 2], 0)
     corners /= np.maximum(np.linalg.norm(corners, axis=2, keepdims=True), 1)

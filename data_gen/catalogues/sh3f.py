@@ -115,7 +115,7 @@ def _place(model: Model, rotation: tuple[float, ...], size: tuple[float, float, 
         # If the aspect ratio would change too much, the size in the library must be wrong.
         if scale.max() < 20 * scale.min():
             matrix = scale[:, None] * matrix
-    return model.transformed(np.concatenate([matrix, np.zeros((3, 1))], axis=1))
+    return model.transformed(matrix)
 
 
 def _load(path: str, piece: Furniture) -> Model:

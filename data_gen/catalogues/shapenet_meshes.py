@@ -43,9 +43,7 @@ def shapenet(
         raise ValueError(f"source {str(source)!r}: expected the folder of ShapeNetCore")
     if not 0 <= validation < 1:
         raise ValueError(f"validation: got {validation}, expected 0 or more and less than 1")
-    there = sorted(
-        f.name for f in root.iterdir() if f.is_dir() and f.name.isdigit() and len(f.name) == 8
-    )
+    there = sorted(folder.name for folder in root.glob("[0-9]" * 8) if folder.is_dir())
     entries = []
     for synset in there:
         category = synsets.SHAPENET.get(synset, synset)

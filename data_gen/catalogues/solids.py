@@ -66,9 +66,7 @@ def loft(rings: ArrayLike, loop: bool = False) -> Solid:
         cap = _cap(points[ring])
         if cap is None:
             around = np.arange(size)
-            cap = np.stack(
-                [around, (around + 1) % size, np.full(size, extra - ring * size)], axis=1
-            )
+            cap = np.stack([around, np.roll(around, -1), 0 * around + extra - ring * size], axis=1)
             vertices.append(points[ring].mean(axis=0)[None])
             extra += 1
         cap = cap + ring * size
@@ -222,9 +220,8 @@ def _unit(v: np.ndarray) -> np.ndarray:
 def inset(outline: np.ndarray, distance: float) -> np.ndarray:
     """A polygon [N, 2] with its edges moved inward by a small distance."""
     before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
-    area = (
-        outline[:, 0] * np.roll(outline[:, 1], -1) - outline[:, 1] * np.roll(outline[:, 0], -1)
-    ).sum()
+    (x, y), (u, v) = outline.T, np.roll(outline, -1, axis=0).T
+    area = (x * v - y * u).sum()
     turn = np.array([[0.0, 1.0], [-1.0, 0.0]]) * np.sign(area)
     a, b = _unit(before) @ turn, _unit(after) @ turn
     middle = (a + b) / np.maximum(1 + (a * b).sum(axis=1, keepdims=True), 0.35)

@@ -208,7 +208,7 @@ def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
             size = sum(member.file_size for member in z.infolist()) if z else len(data)
             if size > _MAX_XML_BYTES:
                 raise UnusableModelError(
-                    f"{size} bytes of {kind}, more than the limit of {_MAX_XML_BYTES}"
+                    f"{size} bytes of {kind} exceed the limit {_MAX_XML_BYTES}"
                 )
             texts = [z.read(name) for name in z.namelist()] if z else [data]
         if any(b"<!ENTITY" in text for text in texts):
@@ -230,9 +230,7 @@ def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
         check_face_count(total, assets.max_faces)
         corner = np.asarray(mesh.faces, np.int64)
         if corner.min() < 0 or corner.max() >= len(mesh.vertices):
-            raise UnusableModelError(
-                f"not readable as {kind}: faces with vertices that are missing"
-            )
+            raise UnusableModelError(f"not readable as {kind}: faces have missing vertices")
         linear = np.asarray(matrix, np.float64)[:3, :3]
         vertices = np.asarray(mesh.vertices, np.float64) @ linear.T + matrix[:3, 3]
         normals = np.zeros((len(corner), 3, 3))

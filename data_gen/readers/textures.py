@@ -48,9 +48,8 @@ def decode_texture(data: bytes | Image.Image, side: int = TEXTURE_SIDE) -> np.nd
             reduce_to = side / max(full)
             picture.draft(None, (round(full[0] * reduce_to) or 1, round(full[1] * reduce_to) or 1))
             if picture.width * picture.height > MAX_DECODED_PIXELS:
-                raise ValueError(
-                    f"{full[0]} x {full[1]} pixels are more than the limit of {MAX_DECODED_PIXELS}"
-                )
+                size = f"{full[0]} x {full[1]} pixels"
+                raise ValueError(f"{size} are more than the limit of {MAX_DECODED_PIXELS}")
             if max(picture.size) > side:
                 picture = _small(picture, side)
             if picture.mode in ("I;16", "I", "F"):
@@ -114,9 +113,7 @@ class Assets:
         if name not in self._textures:
             self._textures[name] = None
             if self._texels > _MAX_DECODED_TEXELS:
-                self.warn(
-                    "the model has too many textures; plain colours are used for some of them"
-                )
+                self.warn("too many textures; plain colours are used for some of them")
                 return None
             try:
                 picture = decode_texture(self.files.open(self.base, name))

@@ -5,8 +5,8 @@
 
 Renders models spread over a catalogue in this process, with one thread. All steps are included:
 reading the mesh, points, pictures, checks, occupancy, encoding. Prints images per second of
-wall-clock time and of CPU time (the figure per core on a busy machine), the time of each step, the
-slowest models, and the peak memory of the process.
+wall-clock time and of CPU time (the figure per core on a busy machine), the slowest models, and the
+peak memory of the process.
 """
 
 import argparse
@@ -39,19 +39,16 @@ def main():
     options = settings.Settings(views=arguments.views)
     context = Context(options, arguments.catalogue, variant, None)
     render_model(chosen[0], context)  # not timed: the first model also compiles and loads modules
-    parts, models, images = {}, [], 0
+    models, images = [], 0
     wall, cpu = time.perf_counter(), time.process_time()
     for entry in chosen:
         start = time.process_time()
         done, line = render_model(entry, context)
         models.append((time.process_time() - start, entry.model_id, line.get("faces", 0)))
         images += len(done)
-        for name, seconds in line.get("seconds", {}).items():
-            parts[name] = parts.get(name, 0) + seconds
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     print(f"{images} images of {len(chosen)} models")
     print(f"{images / wall:.2f} images/s of wall-clock time, {images / cpu:.2f} of CPU time")
-    print("ms per image:", ", ".join(f"{k} {1000 * v / images:.0f}" for k, v in parts.items()))
     for seconds, name, faces in sorted(models)[-3:]:
         print(f"slowest: {name}, {faces} faces: {seconds:.2f} s for {arguments.views} views")
     print(f"peak memory {peak_megabytes():.0f} MB")

@@ -82,7 +82,7 @@ def test_a_face_is_turned_over_to_agree_with_its_normals():
 
 def test_a_mirroring_keeps_the_outside_outside():
     model = normalize(model_of(sphere()))
-    mirrored = model.transformed(np.array([[-1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]))
+    mirrored = model.transformed(np.diag([-1.0, 1, 1]))
     facing = face_normals(mirrored.vertices, mirrored.faces)
     assert ((facing[:, None] * mirrored.normals).sum(axis=2) > 0.9).all()
     assert (facing * (mirrored.corners().mean(axis=1) - [0, 0, 0.5])).sum(axis=1).min() > 0

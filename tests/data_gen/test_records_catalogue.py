@@ -113,7 +113,9 @@ def test_ambiguous_models_are_refused(tmp_path, wrong):
         "a split of another name": {"val": [sample]},
     }[wrong]
     write_dataset(tmp_path, splits, source="solids")
-    message = "its splits are" if wrong.startswith("a split") else "expected a name that belongs to"
+    message = (
+        "expected some of" if wrong.startswith("a split") else "expected a name that belongs to"
+    )
     with pytest.raises(ValueError, match=message):
         open_catalogue("records", tmp_path)
 
