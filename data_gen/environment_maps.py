@@ -76,29 +76,15 @@ def sunsky(number: int, size: tuple[int, int]) -> Float[np.ndarray, "h w 3"]:
     low, high = (2, 15, 0.15), (8, 75, 0.5)
     drawn = np.random.default_rng(0).uniform(low, high, (NUM_SUNSKY, 3))
     turbidity, elevation, albedo = drawn[number].tolist()
-    coarse = max(1, size[0] // 64)  # large maps have a quarter of the resolution
-    sky = _sunsky(turbidity, elevation, albedo, (size[0] // coarse, size[1] // coarse))
-    return sky.repeat(coarse, axis=0).repeat(coarse, axis=1).astype(_kind(size))
-
-
-def _sunsky(
-    turbidity: float, sun_elevation_degrees: float, albedo: float, size: tuple[int, int]
-) -> Float[np.ndarray, "h w 3"]:
-    """A map of Mitsuba's model of sun and sky, above grey ground.
-
-    The turbidity is from 1 (clear) to 10 (hazy); `albedo` is the albedo of the ground.
-    """
-    mi, elevation = engine.mi, np.deg2rad(sun_elevation_degrees)
+    mi, up = engine.mi, np.deg2rad(elevation)
     emitter = {
-        "type": "sunsky",
-        "sun_direction": [float(np.cos(elevation)), 0.0, float(np.sin(elevation))],
-        "turbidity": float(turbidity),
-        "albedo": float(albedo),
-        "sun_scale": 0.0,
-        "complex_sun": False,
-    }
+        "type": "sunsky", "sun_direction": [float(np.cos(up)), 0.0, float(np.sin(up))],
+        "turbidity": turbidity, "albedo": albedo, "sun_scale": 0.0, "complex_sun": False,
+    }  # fmt: skip
     sky = mi.load_dict({"type": "scene", "sky": emitter}).emitters()[0]
-    toward = lights.directions_of(size)
+    coarse = max(1, size[0] // 64)  # large maps have a quarter of the resolution
+    small = size[0] // coarse, size[1] // coarse
+    toward = lights.directions_of(small)
     above = toward[..., 2] > 0
 
     def evaluate(away: list) -> np.ndarray:
@@ -106,21 +92,21 @@ def _sunsky(
         hit.wi = mi.Vector3f(*away)
         return np.array(sky.eval(hit), np.float64)
 
-    grid = np.zeros((*size, 3))
+    grid = np.zeros((*small, 3))
     if mi.variant().startswith("scalar"):
         grid[above] = [evaluate((-d).tolist()) for d in toward[above]]
     else:
         columns = (-toward[above]).T.astype(np.float32)
         grid[above] = evaluate([mi.Float(np.ascontiguousarray(c)) for c in columns]).T
-    angles = lights.solid_angles(size)[..., None]
+    angles = lights.solid_angles(small)[..., None]
     # The sun has a diameter of half a degree, less than a pixel of the map. We add it with about
     # four times the irradiance of the sky on a clear day, less in haze.
     energy = (grid * angles).sum(axis=(0, 1))
-    row = int((90 - sun_elevation_degrees) / 180 * size[0])
+    row = int((90 - elevation) / 180 * small[0])
     warm = np.array([1.0, 0.95, 0.85])
     grid[row, 0] += energy.mean() * warm * 4 / np.sqrt(turbidity) / angles[row, 0]
     grid[~above] = albedo * (grid * angles).sum(axis=(0, 1)) / (2 * np.pi) / 2
-    return grid
+    return grid.repeat(coarse, axis=0).repeat(coarse, axis=1).astype(_kind(size))
 
 
 if __name__ == "__main__":

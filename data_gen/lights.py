@@ -124,11 +124,6 @@ def procedural_sky(rng: np.random.Generator) -> Float[np.ndarray, "h w 3"]:
     ground = np.array([1.0, 0.95, 0.88]) * rng.uniform(0.1, 0.6)
     up = np.clip(height, 0, 1)[..., None] ** rng.uniform(0.4, 1.0)
     result = np.where(height[..., None] > 0, horizon * (1 - up) + zenith * up, ground)
-
-    def spot(centre: np.ndarray, width_degrees: float) -> np.ndarray:
-        sharp = 1 / (1 - np.cos(np.deg2rad(width_degrees)))
-        return np.exp(sharp * (toward @ centre - 1))[..., None]
-
     for number in range(int(rng.integers(2, 5))):
         # The first spot is the sun or a lamp overhead; the others are windows and bright walls.
         low, high = (35, 75) if number == 0 else (-5, 60)
@@ -137,8 +132,9 @@ def procedural_sky(rng: np.random.Generator) -> Float[np.ndarray, "h w 3"]:
         colour = np.array([1 + warmth, 1.0, 1 - warmth])
         width = rng.uniform(8, 20) if number == 0 else rng.uniform(12, 35)
         power = rng.uniform(1.5, 3.0) if number == 0 else rng.uniform(0.5, 1.6)
-        area = 2 * np.pi * (1 - np.cos(np.deg2rad(width)))
-        result = result + spot(direction(azimuth, elevation), width) * colour * power / area
+        cap = 1 - np.cos(np.deg2rad(width))
+        spot = np.exp(1 / cap * (toward @ direction(azimuth, elevation) - 1))[..., None]
+        result = result + spot * colour * power / (2 * np.pi * cap)
     return result
 
 

@@ -52,14 +52,6 @@ from psgn_jax.system.signals import exit_on_signals
 _DEFAULT = pathlib.Path(__file__).with_name("config.py")
 
 
-def parse_part(text: str) -> tuple[int, int]:
-    """`i/n` as numbers."""
-    match = re.fullmatch(r"([0-9]+)/([0-9]+)", text)
-    if not match or not int(match[1]) < int(match[2]):
-        raise ValueError(f"--shard: got {text!r}, expected i/n with i from 0 to n - 1")
-    return int(match[1]), int(match[2])
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command; returns its exit code."""
     usage = "psgn render --catalogue=NAME --source=PATH --out=FOLDER"
@@ -91,7 +83,10 @@ def _main(flags: Flags) -> int:
         raise ValueError(f"--seed={values.seed}: it has no effect without --sample")
     if values.scheduler and options.job.workers:
         raise ValueError("--config.job.workers: it has no effect with --scheduler")
-    part = parse_part(values.shard)
+    match = re.fullmatch(r"([0-9]+)/([0-9]+)", values.shard)
+    if not match or not int(match[1]) < int(match[2]):
+        raise ValueError(f"shard={values.shard}: expected i/n with i from 0 to n - 1")
+    part = int(match[1]), int(match[2])
     catalogue_options = parse_options(values.catalogue, values.option)
     source = open_catalogue(values.catalogue, values.source, **catalogue_options)
     on_cluster = functools.partial(cluster.render_on, values.scheduler)

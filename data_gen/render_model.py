@@ -45,14 +45,8 @@ def model_seed(seed: int, source: str, model_id: str) -> int:
 
 def failure(entry: Entry, status: str, reason: str) -> dict[str, Any]:
     """The line of `models.jsonl` for a model without samples."""
-    return {
-        "model_id": entry.model_id,
-        "category": entry.category,
-        "split": entry.split,
-        "status": status,
-        "reason": reason,
-        "samples": 0,
-    }
+    names = {"model_id": entry.model_id, "category": entry.category, "split": entry.split}
+    return {**names, "status": status, "reason": reason, "samples": 0}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -109,12 +103,10 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
                 raise UnusableModelError(f"view {view}: {objection}")
             occupancy = solid_occupancy(model, camera.rotation)
             extra = {
-                "seed": seed,
+                "seed": seed, "camera": camera.parameters(), "parameters": parameters,
                 # Rotates a point from the model's frame to the sample's.
                 "rotation": np.round(camera.rotation, 9).tolist(),
-                "camera": camera.parameters(),
-                "parameters": parameters,
-            }
+            }  # fmt: skip
             sample = schema.Sample(
                 image=picture.image,
                 mask=picture.mask,

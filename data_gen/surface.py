@@ -176,8 +176,6 @@ def sample_surface(model: Model, n: int, seed: int) -> SurfaceSample:
     Raises:
       UnusableModelError: almost no surface is visible.
     """
-    if n < 1:
-        raise ValueError(f"number of points: got {n}, expected at least 1")
     rng = np.random.default_rng(seed)
     cumulated = np.cumsum(face_areas(model.vertices, model.faces))
     has_alpha = len(faces_with_alpha(model)) > 0

@@ -64,20 +64,12 @@ def generate(kind: str, seed: int, hidden_seed: int) -> Model:
             # determine the bounding box.
             kit.add(front, box(0.01, w - 0.04, h - 0.04).at(face + 0.004, y, z))
             kit.add(knob, ball(0.02, 0.05, 0.05, 8).at(end - 0.0101, y, z))
-    name = f"{kind}-{seed}-h{hidden_seed}"
-    model = kit.model(kind, name, {})
-    model = dataclasses.replace(
-        model,
-        parameters={
-            "seed": seed,
-            "hidden_seed": hidden_seed,
-            "hidden": {"depth": share},
-            "scale": float(np.ptp(model.vertices[:, 0])) / LENGTH,
-        },
-    )
-    if kind == "front":
-        return model
-    return dataclasses.replace(model, vertices=model.vertices @ turn_about_vertical(TURN).T)
+    seeds = {"seed": seed, "hidden_seed": hidden_seed}
+    model = kit.model(kind, f"{kind}-{seed}-h{hidden_seed}", {})
+    scale = float(np.ptp(model.vertices[:, 0])) / LENGTH
+    about = {**seeds, "hidden": {"depth": share}, "scale": scale}
+    turn = turn_about_vertical(0.0 if kind == "front" else TURN)
+    return dataclasses.replace(model, parameters=about, vertices=model.vertices @ turn.T)
 
 
 def cabinets(seeds: tuple[int, int] = (160, 16), draws: tuple[int, int] = (4, 8)) -> Catalogue:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 
 from data_gen.catalogues.proportions import vary
 from data_gen.mesh import Model
+from psgn_jax.system.untrusted import one_line
 
 SPLITS = ("train", "validation", "test")
 
@@ -18,8 +19,7 @@ FRACTIONS = (0.8, 0.1, 0.1)
 
 def printable(text: str) -> str:
     """The text with control characters and undecodable bytes escaped: one line of valid UTF-8."""
-    text = text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return one_line(text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace"))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -113,14 +113,10 @@ def surfels(sample: Sample, change: Change | None = None) -> Model:
     faces = np.concatenate([first + corner for corner in (0, 1, 2, 0, 2, 3)], axis=1).reshape(-1, 3)
     material, uv = palette(colours.repeat(2, axis=0))
     return build_model(
-        corners.reshape(-1, 3),
-        faces,
-        materials=(material,),
+        corners.reshape(-1, 3), faces, materials=(material,), uv=uv,
         normals=normals[:, None].repeat(6, axis=1).reshape(-1, 3, 3),
-        uv=uv,
-        category=sample.category,
-        model_id=sample.model_id,
-    )
+        category=sample.category, model_id=sample.model_id,
+    )  # fmt: skip
 
 
 def _rectangles(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -86,10 +86,6 @@ def _resolver(assets: Assets) -> Any:
     return Resolver()
 
 
-def _srgb(linear: float) -> float:
-    return float(min(max(linear, 0.0), 1.0) ** (1 / 2.2))
-
-
 def _from_trimesh_material(material: Any, assets: Assets) -> Material:
     """A material of trimesh (simple or physically based) as a Blinn-Phong material."""
     name = str(getattr(material, "name", "") or "")
@@ -115,7 +111,7 @@ def _from_trimesh_material(material: Any, assets: Assets) -> Material:
         plain = (1.0, 1.0, 1.0, 1.0) if texture is not None else (*GREY, 1.0)
         base = rgba(material.baseColorFactor, plain)
         if material.baseColorFactor is not None:
-            base = [*(_srgb(v) for v in base[:3]), base[3]]  # factors of glTF are linear
+            base[:3] = (float(v ** (1 / 2.2)) for v in base[:3])  # factors of glTF are linear
         mode = str(material.alphaMode or "OPAQUE").upper()
         if texture is not None and mode != "BLEND" and (texture[..., 3] < 255).any():
             cutoff = 0.5 if material.alphaCutoff is None else float(material.alphaCutoff)

@@ -98,7 +98,9 @@ def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
             elif key == "mtllib" and len(libraries) < _MOST_LIBRARIES:
                 # Either one name, which may contain spaces, or several names.
                 rest = line.split(None, 1)[1].strip()
-                for name in [rest] if _exists(assets, rest) else words:
+                path = posixpath.normpath(posixpath.join(assets.base, rest))
+                inside = not path.startswith(("/", ".."))
+                for name in [rest] if inside and assets.files.find(path) else words:
                     if name in libraries or len(libraries) == _MOST_LIBRARIES:
                         continue
                     libraries.add(name)
@@ -160,8 +162,3 @@ def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
         "materials": assets.bounded(table),
         "face_material": owners[polygon],
     }
-
-
-def _exists(assets: Assets, name: str) -> bool:
-    path = posixpath.normpath(posixpath.join(assets.base, name.strip()))
-    return not path.startswith(("/", "..")) and assets.files.find(path) is not None

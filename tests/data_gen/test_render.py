@@ -391,7 +391,7 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
     command = ["--catalogue=procedural", "--source=1", f"--out={tmp_path / 'out'}"]
     no_effect = "it has no effect without"
     cases = (
-        ("--shard=2/2", "--shard: got '2/2'"),
+        ("--shard=2/2", "--shard=2/2: expected i/n"),
         ("--config.vews=3", "--config.vews=3: no such setting; did you mean 'views'?"),
         ("--config.views=abc", "abc"),
         ("--catalogue=nonsense", "catalogue"),
