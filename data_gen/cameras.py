@@ -57,14 +57,10 @@ class CameraSettings:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Camera:
-    """One camera.
+    """The matrices of a camera, and the parameters of `CameraSettings` that they come from.
 
-    Attributes:
-      intrinsics: float64 [3, 3], pixels.
-      extrinsics: float64 [3, 4], from the view-aligned frame to the camera's (OpenCV).
-      rotation: float64 [3, 3], from the model's frame to the view-aligned one.
-      image_size: (H, W).
-      azimuth, elevation, distance, focal, roll: see `CameraSettings`.
+    `extrinsics` leads from the view-aligned frame to the camera's (OpenCV), `rotation` from the
+    model's frame to the view-aligned one.
     """
 
     intrinsics: Float[np.ndarray, "3 3"]

@@ -65,16 +65,14 @@ class Licence(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Source:
-    """A source of a training set.
+    """A source of a training set, a catalogue with its options.
 
     Attributes:
       name: its name and its folder in the training set.
-      catalogue: one of `open_catalogue.CATALOGUES`.
       views: number of images of each model.
       licences: the first one with a matching pattern counts; empty = the index states them.
       package: name of the Debian package or of the folder of meshes; "" = none is needed.
       place: source of the catalogue: a path in the package, or a number of models.
-      options: options of the catalogue.
       exclude: pattern of the names of models that are left out.
       missing: see `image.missing` of the settings.
       families: whether near-duplicates (`family_of`) share a split; otherwise the catalogue

@@ -54,13 +54,8 @@ class LightSettings:
 class Lights:
     """Directional lights and ambient light; a white surface under light of strength 1 is white.
 
-    Attributes:
-      directions: float32 [k, 3], unit vectors toward the lights, in the view-aligned frame.
-      colours: float32 [k, 3], RGB.
-      sky: float32 [3], ambient light on a surface that faces up.
-      ground: float32 [3], ambient light on a surface that faces down.
-      specular: factor of highlights.
-      darkest: lower bound of diffuse colours.
+    `directions` lead toward the lights in the view-aligned frame. `sky` and `ground` are the
+    ambient light on surfaces that face up and down.
     """
 
     directions: Float[np.ndarray, "k 3"]

@@ -63,14 +63,13 @@ class Model:
     """Triangles with materials.
 
     Attributes:
-      vertices: float64 [V, 3].
-      faces: int64 [F, 3], counter-clockwise seen from outside.
-      normals: float32 [F, 3, 3], a unit normal for each corner of each face.
-      uv: float32 [F, 3, 2], texture coordinates of the corners; 0 if there are none.
-      face_material: int64 [F], index into `materials`.
+      vertices: float64.
+      faces: int64, counter-clockwise seen from outside.
+      normals: float32, a unit normal for each corner of each face.
+      uv: float32, texture coordinates of the corners; 0 if there are none.
+      face_material: int64, index into `materials`.
       materials: at least one.
-      category: "" if unknown.
-      model_id: unique in its catalogue.
+      category, model_id: see `catalogues.entry.Entry`.
       parameters: the parameters of a procedural model.
       warnings: what was missing or wrong in the file, and what was used instead.
     """

@@ -105,7 +105,7 @@ class Renderer:
             process.kill()
 
     def _start(self) -> None:
-        code, late = None, False
+        why = ""
         for _ in range(_FAILED_STARTS):
             if self._killed:
                 raise RuntimeError("the renderer was ended")
@@ -120,21 +120,17 @@ class Renderer:
                 )
             if self._killed:
                 self._process.kill()
-            self._connection, self._done, late = ours, 0, False
+            self._connection, self._done, why = ours, 0, ""
             with contextlib.suppress(EOFError, OSError):
                 ours.send(self._context)
                 if ours.poll(_SECONDS_TO_START):
                     ours.recv()
                     return
                 self._process.kill()
-                late = True
+                why = f"were not ready after {_SECONDS_TO_START:g} s; is the machine busy?"
             code = self._discard()
-        why = (
-            f"were not ready after {_SECONDS_TO_START:g} s; is the machine busy?"
-            if late
-            else f"ended before they were ready (exit code {code}); "
-            "job.variant='scalar' needs no LLVM"
-        )
+            ended = f"ended before they were ready (exit code {code})"
+            why = why or f"{ended}; job.variant='scalar' needs no LLVM"
         raise RuntimeError(f"{_FAILED_STARTS} worker processes {why}")
 
     def _discard(self) -> int | None:

@@ -177,11 +177,9 @@ def check_view(
     points: Float[np.ndarray, "n 3"],
     tree: scipy.spatial.cKDTree,
 ) -> dict[str, float]:
-    """Measurements of a view, which `objection_to` compares with the settings.
+    """The values of `CheckSettings` of a view, and the number of mask pixels at the image's `edge`.
 
-    `points` are in the view-aligned frame, the points of the search `tree` in the model's. To those
-    of `CheckSettings` come `edge`, the number of mask pixels at the border of the image, and
-    `before`, the fraction of the points in front of the visible surface.
+    `points` are in the view-aligned frame, the points of the search `tree` in the model's.
     """
     mask = picture.mask
     height, width = mask.shape
@@ -190,8 +188,6 @@ def check_view(
     here = ((cells >= 0) & (cells < [width, height])).all(axis=1) & (z > 0)
     column, row = cells[here].T
     grown = scipy.ndimage.binary_dilation(mask, np.ones((3, 3)))
-    # The smallest depth in 3 x 3 pixels, because points near a silhouette may project beside it.
-    near = scipy.ndimage.minimum_filter(np.where(mask, picture.depth, np.inf), size=3)
     median = _NO_OBJECT
     rows, columns = np.nonzero(mask)
     if len(rows):
@@ -208,7 +204,6 @@ def check_view(
         "luminance": round(float(picture.image[mask].mean()) if mask.any() else 0.0, 2),
         "inside": round(float(grown[row, column].sum() / len(points)), 6),
         "depth": round(median, 5),
-        "before": round(float((z[here] < near[row, column] - 0.02).mean()), 6),
     }
 
 

@@ -17,24 +17,12 @@ BACKGROUND = schema.BACKGROUND_GREY / 255
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Surfaces:
-    """The arrays of a model, in the model's frame.
+    """The arrays of a model's v vertices, f faces and m materials, in the model's frame.
 
-    Attributes:
-      vertices: float32 [V, 3].
-      corners: float32 [F, 3, 3], positions of the faces' corners.
-      normals: float32 [F, 3, 3], normals of the corners.
-      face_normals: float32 [F, 3].
-      uv: float32 [F, 3, 2].
-      material: int32 [F].
-      diffuse: float32 [M, 3], display values.
-      specular: float32 [M, 3].
-      shininess: float32 [M].
-      opacity: float32 [M].
-      texels: uint32 [T], RGBA of all textures in row-major order, four uint8 viewed as one uint32;
-        the first texel is white, for materials without a texture.
-      texture_start: int64 [M], index of a material's first texel.
-      texture_size: int32 [M, 2], (height, width).
-      opaque: whether all surfaces are opaque.
+    `corners`, `normals` and `uv` are those of the faces' corners. `texels` are the RGBA values of
+    all textures in row-major order, four uint8 as one uint32. The first is white, for materials
+    without a texture. A material's texture has the size (height, width) and starts at
+    `texture_start`.
     """
 
     vertices: Float[np.ndarray, "v 3"]

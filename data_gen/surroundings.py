@@ -38,15 +38,10 @@ class Surroundings:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Ground:
-    """A strip of ground with a texture that repeats.
+    """A strip of ground, turned about the vertical axis by `turn` degrees.
 
-    Attributes:
-      texture: float32 [T, T, 3], linear reflectances.
-      size: side length of the texture.
-      gloss: strength of reflections, 0 to 1.
-      profile: its cross-section, points (x, z) from the back to the front.
-      half_width: half its width.
-      turn: rotation about the vertical axis, degrees.
+    Its texture of linear reflectances repeats after a length of `size`. `profile` is its
+    cross-section, points (x, z) from the back to the front.
     """
 
     texture: Float[np.ndarray, "t t 3"]

@@ -78,12 +78,7 @@ def cabinets(seeds: tuple[int, int] = (160, 16), draws: tuple[int, int] = (4, 8)
     Args:
       seeds: number of seeds in each split, (train, validation). A seed is in only one split.
       draws: number of hidden depths per seed in each split.
-
-    Raises:
-      ValueError: a number is not positive.
     """
-    if min(*seeds, *draws) < 1:
-        raise ValueError(f"seeds {seeds}, draws {draws}: expected positive numbers")
     # An offset larger than any number of training seeds.
     splits = zip(("train", "validation"), (0, 1_000_000), seeds, draws, strict=True)
     entries = [

@@ -69,9 +69,6 @@ def vary(model: Model, name: str, deviation: float) -> Model:
     """The model with other proportions and this name, normalised again.
 
     Normals follow by the inverse of the mean stretch of their face along each axis.
-
-    Raises:
-      UnusableModelError: the model lies in a vertical plane.
     """
     change, axes = random_proportions(model.vertices, name, deviation)
     turn = np.eye(3)
@@ -89,9 +86,6 @@ def footprint(flat: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Axes [2, 2], middle and half sides [2] of the smallest rectangle around points [n, 2].
 
     One side of this rectangle lies along an edge of the convex hull.
-
-    Raises:
-      UnusableModelError: the points lie on a line, up to a thousandth of their extent.
     """
     spread = np.linalg.svd(flat - flat.mean(axis=0), compute_uv=False)
     if not spread[1] > 1e-3 * spread[0]:

@@ -98,11 +98,7 @@ def _varied(points: np.ndarray, name: str, deviation: float) -> np.ndarray:
 
 
 def surfels(sample: Sample, change: Change | None = None) -> Model:
-    """A mesh of rectangles, one for each point of a sample, in its frame or moved by `change`.
-
-    Raises:
-      UnusableModelError: there are too few different points.
-    """
+    """A mesh of rectangles, one for each point of a sample, in its frame or moved by `change`."""
     points = np.unique(sample.points.astype(np.float64), axis=0)
     if len(points) < _FEWEST:
         raise UnusableModelError(f"{len(points)} different points, expected {_FEWEST} or more")
