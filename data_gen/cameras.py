@@ -175,10 +175,7 @@ def draw(
             return camera
         parameters["distance"] *= _STEP
         if parameters["distance"] > 1000:
-            raise ValueError(
-                "camera: the object does not fit into the image, expected a camera that shows all "
-                "of it from a distance up to 1000"
-            )
+            raise ValueError("camera: expected the object to fit into the image, at most 1000 away")
 
 
 def _moved(

@@ -22,8 +22,6 @@ from data_gen.engine import choose_variant
 from data_gen.render_model import Context, failure
 from psgn_jax.data.shards import Result
 
-NO_DASK = "Dask is not installed: `pip install 'psgn-jax[cluster]'`"
-
 _SECONDS_TO_WAIT = 600  # for the first worker
 
 # On a worker: the renderer of each job and thread.
@@ -59,7 +57,7 @@ def render_on(
         import distributed
         from distributed.scheduler import KilledWorker
     except ImportError as error:
-        raise RuntimeError(NO_DASK) from error
+        raise RuntimeError("Dask is not installed: `pip install 'psgn-jax[cluster]'`") from error
     try:
         client = distributed.Client(address, timeout=30, set_as_default=False)
     except (OSError, ValueError) as error:

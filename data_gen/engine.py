@@ -39,8 +39,6 @@ NO_LLVM = (
     "the variable DRJIT_LIBLLVM_PATH to the path of a library"
 )
 
-NO_MITSUBA = "Mitsuba is not installed: `pip install 'psgn-jax[render]'`"
-
 
 class Variant(NamedTuple):
     """Name of the variant of Mitsuba, and path of the LLVM library or ""."""
@@ -146,7 +144,7 @@ def choose_variant(wanted: str = "auto") -> tuple[Variant, str]:
       RuntimeError: Mitsuba is not installed or does not run, or LLVM is wanted and does not work.
     """
     if not has_mitsuba():
-        raise RuntimeError(NO_MITSUBA)
+        raise RuntimeError("Mitsuba is not installed: `pip install 'psgn-jax[render]'`")
     if wanted != "scalar":
         for library in llvm_candidates():
             variant = Variant("llvm_ad_rgb", library)
@@ -155,10 +153,7 @@ def choose_variant(wanted: str = "auto") -> tuple[Variant, str]:
         if wanted == "llvm":
             raise RuntimeError(f"job.variant 'llvm': {NO_LLVM}")
     if not _smoke(Variant("scalar_rgb")):
-        raise RuntimeError(
-            "Mitsuba is installed but does not run: `python -m data_gen.engine scalar_rgb` shows "
-            "why"
-        )
+        raise RuntimeError("Mitsuba does not run: `python -m data_gen.engine scalar_rgb` shows why")
     return Variant("scalar_rgb"), "" if wanted == "scalar" else NO_LLVM
 
 

@@ -17,13 +17,7 @@ from absl import logging
 from data_gen import lights, pool
 from data_gen.catalogues import choosing
 from data_gen.catalogues.choosing import Choice
-from data_gen.catalogues.entry import (
-    SPLITS,
-    Catalogue,
-    Entry,
-    moved_to_empty_splits,
-    original_name,
-)
+from data_gen.catalogues.entry import SPLITS, Catalogue, Entry, moved_to_empty_splits, original_name
 from data_gen.engine import choose_variant
 from data_gen.environment_maps import load_maps
 from data_gen.render_model import Context
@@ -71,24 +65,10 @@ def _with_all_splits(
 
 def text_of(progress: shards.Progress) -> str:
     """What a call has done as text, with at most 40 reasons of refusals."""
-    lines = progress.lines
     counts = ", ".join(f"{n} {status}" for status, n in sorted(progress.statuses.items()))
     later = "" if progress.complete else "; other parts of the job are not finished"
     out = [f"{progress.inputs} models: {counts}", f"{progress.samples} samples{later}"]
-    if progress.made:
-        rate = progress.made / max(progress.seconds, 1e-9)
-        out.append(f"{progress.made} images in {progress.seconds:.0f} s: {rate:.2f} images/s")
-    views = [view for line in lines if line["status"] == "ok" for view in line["views"]]
-    if views:
-        inside, depth, light = zip(*((v["inside"], v["depth"], v["luminance"]) for v in views),
-                                   strict=True)  # fmt: skip
-        out.append(
-            f"points inside the dilated mask: {100 * sum(inside) / len(inside):.3f} %; median "
-            f"distance of depth from points: at most {max(depth):.4f}; brightness: "
-            f"{min(light):.1f} to {max(light):.1f}; peak memory of a worker: "
-            f"{max(line.get('megabytes', 0) for line in lines)} MB"
-        )
-    refused = [line for line in lines if line["status"] != "ok"]
+    refused = [line for line in progress.lines if line["status"] != "ok"]
     out += [f"  {x['status']}: {x['model_id']}: {x['reason']}" for x in refused[:40]]
     if len(refused) > 40:
         out.append(f"  and more: see {REPORT}")

@@ -3,8 +3,6 @@
 import dataclasses
 import hashlib
 import json
-import pathlib
-import resource
 import time
 import zlib
 from collections.abc import Mapping
@@ -129,8 +127,7 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
     except MemoryError:
         line["reason"], done = "it needs more memory than is available", []
     seconds = round(time.perf_counter() - started, 3)
-    line |= {"samples": len(done), "views": views, "seconds": seconds}
-    return done, line | {"megabytes": round(peak_megabytes())}
+    return done, line | {"samples": len(done), "views": views, "seconds": seconds}
 
 
 def without_faces(model: Model, settings: Settings, seed: int) -> tuple[Model, Settings]:
@@ -231,13 +228,3 @@ def _rounded(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_rounded(item) for item in value]
     return round(value, 9) if isinstance(value, float) else value
-
-
-def peak_megabytes() -> float:
-    """Peak memory of this process in MB."""
-    try:
-        # Not `ru_maxrss`, which a process inherits from the one that started it.
-        status = pathlib.Path("/proc/self/status").read_text()
-        return int(status.split("VmHWM:")[1].split()[0]) / 1024
-    except OSError:
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

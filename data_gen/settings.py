@@ -137,10 +137,8 @@ class Settings:
                 own = getattr(self, section)
                 value, default = getattr(own, field), getattr(type(own)(), field)
                 if value != default:
-                    raise ValueError(
-                        f"{name}: it has no effect without {needed}; got {value!r}, expected "
-                        f"{default!r}"
-                    )
+                    got = f"got {value!r}, expected {default!r}"
+                    raise ValueError(f"{name}: it has no effect without {needed}; {got}")
         if self.image.background == "surroundings" and self.image.shading != "photo":
             raise ValueError("image.background='surroundings': it needs image.shading=photo")
 
@@ -192,9 +190,5 @@ PRESETS: dict[str, Mapping[str, Mapping[str, Any]]] = {
 
 
 def parse(values: Mapping[str, Any]) -> Settings:
-    """Settings from nested mappings, such as an `ml_collections.ConfigDict`, and defaults.
-
-    Raises:
-      ValueError: a field is unknown or invalid; the message says what was expected.
-    """
+    """Settings from nested mappings and defaults; ValueError if a field is unknown or invalid."""
     return structured.build(Settings, values)

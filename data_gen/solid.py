@@ -74,10 +74,8 @@ def _line_hits(
     # On average, the rows of a triangle are half as long as its width.
     bound = rows * (width / 2 + 1)
     if bound.sum() > _MAX_POINTS:
-        raise UnusableModelError(
-            f"the surface has {bound.sum():.2g} intersections with lines of cells, more than the "
-            f"limit of {_MAX_POINTS:.2g}"
-        )
+        count = f"{bound.sum():.2g} intersections with lines of cells"
+        raise UnusableModelError(f"{count}, more than the limit of {_MAX_POINTS:.2g}")
     group = np.floor(np.cumsum(bound) / POINTS_AT_ONCE).astype(np.int64)
     for part in np.split(np.arange(len(faces)), np.flatnonzero(np.diff(group)) + 1):
         owner, number = repeat_numbers(rows[part])

@@ -88,10 +88,8 @@ def split_of(model_id: str, fractions: tuple[float, float, float] = FRACTIONS) -
       ValueError: a fraction is negative, or their sum is not 1.
     """
     if len(fractions) != len(SPLITS) or min(fractions) < 0 or abs(sum(fractions) - 1) > 1e-6:
-        raise ValueError(
-            f"split fractions: got {list(fractions)}, expected {len(SPLITS)} numbers of 0 or more "
-            "with a sum of 1"
-        )
+        expected = f"{len(SPLITS)} numbers of 0 or more with a sum of 1"
+        raise ValueError(f"split fractions: got {list(fractions)}, expected {expected}")
     place = _place(model_id)
     for split, fraction in zip(SPLITS, fractions, strict=True):
         if place < fraction:

@@ -43,21 +43,13 @@ def find_meshes(source: str | os.PathLike[str]) -> list[str]:
             if not file.startswith(".") and ending in endings | _OTHERS:
                 name = (pathlib.Path(place) / file).relative_to(root).as_posix()
                 (meshes if ending in endings else left).append(name)
-    other = (
-        "; the catalogue sh3f reads .sh3f files"
-        if any(n.lower().endswith(".sh3f") for n in left)
-        else ""
-    )
+    other = "; catalogue sh3f reads .sh3f files" * any(n.lower().endswith(".sh3f") for n in left)
     if not meshes:
-        raise ValueError(
-            f"source {str(source)!r}: it contains no mesh, expected files with one of the suffixes "
-            f"{sorted(endings)}{other}"
-        )
+        expected = f"expected files with one of the suffixes {sorted(endings)}{other}"
+        raise ValueError(f"source {str(source)!r}: it contains no mesh, {expected}")
     if left:
-        logging.warning(
-            "%d files that look like models but cannot be read here, such as %s: left out%s",
-            len(left), min(left), other,
-        )  # fmt: skip
+        what = "%d files that look like models but cannot be read here, such as %s: left out%s"
+        logging.warning(what, len(left), min(left), other)
     return sorted(meshes)
 
 

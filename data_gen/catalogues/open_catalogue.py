@@ -44,10 +44,7 @@ def variants_of(models: Catalogue, variants: int = 0, deviation: float = DEVIATI
     if variants < 0:
         raise ValueError(f"variants: got {variants}, expected 0 or more")
     if not 0 < deviation <= 1:
-        raise ValueError(
-            f"deviation: got {deviation:g}, expected a number above 0, up to 1 "
-            "(variants=0 keeps the proportions)"
-        )
+        raise ValueError(f"deviation: got {deviation:g}, expected a number above 0, up to 1")
     if not variants:
         return models
     entries = [e.variant(n, deviation) for e in models.models for n in range(variants)]
@@ -95,10 +92,8 @@ def parse_options(name: str, pairs: Sequence[str]) -> dict[str, Any]:
     for pair in pairs:
         key, equals, text = pair.partition("=")
         if not equals or key not in known:
-            raise ValueError(
-                f"option={pair}: expected NAME=VALUE with NAME one of {known} for the catalogue "
-                f"{name!r}"
-            )
+            expected = f"NAME=VALUE with NAME one of {known} for the catalogue {name!r}"
+            raise ValueError(f"option={pair}: expected {expected}")
         if key in result:
             raise ValueError(f"option={pair}: {key} is given twice, expected once")
         hint = hints[key]

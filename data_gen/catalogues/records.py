@@ -68,11 +68,9 @@ def _first_records(source: str) -> dict[str, tuple[str, str, int]]:
             name = stored.model_id
             first = found.setdefault(name, (stored.category, split, index))
             if not name or first[:2] != (stored.category, split):
-                raise ValueError(
-                    f"{source}: record {index} of split {split!r} has the model name "
-                    f"{name!r}, expected a name that belongs to one model, in one category and "
-                    "one split"
-                )
+                expected = "a name that belongs to one model, in one category and one split"
+                what = f"record {index} of split {split!r} has the model name {name!r}"
+                raise ValueError(f"{source}: {what}, expected {expected}")
     return found
 
 

@@ -72,11 +72,7 @@ def read_library(path: str | os.PathLike[str]) -> list[Furniture]:
         table = parse_properties(files.read(stored, _MAX_PROPERTIES_BYTES).decode("latin-1"))
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
         raise ValueError(f"library {str(path)!r} cannot be read: {error}") from error
-    numbers = sorted(
-        int(key.partition("#")[2])
-        for key in table
-        if key.startswith("model#") and re.fullmatch(r"[0-9]{1,9}", key.partition("#")[2])
-    )
+    numbers = sorted(int(key[6:]) for key in table if re.fullmatch(r"model#[0-9]{1,9}", key))
     pieces = []
     stem = pathlib.Path(path).stem
     for n in numbers:

@@ -62,8 +62,6 @@ def shapenet(
             )  # fmt: skip
             entries.append(Entry(model_id, category, split, load))
     if not entries:
-        raise ValueError(
-            f"source {str(source)!r}: it contains no model, expected "
-            "<synset>/<model>/models/model_normalized.obj or <synset>/<model>/model.obj"
-        )
+        expected = " or ".join(f"<synset>/<model>/{file}" for file, _ in _LAYOUTS)
+        raise ValueError(f"source {str(source)!r}: it contains no model, expected {expected}")
     return Catalogue("shapenet", entries)

@@ -248,12 +248,9 @@ def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
                 materials.append(_from_trimesh_material(visual.material, assets))
             owner = known[key]
         elif visual.kind in ("vertex", "face"):
-            colours = np.asarray(
-                visual.face_colors
-                if visual.kind == "face"
-                else visual.vertex_colors[corner].mean(axis=1)
-            )
-            material, uv = palette(colours.round().astype(np.uint8))
+            of_faces = visual.kind == "face"
+            colours = visual.face_colors if of_faces else visual.vertex_colors[corner].mean(axis=1)
+            material, uv = palette(np.asarray(colours).round().astype(np.uint8))
             owner = len(materials)
             materials.append(material)
         else:

@@ -106,9 +106,8 @@ class FolderFiles(Files):
         path = self.root / name
         size = path.stat().st_size
         if size > MAX_FILE_BYTES:
-            raise UnusableModelError(
-                f"{path.name} has {size} bytes, more than the limit of {MAX_FILE_BYTES}"
-            )
+            what = f"{path.name} has {size} bytes"
+            raise UnusableModelError(f"{what}, more than the limit of {MAX_FILE_BYTES}")
         return path.read_bytes()
 
 
@@ -137,15 +136,12 @@ class ZipFiles(Files):
         """See `Files`; UnusableModelError if the member is too large, damaged or a zip bomb."""
         member = self._members[name]
         if member.file_size > limit:
-            raise UnusableModelError(
-                f"{name!r} has {member.file_size} bytes, more than the limit of {limit}"
-            )
+            what = f"{name!r} has {member.file_size} bytes"
+            raise UnusableModelError(f"{what}, more than the limit of {limit}")
         ratio = member.file_size / max(member.compress_size, 1)
         if member.file_size > _RATIO_FROM and ratio > _MAX_RATIO:
-            raise UnusableModelError(
-                f"{name!r} has a compression ratio of {ratio:.0f}, expected at most {_MAX_RATIO}: "
-                "it may be a zip bomb"
-            )
+            what = f"{name!r} may be a zip bomb: its compression ratio is {ratio:.0f}"
+            raise UnusableModelError(f"{what}, expected at most {_MAX_RATIO}")
         try:  # the header may state a smaller size
             with self._archive.open(member) as stream:
                 data = stream.read(limit + 1)

@@ -11,6 +11,7 @@ peak memory of the process.
 
 import argparse
 import os
+import resource
 import time
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -19,7 +20,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 from data_gen import engine, settings  # noqa: E402
 from data_gen.catalogues.open_catalogue import open_catalogue  # noqa: E402
 from data_gen.engine import choose_variant  # noqa: E402
-from data_gen.render_model import Context, peak_megabytes, render_model  # noqa: E402
+from data_gen.render_model import Context, render_model  # noqa: E402
 
 
 def main():
@@ -51,7 +52,7 @@ def main():
     print(f"{images / wall:.2f} images/s of wall-clock time, {images / cpu:.2f} of CPU time")
     for seconds, name, faces in sorted(models)[-3:]:
         print(f"slowest: {name}, {faces} faces: {seconds:.2f} s for {arguments.views} views")
-    print(f"peak memory {peak_megabytes():.0f} MB")
+    print(f"peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
 
 
 if __name__ == "__main__":

@@ -272,5 +272,5 @@ def test_options_from_texts():
 
 def test_files_of_other_catalogues_are_pointed_to(tmp_path):
     (tmp_path / "lib.sh3f").write_bytes(b"PK")
-    with pytest.raises(ValueError, match=r"contains no mesh, .*; the catalogue sh3f"):
+    with pytest.raises(ValueError, match=r"contains no mesh, .*; catalogue sh3f reads"):
         open_catalogue("folder", tmp_path)
