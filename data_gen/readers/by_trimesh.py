@@ -204,7 +204,7 @@ def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
             size = sum(member.file_size for member in z.infolist()) if z else len(data)
             if size > _MAX_XML_BYTES:
                 raise UnusableModelError(
-                    f"{size} bytes of {kind} exceed the limit {_MAX_XML_BYTES}"
+                    f"{size} bytes of {kind}, more than the limit {_MAX_XML_BYTES}"
                 )
             texts = [z.read(name) for name in z.namelist()] if z else [data]
         if any(b"<!ENTITY" in text for text in texts):
