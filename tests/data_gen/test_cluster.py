@@ -10,12 +10,13 @@ import warnings
 
 import pytest
 from helpers import processes
+from helpers.small_renders import SMALL, contents
 
 from data_gen import cluster, job, pool, settings
 from data_gen.catalogues.open_catalogue import open_catalogue
 from data_gen.engine import Variant, has_mitsuba
 from data_gen.render_model import Context
-from psgn_jax.data.manifest import MANIFEST, load_manifest
+from psgn_jax.data.manifest import load_manifest
 
 distributed = pytest.importorskip("distributed")
 pytestmark = [
@@ -26,16 +27,7 @@ pytestmark = [
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SOURCE = "chair=2,table=2,couch=2"
-OPTIONS = settings.parse(
-    {
-        "views": 1,
-        "num_points": 600,
-        "models_per_shard": 2,
-        "camera": {"image_size": (48, 64)},
-        "job": {"variant": "scalar", "seconds_per_model": 60.0, "megabytes_per_worker": 2000},
-        "checks": {"depth": 0.1, "inside": 0.9},
-    }
-)
+OPTIONS = settings.parse(SMALL)
 
 
 @pytest.fixture(scope="module")
@@ -54,17 +46,6 @@ def dask():
     os.environ.pop("PYTHONPATH")
     if before is not None:
         os.environ["PYTHONPATH"] = before
-
-
-def contents(folder):
-    return {
-        p.name: p.read_bytes() for p in pathlib.Path(folder).iterdir()
-        if p.suffix == ".arrayrecord" or p.name == MANIFEST
-    }  # fmt: skip
-
-
-def on(address):
-    return lambda tasks, context: cluster.render_on(address, tasks, context)
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ import shutil
 import numpy as np
 import pytest
 from helpers import drawn_solids as solids
+from helpers.small_renders import contents
 
 from data_gen import job, pool, settings
 from data_gen.catalogues.choosing import Choice
@@ -116,14 +117,6 @@ def make(out, names, *, options=OPTIONS, stop_after=None, between=lambda: None, 
     source = names if isinstance(names, Catalogue) else listed(names)
     summary = job.render_catalogue(source, out, options, render=renderer, **more)
     return summary, sorted(renderer.made)
-
-
-def contents(folder):
-    """The contents of all files except the report and `job.json`."""
-    return {
-        p.name: p.read_bytes() for p in pathlib.Path(folder).iterdir()
-        if p.name not in (shards.REPORT, shards.JOB)
-    }  # fmt: skip
 
 
 def models_of(folder):

@@ -93,31 +93,24 @@ def test_models_keep_their_split_frame_and_place(tmp_path):
     np.testing.assert_allclose(view.points.mean(axis=0), first.points.mean(axis=0), atol=0.02)
 
 
-def test_a_folder_without_records_is_named(tmp_path):
+def test_records_are_needed_and_duplicates_of_held_out_objects_left_out(tmp_path):
     with pytest.raises(ValueError, match=str(tmp_path)):
         open_catalogue("records", tmp_path)
-
-
-def test_duplicates_of_held_out_objects_are_not_rendered(tmp_path):
     sample = box_sample(200)
     write_dataset(tmp_path, {"train": [sample], "duplicate": [sample]}, source="solids")
     assert [entry.split for entry in open_catalogue("records", tmp_path).models] == ["train"]
 
 
-@pytest.mark.parametrize("wrong", ["no name", "two splits", "a split of another name"])
-def test_ambiguous_models_are_refused(tmp_path, wrong):
-    sample = box_sample(200)
-    splits = {
-        "no name": {"train": [dataclasses.replace(sample, model_id="")]},
-        "two splits": {"train": [sample], "test": [sample]},
-        "a split of another name": {"val": [sample]},
-    }[wrong]
-    write_dataset(tmp_path, splits, source="solids")
-    message = (
-        "expected some of" if wrong.startswith("a split") else "expected a name that belongs to"
-    )
-    with pytest.raises(ValueError, match=message):
-        open_catalogue("records", tmp_path)
+def test_ambiguous_models_are_refused(tmp_path):
+    sample, name = box_sample(200), "expected a name that belongs to"
+    for number, (splits, message) in enumerate((
+        ({"train": [dataclasses.replace(sample, model_id="")]}, name),
+        ({"train": [sample], "test": [sample]}, name),
+        ({"val": [sample]}, "expected some of"),
+    )):  # fmt: skip
+        write_dataset(tmp_path / str(number), splits, source="solids")
+        with pytest.raises(ValueError, match=message):
+            open_catalogue("records", tmp_path / str(number))
 
 
 def test_variants_replace_their_models(tmp_path):

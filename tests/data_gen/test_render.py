@@ -12,6 +12,7 @@ import time
 import numpy as np
 import pytest
 from helpers.commands import psgn_each
+from helpers.small_renders import SMALL, contents
 
 from data_gen import cameras, engine, job, lights, scene, settings
 from data_gen.catalogues.entry import Catalogue, Entry
@@ -24,23 +25,13 @@ from data_gen.picture import Mesh, render
 from data_gen.surroundings import Surroundings
 from psgn_jax.data import camera as project_camera
 from psgn_jax.data.dataset import RecordReader
-from psgn_jax.data.manifest import MANIFEST, load_manifest
+from psgn_jax.data.manifest import load_manifest
 
 pytestmark = pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba is not installed")
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 CONFIG = ROOT / "data_gen" / "config.py"
-
-SMALL = {
-    "views": 1,
-    "num_points": 600,
-    "models_per_shard": 2,
-    "camera": {"image_size": (48, 64)},
-    "job": {"variant": "scalar", "workers": 1, "seconds_per_model": 60.0},
-    # With few pixels and points, the distances between depth and points are larger.
-    "checks": {"depth": 0.1, "inside": 0.9},
-}
 
 
 @pytest.fixture(scope="session")
@@ -244,13 +235,6 @@ def options(**changes):
     return settings.parse({**SMALL, **changes})
 
 
-def contents(folder):
-    return {
-        p.name: p.read_bytes() for p in pathlib.Path(folder).iterdir()
-        if p.suffix == ".arrayrecord" or p.name == MANIFEST
-    }  # fmt: skip
-
-
 @pytest.fixture(scope="session")
 def whole(tmp_path_factory):
     """A data set rendered by one worker without interruption."""
@@ -399,10 +383,7 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
         (f"--config={CONFIG}:nobody", "preset 'nobody': expected one of"),
         ("--config.image.rays=9", f"image.rays: {no_effect} image.shading=photo"),
         ("--seed=3", f"--seed=3: {no_effect} --sample"),
-        (
-            "--exclude=lmap",
-            "--exclude=lmap: no category and no name matches; did you mean 'lamp'?",
-        ),
+        ("--exclude=lmap", "--exclude=lmap: no category and no name matches; did you mean 'lamp'?"),
         # Fields may precede --config.
         (
             "--config.camera.aim=(7.,1.) --config={CONFIG}:r2n2",
@@ -413,12 +394,8 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
         ["render", *command, *wrong.replace("{CONFIG}", str(CONFIG)).split(" ")]
         for wrong, _ in cases
     ]
-    first, *found = psgn_each(
-        ["render", "--help"],
-        *arguments,
-        cwd=tmp_path,
-        imports=["data_gen.catalogues.open_catalogue"],
-    )
+    imports = ["data_gen.catalogues.open_catalogue"]
+    first, *found = psgn_each(["render", "--help"], *arguments, cwd=tmp_path, imports=imports)
     for done, (_, message) in zip(found, cases, strict=True):
         said = done.stderr
         assert (done.returncode, message in said) == (2, True), said
