@@ -63,8 +63,8 @@ def _load_map(path: str, size: tuple[int, int]) -> np.ndarray:
     height, width = pixels.shape[:2]
     # Folders of maps often contain images of lit spheres as well. Their aspect ratio differs.
     if not 1.8 < width / height < 2.2:
-        size = f"{width} x {height} pixels, expected a width of twice the height"
-        raise ValueError(f"environment map {path!r}: {size}")
+        what = f"{width} x {height} pixels, expected a width of twice the height"
+        raise ValueError(f"environment map {path!r}: {what}")
     return lights.shrink(pixels, size)
 
 
