@@ -18,7 +18,7 @@ from data_gen.readers.mtl import GREY, floats
 from data_gen.readers.textures import Assets, decode_texture
 from psgn_jax.system.untrusted import one_line, parse_json
 
-_MAX_XML_BYTES = 64 << 20
+_MAX_XML = 64 << 20
 
 _ARCHIVES = {"zip", "bz2", "tar.bz2", "tar.gz"}
 _ZIPPED = ("zae", "3mf", "3dxml")  # formats that are zip archives of XML files
@@ -202,10 +202,8 @@ def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
             zipfile.ZipFile(io.BytesIO(data)) if kind in _ZIPPED else contextlib.nullcontext() as z
         ):
             size = sum(member.file_size for member in z.infolist()) if z else len(data)
-            if size > _MAX_XML_BYTES:
-                raise UnusableModelError(
-                    f"{size} bytes of {kind}, more than the limit {_MAX_XML_BYTES}"
-                )
+            if size > _MAX_XML:
+                raise UnusableModelError(f"{size} bytes of {kind}, more than the limit {_MAX_XML}")
             texts = [z.read(name) for name in z.namelist()] if z else [data]
         if any(b"<!ENTITY" in text for text in texts):
             raise UnusableModelError("XML entities are refused")
@@ -247,15 +245,13 @@ def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
                 known[key] = len(materials)
                 materials.append(_from_trimesh_material(visual.material, assets))
             owner = known[key]
-        elif visual.kind in ("vertex", "face"):
-            of_faces = visual.kind == "face"
-            colours = visual.face_colors if of_faces else visual.vertex_colors[corner].mean(axis=1)
-            material, uv = palette(np.asarray(colours).round().astype(np.uint8))
-            owner = len(materials)
-            materials.append(material)
         else:
-            owner = len(materials)
-            materials.append(Material())
+            owner, material = len(materials), Material()
+            if visual.kind in ("vertex", "face"):
+                whole = visual.kind == "face"
+                colours = visual.face_colors if whole else visual.vertex_colors[corner].mean(axis=1)
+                material, uv = palette(np.asarray(colours).round().astype(np.uint8))
+            materials.append(material)
         part = {"vertices": vertices, "faces": corner + offset, "normals": normals, "uv": uv,
                 "face_material": np.full(len(corner), owner)}  # fmt: skip
         for field, values in part.items():
