@@ -22,16 +22,22 @@ _TOLERANCE = 1e-6
 # pathological models have more.
 _MAX_POINTS = 10_000_000
 
-POINTS_AT_ONCE = 1_000_000
-
-# Distance between the sample points on an edge, in small cells.
-_SPACING = 0.7
+_COST_AT_ONCE = 1_000_000  # intersections, so that memory is bounded
+_SPACING = 0.7  # distance between the sample points on an edge, in small cells
 
 
 def repeat_numbers(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """If each owner i has `counts[i]` items: for every item its owner, and its number from 0."""
     owner = np.repeat(np.arange(len(counts)), counts)
     return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
+def in_parts(counts: np.ndarray, costs: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Parts of `repeat_numbers(counts)`, each of owners that cost about `_COST_AT_ONCE`."""
+    group = np.floor(np.cumsum(costs) / _COST_AT_ONCE).astype(np.int64)
+    for part in np.split(np.arange(len(counts)), np.flatnonzero(np.diff(group)) + 1):
+        owner, number = repeat_numbers(counts[part])
+        yield part[owner], number
 
 
 def _centres_between(low: np.ndarray, high: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
@@ -76,10 +82,7 @@ def _line_hits(
     if bound.sum() > _MAX_POINTS:
         count = f"{bound.sum():.2g} intersections with lines of cells"
         raise UnusableModelError(f"{count}, more than the limit of {_MAX_POINTS:.2g}")
-    group = np.floor(np.cumsum(bound) / POINTS_AT_ONCE).astype(np.int64)
-    for part in np.split(np.arange(len(faces)), np.flatnonzero(np.diff(group)) + 1):
-        owner, number = repeat_numbers(rows[part])
-        owner = part[owner]
+    for owner, number in in_parts(rows, bound):
         row = first[owner] + number
         # Both ends of the row: one on the edge from the lowest corner to the highest, one on the
         # other two edges.

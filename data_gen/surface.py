@@ -19,7 +19,7 @@ from data_gen.mesh import (
     unit_vectors,
     weld,
 )
-from data_gen.solid import POINTS_AT_ONCE, mark_surface, outside_cells, repeat_numbers
+from data_gen.solid import in_parts, mark_surface, outside_cells, repeat_numbers
 
 
 class SurfaceSample(NamedTuple):
@@ -110,10 +110,7 @@ class _Twins:
         place = np.searchsorted(self._keys, key).clip(0, len(self._keys) - 1)
         count = np.where(self._keys[place] == key, self._count[place], 0)
         start = self._start[place]
-        group = np.floor(np.cumsum(count) / POINTS_AT_ONCE).astype(np.int64)
-        for part in np.split(np.arange(len(points)), np.flatnonzero(np.diff(group)) + 1):
-            owner, number = repeat_numbers(count[part])
-            owner = part[owner]
+        for owner, number in in_parts(count, count):
             other = self._faces[start[owner] + number]
             kept = other != face[owner]
             owner, other = owner[kept], other[kept]
