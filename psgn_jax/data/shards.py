@@ -143,8 +143,6 @@ class Progress:
     inputs: int  # in the job
     lines: tuple[Line, ...]  # of all inputs, or of those in shards if the job is not complete
     complete: bool  # all parts are done
-    seconds: float  # duration of the call
-    made: int  # samples that the call made
 
     @property
     def samples(self) -> int:
@@ -176,26 +174,23 @@ def write(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int] = (0
       ClaimedError: another process does the same part.
       ValueError: the folder contains something else.
     """
-    started = time.monotonic()
-    made, complete = 0, is_complete(folder, job)
+    complete = is_complete(folder, job)
     if not complete:
         with claim(folder / WORK, part):
             complete = is_complete(folder, job)  # another process may have completed it meanwhile
             if not complete:
                 _begin(folder, job)
-                made = _make_part(folder, job, make, part, started)
+                _make_part(folder, job, make, part)
                 complete = _complete(folder, job)
     if complete:
         _tidy_up(folder, job)
     lines = read_report(folder) if complete else _lines(job, _finished(folder, job))
-    seconds = time.monotonic() - started
-    return Progress(len(job.inputs), tuple(lines), complete, seconds, made)
+    return Progress(len(job.inputs), tuple(lines), complete)
 
 
-def _make_part(
-    folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int], started: float
-) -> int:
-    """Makes what is missing of a part; returns the number of new samples."""
+def _make_part(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int]) -> None:
+    """Makes what is missing of a part."""
+    started = time.monotonic()
     if part == (0, 1):
         remove_temporaries(folder / WORK)  # left by a process that was killed
     tags, finished = job.tags(), _finished(folder, job)
@@ -233,7 +228,6 @@ def _make_part(
                     done, len(todo), made, made / (now - started), refused,
                     seconds // 3600, seconds % 3600 // 60, seconds % 60,
                 )  # fmt: skip
-    return made
 
 
 def _lines(job: Job, finished: Mapping[str, _Done]) -> list[Line]:
