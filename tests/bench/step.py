@@ -10,8 +10,8 @@ affects all of them alike.
 
 Prints seconds per step (the fastest, the median and the slowest), the ratio to PyTorch channels
 last (the median over the rounds), samples per second, the latency of one image forward, and the
-peak memory of each process. This package is measured with oneDNN, if it is installed, and with
-XLA's convolutions.
+peak memory of each process. This package is measured with a device of JAX for each core, as `psgn
+train` uses them, with one device, and with one device and XLA's convolutions.
 """
 
 import multiprocessing
@@ -28,7 +28,7 @@ from absl import app, flags
 _BATCH = flags.DEFINE_integer("batch", 0, "images in a batch; 0 = 32, or 16 with --small")
 _SMALL = flags.DEFINE_bool("small", False, "the network and image size of authors_small.py")
 _REPEATS = flags.DEFINE_integer("repeats", 5, "timed steps of each implementation")
-_THREADS = flags.DEFINE_integer("threads", 2, "threads that PyTorch uses")
+_THREADS = flags.DEFINE_integer("threads", 2, "threads of PyTorch, and devices of JAX")
 
 FULL: dict[str, Any] = {
     "image_size": (192, 256),
@@ -82,14 +82,14 @@ def _serve(pipe: Any, build: Callable[..., Any], args: tuple[Any, ...]) -> None:
 
 
 def build_jax(
-    network: dict[str, Any], batch: int, keep_memory: bool = True, convolutions: str = ""
+    network: dict[str, Any], batch: int, devices: int, convolutions: str = ""
 ) -> dict[str, Any]:
     """The step of this package's network.
 
     Args:
       network: fields of `ModelConfig`.
       batch: number of images.
-      keep_memory: whether to call `keep_freed_memory`.
+      devices: number of CPU devices, which share the batch.
       convolutions: value of `PSGN_CONVOLUTIONS`; "" = unset.
     """
     os.environ.pop("PSGN_CONVOLUTIONS", None)
@@ -97,10 +97,12 @@ def build_jax(
         os.environ["PSGN_CONVOLUTIONS"] = convolutions
     from psgn_jax.system.cpu import keep_freed_memory
 
-    if keep_memory:
-        keep_freed_memory()
+    keep_freed_memory()
     import jax
     import jax.numpy as jnp
+    from jax.sharding import PartitionSpec as P
+
+    jax.config.update("jax_num_cpu_devices", devices)
 
     from psgn_jax.config.experiment import ModelConfig
     from psgn_jax.models import networks
@@ -113,9 +115,16 @@ def build_jax(
         points = model.apply({"params": params}, x)
         return jnp.sum(points * jnp.cos(jnp.arange(points.size)).reshape(points.shape))
 
-    step = jax.jit(jax.grad(loss))
+    mesh = jax.make_mesh((devices,), ("data",), axis_types=(jax.sharding.AxisType.Auto,))
+    specs = {"mesh": mesh, "in_specs": (P(), P("data")), "out_specs": P()}
+
+    def gradient(params: Any, x: Any) -> Any:
+        return jax.lax.pmean(jax.grad(loss)(params, x), "data")
+
+    step = jax.jit(jax.shard_map(gradient, check_vma=False, **specs))
+    params = jax.device_put(params, jax.NamedSharding(mesh, P()))
     forward = jax.jit(lambda params, x: model.apply({"params": params}, x))
-    x, one = jax.device_put(x), jax.device_put(x[:1])
+    x, one = jax.device_put(x, jax.NamedSharding(mesh, P("data"))), jax.device_put(x[:1])
     return {
         "num_params": sum(p.size for p in jax.tree.leaves(params)),
         "step": lambda: jax.block_until_ready(step(params, x)),
@@ -163,12 +172,12 @@ def compare(network: dict[str, Any], batch: int) -> None:
     from psgn_jax.models import onednn
 
     competitors = {
-        "psgn_jax": Competitor(build_jax, network, batch),
+        "psgn_jax": Competitor(build_jax, network, batch, _THREADS.value),
+        "on one device": Competitor(build_jax, network, batch, 1),
         "PyTorch channels last": Competitor(build_torch, network, batch, _THREADS.value),
     }
     if onednn.library()[0] is not None:
-        competitors["XLA's convolutions"] = Competitor(build_jax, network, batch, True, "xla")
-    competitors["memory returned"] = Competitor(build_jax, network, batch, False)
+        competitors["XLA's convolutions"] = Competitor(build_jax, network, batch, 1, "xla")
     sizes = {name: c.num_params for name, c in competitors.items()}
     if len(set(sizes.values())) > 1:
         raise ValueError(f"parameters: got {sizes}, expected the same number in every network")
