@@ -106,7 +106,7 @@ class Model:
         turn = slice(None, None, -1 if determinant < 0 else 1)
         return dataclasses.replace(
             self,
-            vertices=self.vertices @ matrix.T + 0.0,  # which makes -0 to 0
+            vertices=self.vertices @ matrix.T + 0.0,  # turns -0 into 0
             faces=self.faces[:, turn],
             normals=normals[:, turn].astype(np.float32),
             uv=self.uv[:, turn],

@@ -34,6 +34,7 @@ def default_dataset() -> str:
 
     Raises:
       ConfigError: the data set does not exist and cannot be rendered.
+      UserError: the cache folder cannot be written.
     """
     from data_gen import default  # imports the loader and the renderer
 

@@ -12,7 +12,7 @@ accumulated in float32. The results are deterministic for a fixed number of thre
 XLA calls the library through a Python callback, which passes pointers and copies no images.
 Therefore JAX neither caches nor exports programs with these functions. As many calls run at a time
 as there are devices, and they share the cores (or each has `OMP_NUM_THREADS` threads). Primitives
-are kept for the life of the thread.
+are kept for each thread, for the life of the process.
 """
 
 import ctypes
@@ -130,29 +130,34 @@ def _turns() -> threading.Semaphore:
     return threading.Semaphore(jax.local_device_count())
 
 
-class _Own(threading.local):
+class _Own:
     """What each thread has for itself, because a call sets the addresses of its memory objects."""
 
     def __init__(self) -> None:
+        if (devices := jax.local_device_count()) > 1 and "OMP_NUM_THREADS" not in os.environ:
+            library()[0].omp_set_num_threads(-(-num_cores() // devices))
+        self.stream = _make("dnnl_stream_create", _engine()[0], _IN_ORDER)
         self.primitives: dict[Any, _Primitive | None] = {}
         self.workspaces: dict[str, np.ndarray] = {}
 
-    @functools.cached_property
-    def stream(self) -> _Handle:
-        if (devices := jax.local_device_count()) > 1 and "OMP_NUM_THREADS" not in os.environ:
-            library()[0].omp_set_num_threads(max(1, num_cores() // devices))
-        return _make("dnnl_stream_create", _engine()[0], _IN_ORDER)
+
+# Not `threading.local`: Python forgets a thread of XLA after each callback.
+_owns: dict[int, _Own] = {}
 
 
-_own = _Own()
+def _own() -> _Own:
+    thread = threading.get_ident()
+    if thread not in _owns:
+        _owns[thread] = _Own()
+    return _owns[thread]
 
 
 def _primitive(part: Part, convolution: Convolution) -> "_Primitive | None":
     """The primitive of the calling thread."""
-    key = part, convolution
-    if key not in _own.primitives:
-        _own.primitives[key] = _new_primitive(part, convolution)
-    return _own.primitives[key]
+    primitives, key = _own().primitives, (part, convolution)
+    if key not in primitives:
+        primitives[key] = _new_primitive(part, convolution)
+    return primitives[key]
 
 
 def _new_primitive(part: Part, convolution: Convolution) -> "_Primitive | None":
@@ -198,9 +203,17 @@ def _dims(*values: int) -> Any:
     return (ctypes.c_int64 * 12)(*values)
 
 
-@functools.cache
+_making = threading.Lock()
+
+
 def _engine() -> tuple[_Handle, _Handle]:
     """Engine and attributes, which all primitives share."""
+    with _making:
+        return _new_engine()
+
+
+@functools.cache
+def _new_engine() -> tuple[_Handle, _Handle]:
     engine = _make("dnnl_engine_create", _CPU, ctypes.c_size_t(0))
     attributes = _make("dnnl_primitive_attr_create")
     _call("dnnl_primitive_attr_set_scratchpad_mode", attributes, _USER_SCRATCHPAD)
@@ -231,9 +244,9 @@ def _address(buffer: Any) -> int:
 
 def _workspace(purpose: str, size: int) -> int:
     """Address of temporary memory; the block of a purpose grows to the largest size asked for."""
-    block = _own.workspaces.get(purpose)
+    block = _own().workspaces.get(purpose)
     if block is None or len(block) < size + _ALIGNMENT:
-        block = _own.workspaces[purpose] = np.empty(size + _ALIGNMENT, np.uint8)
+        block = _own().workspaces[purpose] = np.empty(size + _ALIGNMENT, np.uint8)
     return -(-_address(block) // _ALIGNMENT) * _ALIGNMENT
 
 
@@ -249,7 +262,7 @@ class _Step:
 
     def run(self) -> None:
         _place(self._scratchpad, _workspace("scratchpad", self._size))
-        stream, arguments = _own.stream, self._arguments
+        stream, arguments = _own().stream, self._arguments
         _call("dnnl_primitive_execute", self._primitive, stream, len(arguments), arguments)
 
 
@@ -336,4 +349,4 @@ class _Primitive:
             _place(memory, _workspace("kernel", size))
         for step in self._steps:
             step.run()
-        _call("dnnl_stream_wait", _own.stream)
+        _call("dnnl_stream_wait", _own().stream)

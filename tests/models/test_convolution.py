@@ -230,6 +230,40 @@ def test_threads():
     np.testing.assert_array_equal(found, expected)
 
 
+DEVICES = """
+import jax, jax.numpy as jnp, numpy as np
+from jax.sharding import PartitionSpec as P
+from psgn_jax.models import onednn
+from psgn_jax.models.layers import convolve
+jax.config.update("jax_num_cpu_devices", 2)
+x = np.random.default_rng(0).normal(size=(4, 24, 32, 8)).astype("f")
+kernel = np.random.default_rng(1).normal(size=(3, 3, 8, 8)).astype("f")
+def loss(kernel, x):
+    return jnp.sum(jnp.sin(convolve(x, kernel)))
+def gradient(kernel, x):
+    return jax.lax.psum(jax.grad(loss)(kernel, x), "data")
+mesh = jax.sharding.Mesh(np.array(jax.devices()), ("data",))
+specs = {"mesh": mesh, "in_specs": (P(), P("data")), "out_specs": P()}
+step = jax.jit(jax.shard_map(gradient, check_vma=False, **specs))
+found = np.asarray(step(kernel, x))
+plain = jax.jit(jax.grad(loss))
+assert "buffer_callback" not in str(jax.make_jaxpr(plain)(kernel, x))
+np.testing.assert_allclose(found, plain(kernel, x), rtol=1e-4, atol=1e-4)
+for _ in range(100):
+    np.testing.assert_array_equal(step(kernel, x), found)
+print(sum(len(own.primitives) for own in onednn._owns.values()))
+"""
+
+
+@NEEDS_ONEDNN
+def test_two_devices_compute_at_a_time_and_keep_their_primitives():
+    done = subprocess.run(
+        [sys.executable, "-c", DEVICES], capture_output=True, text=True, timeout=300
+    )
+    assert done.stderr == ""
+    assert int(done.stdout) <= 20  # two for each thread of XLA
+
+
 ENDING = """
 import jax, jax.numpy as jnp
 from psgn_jax.models.layers import convolve

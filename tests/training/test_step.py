@@ -215,7 +215,7 @@ jax.config.update("jax_num_cpu_devices", 8)
 here = runpy.run_path({str(ROOT / "tests/training/test_step.py")!r})
 assert len(jax.devices()) == 8
 here["standin"].install(pytest.MonkeyPatch())
-for kind in ({{"loss__min_of_n": 2}}, here["VAE"]):
+for kind in ({{}}, {{"loss__min_of_n": 2}}, here["VAE"]):
     kind = {{"model__widths": (4, 6, 8), "optim__eps": 1e-3}} | kind
     config = here["standin"].config(**kind)
     one, one_history = here["run"](config, 4, jax.devices()[:1])
