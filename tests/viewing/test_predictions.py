@@ -99,7 +99,7 @@ def hostile(folder):
         "lacks.npz": "it has no array",
         "object.npz": "cannot be read as a prediction",
         "shape.npz": r"colours is uint8 \[2, 49, 3\], expected uint8 \[k, n, 3\]",
-        "none.npz": r"points is float32 \[0, 50, 3\]",
+        "none.npz": r"points is float64 \[0, 50, 3\]",
         "wide.npz": r"colours is uint16 \[2, 50, 3\], expected uint8",
         "swapped.npz": r"image is >u2 \[48, 64, 3\], expected uint8",
         "huge.npz": r"image is uint8 \[2049, 1000, 3\], expected uint8 \[h, w, 3\] with h up to",
