@@ -5,8 +5,9 @@ convolutions and in the input gradients of strided ones. With oneDNN, whose kern
 training step takes about half as long.
 
 The environment variable `PSGN_CONVOLUTIONS` selects `onednn` (an error where it is missing) or
-`xla`; it is read when a function is traced. With oneDNN there is no forward-mode derivative,
-`jax.export` needs `plain_convolutions` or `xla`, and gradients in `jax.shard_map` `check_vma=False`.
+`xla`; it is read when a function is traced. With oneDNN there is no forward-mode derivative.
+`jax.export` needs `plain_convolutions` or `xla`; gradients in `jax.shard_map` need
+`check_vma=False`.
 """
 
 import contextlib

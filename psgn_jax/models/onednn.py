@@ -113,7 +113,6 @@ def compute(part: Part, first: Array, second: Array, convolution: Convolution) -
     primitive = _primitive(part, convolution)
     if primitive is None:
         return None
-    _turns()
     # The API is experimental, so it is imported only where it is used.
     from jax.experimental.buffer_callback import buffer_callback
 
@@ -143,12 +142,14 @@ class _Own:
 
 # Not `threading.local`: Python forgets a thread of XLA after each callback.
 _owns: dict[int, _Own] = {}
+_making = threading.Lock()  # the first thread makes the engine, which all share
 
 
 def _own() -> _Own:
     thread = threading.get_ident()
     if thread not in _owns:
-        _owns[thread] = _Own()
+        with _making:
+            _owns[thread] = _Own()
     return _owns[thread]
 
 
@@ -203,17 +204,9 @@ def _dims(*values: int) -> Any:
     return (ctypes.c_int64 * 12)(*values)
 
 
-_making = threading.Lock()
-
-
+@functools.cache
 def _engine() -> tuple[_Handle, _Handle]:
     """Engine and attributes, which all primitives share."""
-    with _making:
-        return _new_engine()
-
-
-@functools.cache
-def _new_engine() -> tuple[_Handle, _Handle]:
     engine = _make("dnnl_engine_create", _CPU, ctypes.c_size_t(0))
     attributes = _make("dnnl_primitive_attr_create")
     _call("dnnl_primitive_attr_set_scratchpad_mode", attributes, _USER_SCRATCHPAD)

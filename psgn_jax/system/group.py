@@ -32,7 +32,7 @@ _COUNTS = ("OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
 
 
 def is_one_of_several(
-    coordinator: str | None = None, num_processes: int | None = None, process_id: int | None = None
+    coordinator: str | None, num_processes: int | None, process_id: int | None
 ) -> bool:
     """Whether flags or environment make this process one of several; arguments as in `joined`."""
     launched = any(os.environ.get(name, "1") != "1" for name in _COUNTS)
