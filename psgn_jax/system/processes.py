@@ -40,8 +40,10 @@ def start_command() -> None:
     """
     os.environ.update(environment())
     # Before jaxlib is imported: XLA and CUDA log only fatal errors. When XLA loads a program from
-    # the compilation cache on a CPU, it wrongly warns that the processor lacks two features.
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+    # the compilation cache on a CPU, it wrongly warns that the processor lacks two features. Jax
+    # sets 1 for itself and, unasked, for the commands that its process starts.
+    if os.environ.get("TF_CPP_MIN_LOG_LEVEL", "1") == "1":
+        os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
     quiet_orbax()
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
