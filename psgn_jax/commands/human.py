@@ -22,7 +22,7 @@ from psgn_jax.commands.common import keep_compiled
 from psgn_jax.config.command_line import Flags
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.system.files import check_folder
-from psgn_jax.web.human import files as lib
+from psgn_jax.web.human import cases as lib
 
 
 def _build(values: Any) -> None:

@@ -17,7 +17,7 @@ from psgn_jax.config.command_line import Flags
 from psgn_jax.data.schema import RecordError
 from psgn_jax.system.untrusted import message_line, one_line
 from psgn_jax.viewing import spheres
-from psgn_jax.viewing.dataset import make_sheet, report
+from psgn_jax.viewing.inspection import make_sheet, report
 
 
 def main(argv: Sequence[str] | None = None) -> int:

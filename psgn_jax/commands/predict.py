@@ -1,7 +1,7 @@
 """Predicts points from photos: `psgn predict IMAGE... --out DIR`.
 
 Images are files of any common format, or folders of such files. `psgn_jax.prediction.predictor`
-describes how the object is found and framed, `psgn_jax.prediction.files` describes the output. An
+describes how the object is found and framed, `psgn_jax.prediction.photos` describes the output. An
 image that cannot be processed does not stop the others. Exit codes: 0 all images were processed; 1
 some failed; 2 all failed, or an argument is wrong. `docs/reliability.md` lists the exit codes of a
 full disk and of Ctrl-C.
@@ -17,7 +17,7 @@ from psgn_jax.config.command_line import Flags
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.prediction import masks
 from psgn_jax.prediction.cloud import DEFAULT_FORMATS, FORMATS
-from psgn_jax.prediction.files import predict_files
+from psgn_jax.prediction.photos import predict_files
 from psgn_jax.prediction.predictor import NORMAL_FORMS, Predictor
 from psgn_jax.system.files import check_folder
 from psgn_jax.system.untrusted import message_line, one_line

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from psgn_jax.array_types import Array, Float
 from psgn_jax.evaluation.clouds import emd, subset
 from psgn_jax.losses.chamfer import chamfer_sq_mean, nearest_both
-from psgn_jax.losses.points import check_points
+from psgn_jax.losses.numeric import check_points
 
 LEAST_SCALE, LARGEST_SCALE = 0.8, 1.25
 

@@ -33,8 +33,8 @@ from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.data import loader
 from psgn_jax.evaluation.clouds import emd, fscore
 from psgn_jax.evaluation.table import aligned
-from psgn_jax.losses.batches import map_pairs
 from psgn_jax.losses.chamfer import chamfer_sq_mean, nearest_both
+from psgn_jax.losses.mapping import map_pairs
 from psgn_jax.models import efficientnet, networks
 from psgn_jax.prediction.refine import refined
 

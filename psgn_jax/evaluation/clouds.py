@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from psgn_jax.array_types import Array, Bool, Float
 from psgn_jax.losses.chamfer import nearest_both
 from psgn_jax.losses.emd import matched_distances
-from psgn_jax.losses.points import check_points, safe_sqrt
+from psgn_jax.losses.numeric import check_points, safe_sqrt
 
 FSCORE_THRESHOLD = 0.01
 

@@ -1,7 +1,6 @@
 """Distances between point clouds: pure functions of one pair; batch with `map_pairs` or vmap."""
 
 from psgn_jax.losses.auction import Assignment, assign
-from psgn_jax.losses.batches import map_pairs
 from psgn_jax.losses.chamfer import Nearest, chamfer_sq, chamfer_sq_mean, nearest_both
 from psgn_jax.losses.chamfer_forms import chamfer_authors, chamfer_l1_mean
 from psgn_jax.losses.emd import (
@@ -14,6 +13,7 @@ from psgn_jax.losses.emd import (
 )
 from psgn_jax.losses.farthest_points import farthest_point_indices, farthest_points
 from psgn_jax.losses.iou import iou, iou_sweep, soft_iou, soft_iou_loss
+from psgn_jax.losses.mapping import map_pairs
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n
 
 __all__ = [

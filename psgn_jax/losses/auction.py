@@ -44,8 +44,8 @@ from psgn_jax.losses.certificate import (
     prepare,
     vary_with,
 )
-from psgn_jax.losses.points import check_points
-from psgn_jax.losses.split import on_each_device
+from psgn_jax.losses.numeric import check_points
+from psgn_jax.losses.sharded import on_each_device
 from psgn_jax.system.cores import num_cores
 
 # The paper (section "Distance Metric between Point Sets") reports an error of about 1 %.

@@ -2,7 +2,7 @@
 
 from psgn_jax.array_types import Array, Float
 from psgn_jax.losses.chamfer import nearest_both
-from psgn_jax.losses.points import safe_sqrt
+from psgn_jax.losses.numeric import safe_sqrt
 
 
 def chamfer_l1_mean(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> Float[Array, ""]:

@@ -20,7 +20,7 @@ import numpy as np
 
 from psgn_jax.array_types import Array, Float, Int
 from psgn_jax.losses.auction import TOLERANCE, Assignment, assign
-from psgn_jax.losses.points import check_points, safe_sqrt
+from psgn_jax.losses.numeric import check_points, safe_sqrt
 
 
 class MatchedDistances(NamedTuple):

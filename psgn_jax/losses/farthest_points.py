@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from psgn_jax.array_types import Array, Float, Int
-from psgn_jax.losses.points import check_points
+from psgn_jax.losses.numeric import check_points
 
 # Points per block. The maximum of each block is computed first; then the farthest point is searched
 # in one block only. To choose 1,024 of 16,384 points, for two clouds under vmap, this takes 14 ms

@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 
 from psgn_jax.array_types import Array, Float, Int
-from psgn_jax.losses.batches import map_pairs
+from psgn_jax.losses.mapping import map_pairs
 
 
 class MinOfN(NamedTuple):

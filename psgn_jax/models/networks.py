@@ -14,7 +14,7 @@ from flax import linen as nn
 
 from psgn_jax.array_types import Array, Bool, Float, PRNGKey, UInt8
 from psgn_jax.config.experiment import Config, ModelConfig, VoxelConfig
-from psgn_jax.models import posterior, r2n2, voxels
+from psgn_jax.models import posterior, recurrent, volumes
 from psgn_jax.models.efficientnet import PhotoEncoder
 from psgn_jax.models.point_out_net import PointOutNet
 
@@ -43,22 +43,22 @@ def build_posterior(config: ModelConfig) -> posterior.Posterior:
     )
 
 
-def build_volume_net(config: ModelConfig) -> voxels.VolumeNet:
+def build_volume_net(config: ModelConfig) -> volumes.VolumeNet:
     """The network that predicts the volume of an object from its image."""
     widths = scaled_widths(config.widths, config.width_multiplier)
     (hidden,) = scaled_widths((512,), config.width_multiplier)
-    return voxels.VolumeNet(widths, hidden, DTYPES[config.compute_dtype])
+    return volumes.VolumeNet(widths, hidden, DTYPES[config.compute_dtype])
 
 
-def build_r2n2(config: ModelConfig, sizes: VoxelConfig) -> r2n2.RecurrentVolume:
+def build_r2n2(config: ModelConfig, sizes: VoxelConfig) -> recurrent.RecurrentVolume:
     """3D-R2N2 with the published widths times `voxels.width_multiplier`."""
     factor = sizes.width_multiplier
-    dense, hidden = scaled_widths((r2n2.DENSE_WIDTH, r2n2.HIDDEN_WIDTH), factor)
-    return r2n2.RecurrentVolume(
-        scaled_widths(r2n2.CONV_WIDTHS, factor),
+    dense, hidden = scaled_widths((recurrent.DENSE_WIDTH, recurrent.HIDDEN_WIDTH), factor)
+    return recurrent.RecurrentVolume(
+        scaled_widths(recurrent.CONV_WIDTHS, factor),
         dense,
         hidden,
-        scaled_widths(r2n2.DECODER_WIDTHS, factor),
+        scaled_widths(recurrent.DECODER_WIDTHS, factor),
         DTYPES[config.compute_dtype],
     )
 
@@ -120,7 +120,7 @@ def init_params(config: Config, model: nn.Module) -> Any:
     params = model.init(init_key(config), image, r)["params"]
     if config.model.posterior:
         key = jax.random.fold_in(jax.random.key(config.seed), _INIT_POSTERIOR)
-        own = build_posterior(config.model).init(key, jnp.zeros((1, *voxels.GRID)))["params"]
+        own = build_posterior(config.model).init(key, jnp.zeros((1, *volumes.GRID)))["params"]
         params = {**params, posterior.NAME: own}
     return params
 

@@ -32,7 +32,7 @@ from psgn_jax.array_types import Array, Float
 from psgn_jax.data.schema import OCCUPANCY_SIZE
 from psgn_jax.models import layers
 from psgn_jax.models.layers import Conv3D, Dense
-from psgn_jax.models.voxels import GRID, GRID_EDGE, GRID_ORIGIN
+from psgn_jax.models.volumes import GRID, GRID_EDGE, GRID_ORIGIN
 
 NAME = "posterior"
 """Key of the posterior's parameters next to those of the generator."""
@@ -67,7 +67,7 @@ class Posterior(nn.Module):
 
 
 def occupied(points: Float[Array, "n 3"]) -> Float[Array, "32 32 32"]:
-    """1 in the cells of `voxels.GRID` that contain a point, 0 in the others; it has no gradient.
+    """1 in the cells of `volumes.GRID` that contain a point, 0 in the others; it has no gradient.
 
     A point outside the grid, for instance after stretching, counts for the nearest cell.
     """

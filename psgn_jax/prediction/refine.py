@@ -15,7 +15,7 @@ import jax.numpy as jnp
 
 from psgn_jax.array_types import Array, Bool, Float
 from psgn_jax.losses.auction import assign
-from psgn_jax.losses.batches import map_pairs
+from psgn_jax.losses.mapping import map_pairs
 
 # Less than the auction can prove in float32, so it goes on to its last epsilon. On docs/photos it
 # finds the optimal bijection, in 5 % more time than with a tolerance of .001.

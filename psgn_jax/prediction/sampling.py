@@ -16,8 +16,8 @@ from flax import linen as nn
 
 from psgn_jax.array_types import Array, Float
 from psgn_jax.config.experiment import Config, ConfigError
-from psgn_jax.losses.batches import map_pairs
 from psgn_jax.losses.chamfer import chamfer_sq_mean
+from psgn_jax.losses.mapping import map_pairs
 from psgn_jax.models import networks
 from psgn_jax.models.networks import random_key
 

@@ -33,7 +33,7 @@ from psgn_jax.data.sources import shapenet
 from psgn_jax.evaluation.clouds import evaluate_pair
 from psgn_jax.evaluation.table import Lines
 from psgn_jax.losses.farthest_points import farthest_points
-from psgn_jax.models.voxels import GRID_EDGE, GRID_ORIGIN
+from psgn_jax.models.volumes import GRID_EDGE, GRID_ORIGIN
 from psgn_jax.studies import figures, runner
 from psgn_jax.training.from_config import create_training
 from psgn_jax.training.step import data_mesh, put_batch

@@ -18,9 +18,9 @@ from psgn_jax.evaluation import clouds as metrics_lib
 from psgn_jax.evaluation.aligned import aligned_metrics
 from psgn_jax.evaluation.results import Evaluation
 from psgn_jax.evaluation.split import compile_measure, evaluate_split
-from psgn_jax.losses.batches import map_pairs
 from psgn_jax.losses.by_name import configured_loss, parse_terms
 from psgn_jax.losses.chamfer import chamfer_sq_mean
+from psgn_jax.losses.mapping import map_pairs
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n
 from psgn_jax.models import networks, posterior
 from psgn_jax.prediction import sampling

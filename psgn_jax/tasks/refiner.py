@@ -20,7 +20,7 @@ from jax.tree_util import Partial
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config, ConfigError, to_dict, to_json
 from psgn_jax.losses.iou import iou_sweep, soft_iou_loss
-from psgn_jax.models import networks, voxels
+from psgn_jax.models import networks, volumes
 from psgn_jax.system.files import write_atomic
 from psgn_jax.tasks.task import Batch, Task
 from psgn_jax.tasks.voxels import apply, voxel_task
@@ -61,7 +61,7 @@ def open_source(config: Config, workdir: pathlib.Path, name: str) -> Trained:
 
 
 def refiner_task(config: Config, workdir: pathlib.Path) -> Task:
-    """Maps clouds of one or two trained networks to a volume (`models.voxels.VoxelRefiner`).
+    """Maps clouds of one or two trained networks to a volume (`models.volumes.VoxelRefiner`).
 
     Metrics: `iou` of the refiner; `iou_splat_cd`, `iou_splat_emd` of the splats without refiner.
     """
@@ -78,12 +78,12 @@ def refiner_task(config: Config, workdir: pathlib.Path) -> Task:
     volume_net = None
     if "from_volume" in names:
         volume_net = networks.build_volume_net(sources["from_volume"].config.model)
-    model = voxels.VoxelRefiner(config.voxels.widths, networks.DTYPES[config.model.compute_dtype])
+    model = volumes.VoxelRefiner(config.voxels.widths, networks.DTYPES[config.model.compute_dtype])
 
     def init_params() -> Any:
-        grids = jnp.zeros((1, *voxels.GRID, len(clouds)))
-        volumes = None if volume_net is None else jnp.zeros(1)
-        return model.init(networks.init_key(config), grids, volumes)["params"]
+        grids = jnp.zeros((1, *volumes.GRID, len(clouds)))
+        size = None if volume_net is None else jnp.zeros(1)
+        return model.init(networks.init_key(config), grids, size)["params"]
 
     def random_columns(step: Array | int, batch_size: int, *, train: bool) -> dict[str, Array]:
         """A column for each cloud network with a random input, drawn as in an evaluation."""
@@ -99,12 +99,12 @@ def refiner_task(config: Config, workdir: pathlib.Path) -> Task:
             networks.predict(theirs, network, frozen[name], batch, batch.get(f"r_{name}"))
             for name, (theirs, network) in clouds.items()
         ]
-        splats = jax.vmap(lambda *one: voxels.splat_clouds(one))(*predicted)
-        volumes = None
+        splats = jax.vmap(lambda *one: volumes.splat_clouds(one))(*predicted)
+        sizes = None
         if volume_net is not None:
             seen = networks.network_inputs(config.data.inputs, batch)
-            volumes = apply(volume_net, frozen["from_volume"], seen)
-        return apply(model, params, splats, volumes), splats
+            sizes = apply(volume_net, frozen["from_volume"], seen)
+        return apply(model, params, splats, sizes), splats
 
     def objective(
         frozen: Any, params: Any, batch: Batch, step: Array

@@ -20,7 +20,7 @@ from psgn_jax.config.experiment import Config
 from psgn_jax.evaluation.results import Evaluation, at_thresholds
 from psgn_jax.evaluation.split import compile_measure, evaluate_split
 from psgn_jax.losses.iou import iou_sweep
-from psgn_jax.models import networks, r2n2, voxels
+from psgn_jax.models import networks, recurrent, volumes
 from psgn_jax.tasks.task import Batch, Task, no_columns
 
 
@@ -65,7 +65,7 @@ def voxel_task(
 
 
 def volume_task(config: Config, workdir: pathlib.Path) -> Task:
-    """Maps an image to the natural logarithm of the object's volume (`models.voxels.VolumeNet`).
+    """Maps an image to the natural logarithm of the object's volume (`models.volumes.VolumeNet`).
 
     The loss is its squared error, the metric `log_volume_abs_error` its absolute error.
     """
@@ -77,7 +77,7 @@ def volume_task(config: Config, workdir: pathlib.Path) -> Task:
 
     def errors(params: Any, batch: Batch) -> tuple[Array, Array]:
         pred = apply(model, params, networks.network_inputs(config.data.inputs, batch))
-        return pred, pred - jax.vmap(voxels.log_volume)(batch["occupancy"])
+        return pred, pred - jax.vmap(volumes.log_volume)(batch["occupancy"])
 
     def objective(params: Any, batch: Batch, step: Array) -> tuple[Array, dict[str, Array]]:
         value = jnp.square(errors(params, batch)[1]).mean()
@@ -91,7 +91,7 @@ def volume_task(config: Config, workdir: pathlib.Path) -> Task:
 
 
 def views_task(config: Config, workdir: pathlib.Path) -> Task:
-    """3D-R2N2 (`models.r2n2`): from one or more images to a solid volume, trained by cross-entropy.
+    """3D-R2N2 (`models.recurrent`): from images to a solid volume, trained by cross-entropy.
 
     Source: Choy et al., "3D-R2N2", ECCV 2016. **Ours**: the network predicts in the frame of the
     first view, like all networks of this project, so it must infer how other views are rotated. The
@@ -109,15 +109,15 @@ def views_task(config: Config, workdir: pathlib.Path) -> Task:
 
     def objective(params: Any, batch: Batch, step: Array) -> tuple[Array, dict[str, Array]]:
         logits = apply(model, params, networks.network_inputs(config.data.inputs, batch))
-        value = jax.vmap(r2n2.voxel_cross_entropy)(logits, batch["occupancy"]).mean()
+        value = jax.vmap(recurrent.voxel_cross_entropy)(logits, batch["occupancy"]).mean()
         return value, {"loss_step": value}
 
     def measure(params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
-        seen, metrics, volumes = networks.network_inputs(config.data.inputs, batch), {}, []
+        seen, metrics, predicted = networks.network_inputs(config.data.inputs, batch), {}, []
         for count, name in names.items():
-            volumes.append(r2n2.occupancy(apply(model, params, seen[:, :count])))
-            metrics[name] = jax.vmap(iou_sweep)(volumes[-1], batch["occupancy"])
-        return volumes[0], metrics
+            predicted.append(recurrent.occupancy(apply(model, params, seen[:, :count])))
+            metrics[name] = jax.vmap(iou_sweep)(predicted[-1], batch["occupancy"])
+        return predicted[0], metrics
 
     title = f"3D-R2N2 (widths times {config.voxels.width_multiplier:g})"
     best = next(iter(names.values()))

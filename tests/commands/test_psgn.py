@@ -96,7 +96,7 @@ for name in ("LOGNAME", "USER", "LNAME", "USERNAME", "PSGN_CACHE"):
         ["train", *small, f"--workdir={run}"],
         ["predict", ROOT / "docs" / "photos" / "cup.jpg", f"--workdir={run}", f"--out={out}"],
         ["train", "--config=debug", f"--workdir={tmp_path / 'none'}"],
-        imports=["nobody", "psgn_jax.training.loop", "psgn_jax.prediction.files"],
+        imports=["nobody", "psgn_jax.training.loop", "psgn_jax.prediction.photos"],
         PYTHONPATH=f"{ROOT}:{tmp_path}",
     )
     assert train.returncode == 0, train.stderr

@@ -17,7 +17,7 @@ from psgn_jax.data import camera
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.prediction import masks
 from psgn_jax.prediction.cloud import DECONV, FC, Prediction
-from psgn_jax.prediction.files import predict_files
+from psgn_jax.prediction.photos import predict_files
 from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.training import loop
 from psgn_jax.weights.checkpoint import Checkpoints
@@ -330,7 +330,7 @@ def test_the_command(config, params, tmp_path):
     some, nothing = psgn_each(
         ["predict", tmp_path / "in", *flags, "--samples=2"],
         ["predict", tmp_path / "in" / "text.png", *flags],
-        imports=["psgn_jax.prediction.files", "psgn_jax.weights.opening"],
+        imports=["psgn_jax.prediction.photos", "psgn_jax.weights.opening"],
         PSGN_CACHE=str(tmp_path),
     )
     assert some.returncode == 1, some.stderr

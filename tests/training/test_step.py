@@ -14,8 +14,8 @@ from helpers.weights import random_params
 
 from psgn_jax import tasks
 from psgn_jax.config.experiment import OptimConfig
-from psgn_jax.losses.batches import map_pairs
 from psgn_jax.losses.by_name import configured_loss
+from psgn_jax.losses.mapping import map_pairs
 from psgn_jax.losses.min_of_n import min_of_n
 from psgn_jax.models import networks
 from psgn_jax.tasks import points

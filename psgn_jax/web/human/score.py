@@ -30,7 +30,7 @@ from psgn_jax.prediction.predictor import require_photos
 from psgn_jax.studies import figures
 from psgn_jax.system.files import finite_or_none, write_atomic
 from psgn_jax.system.untrusted import message_line, one_line
-from psgn_jax.web.human.files import Answer, StudyFile
+from psgn_jax.web.human.cases import Answer, StudyFile
 from psgn_jax.weights.run_folder import Trained
 
 NUM_POINTS = 1024  # as in the paper

@@ -13,7 +13,7 @@ from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.shards import read_report
 from psgn_jax.data.sources import authors, duplicates
 from psgn_jax.system.claims import claim
-from psgn_jax.viewing import dataset as dataset_view
+from psgn_jax.viewing import inspection as dataset_view
 
 
 def test_own_batch_file(authors_file, make):

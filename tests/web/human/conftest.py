@@ -5,7 +5,7 @@ from helpers import drawn_solids
 from helpers.human_study import table_sample
 
 from psgn_jax.data.dataset import write_dataset
-from psgn_jax.web.human.files import build_study
+from psgn_jax.web.human.cases import build_study
 
 
 @pytest.fixture(scope="session")

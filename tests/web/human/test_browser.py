@@ -7,7 +7,7 @@ import pytest
 from helpers.human_study import LEG, LEGS, TOP, TURN, corners, turn
 from scipy.spatial import ConvexHull
 
-from psgn_jax.web.human.files import read_answers, read_study
+from psgn_jax.web.human.cases import read_answers, read_study
 
 
 @pytest.fixture

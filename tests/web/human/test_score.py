@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.web.human import score
-from psgn_jax.web.human.files import build_study, open_cases, read_answers, read_study
+from psgn_jax.web.human.cases import build_study, open_cases, read_answers, read_study
 from psgn_jax.web.human.score import sample_union
 from psgn_jax.weights.run_folder import Trained
 

@@ -6,7 +6,7 @@ from typing import Any
 import jax
 
 from psgn_jax.array_types import Array
-from psgn_jax.losses.split import on_each_device
+from psgn_jax.losses.sharded import on_each_device
 
 
 def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:

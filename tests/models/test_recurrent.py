@@ -5,8 +5,8 @@ import optax
 import pytest
 
 from psgn_jax.config.experiment import ModelConfig, VoxelConfig
-from psgn_jax.models import networks, r2n2
-from psgn_jax.models.r2n2 import occupancy, unpool, voxel_cross_entropy
+from psgn_jax.models import networks, recurrent
+from psgn_jax.models.recurrent import occupancy, unpool, voxel_cross_entropy
 
 
 def build(width_multiplier=1.0):
@@ -76,7 +76,7 @@ def test_cross_entropy_is_optaxs(rng):
 
 def test_cell_against_the_equations(rng):
     """Compares one step with the equations in NumPy; the kernels ignore neighbouring cells."""
-    cell = r2n2.VolumeCell(jnp.float32)
+    cell = recurrent.VolumeCell(jnp.float32)
     x = rng.normal(size=(1, 6)).astype(np.float32)
     hidden = rng.normal(size=(1, 4, 4, 4, 5)).astype(np.float32)
     params = jax.jit(cell.init)(jax.random.key(0), x, hidden)

@@ -3,10 +3,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from psgn_jax.models import voxels
-from psgn_jax.models.voxels import VoxelRefiner, log_volume
+from psgn_jax.models import volumes
+from psgn_jax.models.volumes import VoxelRefiner, log_volume
 
-splat = jax.jit(voxels.splat, static_argnames="size")
+splat = jax.jit(volumes.splat, static_argnames="size")
 
 
 def naive_splat(points, size=32):
@@ -62,7 +62,7 @@ def test_splat_is_clipped_and_differentiable(rng):
 
         @jax.jit
         def value_and_grad(p):
-            return jax.value_and_grad(lambda p: (voxels.splat(p, 8) * weights).sum())(p)
+            return jax.value_and_grad(lambda p: (volumes.splat(p, 8) * weights).sum())(p)
 
         slope = (value_and_grad(cloud)[1] * direction).sum()
         h = 1e-7
