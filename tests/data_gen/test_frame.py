@@ -67,7 +67,7 @@ def test_normalize_counts_only_what_is_drawn():
     assert got.vertices[-4, 2] * radius == pytest.approx(SHEET[0, 2] - ground, abs=0.01)
 
 
-def test_normalize_of_sheets_that_exist_nowhere_or_repeat():
+def test_normalize_ignores_sheets_that_exist_nowhere():
     texture = np.zeros((16, 16, 4), np.uint8)
     model = with_sheet(texture, SHEET, model_of(cube(0.5)))
     want = normalize(model_of(cube(0.5))).vertices
@@ -78,14 +78,6 @@ def test_normalize_of_sheets_that_exist_nowhere_or_repeat():
     )  # fmt: skip
     with pytest.raises(UnusableModelError, match="the model is transparent"):
         normalize(alone)
-    # Stripes, repeated three times and shifted: v from -1.4 to 1.6.
-    texture[8:] = 255
-    striped = dataclasses.replace(alone, materials=(Material(), Material(texture=texture)),
-                                  uv=(alone.uv * 3 - [0, 1.4]).astype(np.float32))  # fmt: skip
-    got = normalize(striped).vertices
-    # The sheet exists for v in [-1, -.5], [0, .5] and [1, 1.5]. Its height of 4 spans 3 units of v.
-    scale = np.ptp(got[:, 0]) / 4
-    assert got[:, 2].min() == pytest.approx(-0.4 / 3 * 4 * scale, abs=0.005)
 
 
 def test_normalize_refuses_what_overflows_and_strays_by_name():

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from helpers.solid_models import cube, model_of, sphere
 
-from data_gen.frame import normalize
-from data_gen.mesh import Material, UnusableModelError, build_model, face_normals
+from data_gen.mesh import UnusableModelError, build_model, face_normals
 
 
 def normals_of(shape):
@@ -19,14 +18,6 @@ def test_build_drops_what_is_no_surface():
     assert len(model.vertices) == 3
     assert any("2 degenerate" in w for w in model.warnings)
     assert any("missing vertices" in w for w in model.warnings)
-
-
-def test_build_drops_faces_nobody_can_see():
-    clear = Material(opacity=0.0)
-    faces = cube().faces
-    owner = np.arange(len(faces)) % 2
-    model = build_model(cube().vertices, faces, materials=[Material(), clear], face_material=owner)
-    assert len(model.faces) == len(faces) // 2
 
 
 def test_build_refuses_what_is_not_finite_empty_or_too_large():
@@ -64,11 +55,3 @@ def test_a_face_is_turned_over_to_agree_with_its_normals():
     faces[3] = faces[3][::-1]
     model = build_model(solid.vertices, faces, normals=normals_of(solid))
     assert ((normals_of(model) * model.normals).sum(axis=2) > 0.99).all()
-
-
-def test_a_mirroring_keeps_the_outside_outside():
-    model = normalize(model_of(sphere()))
-    mirrored = model.transformed(np.diag([-1.0, 1, 1]))
-    facing = normals_of(mirrored)
-    assert ((facing * mirrored.normals).sum(axis=2) > 0.9).all()
-    assert (facing * (mirrored.corners() - [0, 0, 0.5])).sum(axis=2).min() > 0

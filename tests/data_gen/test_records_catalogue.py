@@ -62,13 +62,6 @@ def test_colours_are_those_of_the_image():
     assert np.ptp(without[..., :3][without[..., 3] > 0]) == 0
 
 
-def test_too_few_points_are_refused():
-    sample = box_sample(num_points=300)
-    equal = dataclasses.replace(sample, points=np.repeat(sample.points[:50], 6, axis=0))
-    with pytest.raises(UnusableModelError, match="50 different points, expected 100 or more"):
-        surfels(equal)
-
-
 @pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba does not run here")
 def test_models_keep_their_split_frame_and_place(here, tmp_path):
     first, other = box_sample(), box_sample(200, "another box")
