@@ -181,7 +181,7 @@ def test_what_is_wrong_is_said_before_the_work(tmp_path):
         (["--packages=.", "--out=x", "cats"], "unexpected argument 'cats'"),
     )
     arguments = [["free-set", *arguments] for arguments, _ in cases]
-    found = psgn_each(*arguments, cwd=tmp_path, imports=["data_gen.default"])
+    found = psgn_each(*arguments, cwd=tmp_path, imports=["data_gen.catalogues.open_catalogue"])
     for done, (_, message) in zip(found, cases, strict=True):
         assert (done.returncode, done.stdout, message in done.stderr) == (2, "", True), done.stderr
         assert "Traceback" not in done.stderr

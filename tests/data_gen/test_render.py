@@ -241,8 +241,7 @@ def test_killed_and_parted_gives_the_same_bytes(whole, here, tmp_path):
     source = open_catalogue("procedural", SOURCE)
     first = job.render_catalogue(source, out, options(), part=(1, 2), render=here)
     assert first.exit_code == 3
-    one_each = options(job={**SMALL["job"], "models_per_worker": 1})
-    second = job.render_catalogue(source, out, one_each, part=(0, 2))
+    second = job.render_catalogue(source, out, options(), part=(0, 2))
     assert second.exit_code == 0
     assert contents(out) == contents(whole[0])
     assert not (out / ".work").exists()
@@ -345,7 +344,7 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
         (f"--config.camera.aim=(7.,1.) --config={CONFIG}:r2n2", "camera.aim=(7.0, 1.0): accepted"),
     )
     arguments = [["render", *command, *wrong.split(" ")] for wrong, _ in cases]
-    imports = ["data_gen.cluster", "data_gen.default"]
+    imports = ["data_gen.catalogues.open_catalogue"]
     first, *found = psgn_each(["render", "--help"], *arguments, cwd=tmp_path, imports=imports)
     for done, (_, message) in zip(found, cases, strict=True):
         said = done.stderr
