@@ -113,8 +113,8 @@ def test_missing_meshes_are_said_with_their_repositories(meshes):
 
 
 def test_a_grey_mesh_gets_a_material_and_a_damaged_index_is_named(meshes):
-    catalogue = open_catalogue("indexed", meshes / "meshes", licences=("GPL*",))
-    (rock,) = (entry.load() for entry in catalogue.models)
+    (entry,) = open_catalogue("indexed", meshes / "meshes", licences=("GPL*",)).models
+    rock = entry.load()
     assert rock.materials[0].texture is not None or np.ptp(rock.materials[0].diffuse) > 0
     for text, message in (
         ("name\n", "line 1: expected a heading with a column `file`"),

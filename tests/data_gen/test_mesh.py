@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from helpers.solid_models import cube, model_of, sphere
 
-from data_gen.mesh import UnusableModelError, build_model, face_normals
+from data_gen.mesh import Material, UnusableModelError, build_model, face_normals
 
 
 def normals_of(shape):
@@ -12,8 +12,10 @@ def normals_of(shape):
 
 def test_build_drops_what_is_no_surface():
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0], [9, 9, 9]], float)
-    faces = np.array([[0, 1, 2], [0, 1, 3], [0, 0, 1], [0, 1, 7], [0, 2, -1]])
-    model = build_model(vertices, faces)
+    faces = np.array([[0, 1, 2], [0, 1, 3], [0, 0, 1], [0, 1, 7], [0, 2, -1], [1, 2, 4]])
+    materials = [Material(), Material(opacity=0.0)]
+    owner = np.array([0, 0, 0, 0, 0, 1])
+    model = build_model(vertices, faces, materials=materials, face_material=owner)
     assert len(model.faces) == 1
     assert len(model.vertices) == 3
     assert any("2 degenerate" in w for w in model.warnings)
@@ -55,3 +57,9 @@ def test_a_face_is_turned_over_to_agree_with_its_normals():
     faces[3] = faces[3][::-1]
     model = build_model(solid.vertices, faces, normals=normals_of(solid))
     assert ((normals_of(model) * model.normals).sum(axis=2) > 0.99).all()
+
+
+def test_a_mirroring_keeps_the_outside_outside():
+    mirrored = model_of(sphere()).transformed(np.diag([-1.0, 1, 1]))
+    assert ((normals_of(mirrored) * mirrored.normals).sum(axis=2) > 0.9).all()
+    assert (normals_of(mirrored) * mirrored.corners()).sum(axis=2).min() > 0

@@ -14,14 +14,14 @@ from data_gen.readers.obj import _blocks, read_obj
 from data_gen.surface import sample_surface
 
 
-@pytest.mark.parametrize("number", ["1e154", "1e155", "1e300"])
-@pytest.mark.parametrize("line", ["v {} 0 0", "v 0 {} 0", "vt {} 0", "vn {} 0 0"])
-def test_a_number_that_overflows_is_refused_or_left_out(write, line, number):
+@pytest.mark.parametrize("line", ["v {} 0 0", "vt {} 0", "vn {} 0 0"])
+def test_a_number_that_overflows_is_refused_or_left_out(write, line):
     """Without a warning of NumPy, which tests make an error."""
-    lines = ["v 1 0 0", "v 0 1 0", "v 0 0 1", "vt 0 0", "vn 0 0 1", line.format(number)]
-    path = write("a.obj", "\n".join([*lines, "v 0 0 0", "f 1/1/1 2/2/2 3/1/1 4/1/1"]))
-    with contextlib.suppress(UnusableModelError):
-        assert np.isfinite(load_model(path).vertices).all()
+    for number in ("1e154", "1e155", "1e300"):
+        lines = ["v 1 0 0", "v 0 1 0", "v 0 0 1", "vt 0 0", "vn 0 0 1", line.format(number)]
+        path = write("a.obj", "\n".join([*lines, "v 0 0 0", "f 1/1/1 2/2/2 3/1/1 4/1/1"]))
+        with contextlib.suppress(UnusableModelError):
+            assert np.isfinite(load_model(path).vertices).all()
 
 
 @pytest.mark.parametrize(
