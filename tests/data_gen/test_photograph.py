@@ -8,14 +8,14 @@ import pytest
 import scipy.spatial
 from helpers.solid_models import model_of
 
-from data_gen import cameras, config, engine, lights, scene, settings, surroundings
+from data_gen import cameras, config, lights, scene, settings, surroundings
 from data_gen.catalogues import solids
 from data_gen.catalogues.entry import Entry
 from data_gen.engine import Variant, has_mitsuba
 from data_gen.mesh import Material
 from data_gen.photograph import develop, trace
 from data_gen.picture import Mesh, render
-from data_gen.render_model import Context, render_model
+from data_gen.render_model import Context
 from data_gen.settings import FilmSettings
 from data_gen.surroundings import Surroundings
 from psgn_jax.config import structured
@@ -43,8 +43,7 @@ def test_grounds_are_reflectances(kind):
 
 
 @needs_mitsuba
-def test_mixed_light_takes_from_all_sources():
-    engine.start("scalar_rgb")
+def test_mixed_light_takes_from_all_sources(started):
     maps = np.ones((1, *lights.DETAIL, 3), np.float32)
     chosen = lights.LightSettings(source="mixed", folder="given")
     camera = cameras.draw(np.random.default_rng(0), cameras.CameraSettings(), np.eye(3))
@@ -68,8 +67,7 @@ def test_mixed_light_takes_from_all_sources():
 
 
 @needs_mitsuba
-def test_contact_shadow_of_a_black_box():
-    engine.start("scalar_rgb")
+def test_contact_shadow_of_a_black_box(started):
     solid = solids.box(0.8, 0.8, 0.8).at(z=0.4)
     surfaces = scene.flatten(model_of(solid, materials=[Material(diffuse=(0, 0, 0))]))
     camera = cameras.make(
@@ -118,25 +116,20 @@ def load_box():
     return model_of(solids.box(0.8, 0.8, 0.8).at(z=0.4), materials=[material], uv=uv)
 
 
-def samples_of(chosen):
-    engine.start("scalar_rgb")
-    entry = Entry("box", "", "train", load_box)
-    context = Context(chosen, "test", Variant("scalar_rgb"), None)
-    data, line = render_model(entry, context)
-    assert line["status"] == "ok", line["reason"]
-    return data
-
-
 @needs_mitsuba
 @pytest.mark.parametrize("elevation", [-20.0, 60.0])
-def test_ground_and_surroundings_are_in_the_image_alone(elevation):
+def test_ground_and_surroundings_are_in_the_image_alone(here, elevation):
+    def samples_of(chosen):
+        context = Context(chosen, "test", Variant("scalar_rgb"), None)
+        (result,) = here([(0, Entry("box", "", "train", load_box))], context)
+        return result.records
+
     height = {"elevation": (elevation, elevation)}
     data = samples_of(photo_settings(camera=height))
     assert elevation < 0 or samples_of(photo_settings(camera=height)) == data
     plain = {"shading": "local", "background": "grey", "ground": "none"}
     without = photo_settings(camera=height, image=plain)
-    for one, two in zip(data, samples_of(without), strict=True):
-        sample, other = decode(one), decode(two)
+    for sample, other in zip(map(decode, data), map(decode, samples_of(without)), strict=True):
         for name in ("mask", "depth", "points", "normals", "intrinsics", "extrinsics"):
             np.testing.assert_array_equal(getattr(sample, name), getattr(other, name))
         assert json.loads(sample.extra) == json.loads(other.extra)

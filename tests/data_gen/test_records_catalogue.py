@@ -68,15 +68,14 @@ def test_models_keep_their_split_frame_and_place(here, tmp_path):
     again = dataclasses.replace(first, view=1)
     splits = {"train": [first, again], "validation": [other]}
     write_dataset(tmp_path, splits, source="solids")
-    catalogue = open_catalogue("records", tmp_path)
-    entries = catalogue.models
+    entries = open_catalogue("records", tmp_path).models
     assert [(e.model_id, e.split) for e in entries] == [
         ("a box", "train"), ("another box", "validation"),
     ]  # fmt: skip
     values = {
         "views": 1, "num_points": 2000, "camera": {"azimuth": (0.0, 0.0)}, "image": {"samples": 1},
     }  # fmt: skip
-    context = Context(settings.parse(values), catalogue.name, Variant("scalar_rgb"), None)
+    context = Context(settings.parse(values), "records", Variant("scalar_rgb"), None)
     (result,) = here([(0, entries[0])], context)
     view = decode(result.records[0])
     # Seen from the same angle, the object covers nearly the same pixels.
@@ -85,16 +84,12 @@ def test_models_keep_their_split_frame_and_place(here, tmp_path):
     np.testing.assert_allclose(view.points.mean(axis=0), first.points.mean(axis=0), atol=0.02)
 
 
-def test_records_are_needed_and_duplicates_of_held_out_objects_left_out(tmp_path):
-    with pytest.raises(ValueError, match=str(tmp_path)):
-        open_catalogue("records", tmp_path)
-    sample = box_sample(200)
+def test_ambiguous_models_are_refused_and_duplicates_of_held_out_ones_left_out(tmp_path):
+    sample, name = box_sample(200), "expected a name that belongs to"
     write_dataset(tmp_path, {"train": [sample], "duplicate": [sample]}, source="solids")
     assert [entry.split for entry in open_catalogue("records", tmp_path).models] == ["train"]
-
-
-def test_ambiguous_models_are_refused(tmp_path):
-    sample, name = box_sample(200), "expected a name that belongs to"
+    with pytest.raises(ValueError, match="none"):
+        open_catalogue("records", tmp_path / "none")
     for number, (splits, message) in enumerate((
         ({"train": [dataclasses.replace(sample, model_id="")]}, name),
         ({"train": [sample], "test": [sample]}, name),
