@@ -6,6 +6,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from helpers.obj_text import CUBE, FACES
 
 from data_gen.catalogues import sh3f
 from data_gen.catalogues.entry import SPLITS, split_of
@@ -13,22 +14,7 @@ from data_gen.catalogues.open_catalogue import open_catalogue, parse_options
 from data_gen.mesh import UnusableModelError
 from data_gen.readers.model_files import ZipFiles
 
-BOX = """\
-v 0 0 0
-v 1 0 0
-v 1 1 0
-v 0 1 0
-v 0 0 1
-v 1 0 1
-v 1 1 1
-v 0 1 1
-f 4 3 2 1
-f 5 6 7 8
-f 1 2 6 5
-f 2 3 7 6
-f 3 4 8 7
-f 4 1 5 8
-"""
+BOX = CUBE + FACES
 
 
 def test_splits_are_stable_and_of_the_sizes_asked_for():
@@ -104,7 +90,7 @@ def shapenet_tree(root, layout):
         for k in range(10):
             file = root / synset / f"{k:032x}" / layout
             file.parent.mkdir(parents=True)
-            file.write_text(BOX.replace("v 1", "v 3").replace("1 0\n", "2 0\n"))
+            file.write_text(BOX.replace("v 1", "v 5").replace(" 1 -1\n", " 3 -1\n"))
     (root / "taxonomy.json").write_text("[]")
     (root / "02691156" / "empty").mkdir()
 
@@ -218,7 +204,7 @@ def test_traversal_finds_nothing(tmp_path):
     for name in ("../evil.png", "../../lib.sh3f", "/etc/passwd", "models/../../evil.png"):
         with pytest.raises(FileNotFoundError):
             files.open("", name)
-    assert files.open("models/b", "../A/CHAIR.obj").startswith(b"v 0 0 0")
+    assert files.open("models/b", "../A/CHAIR.obj") == BOX.encode()
 
 
 def test_a_damaged_member_is_refused_for_that_model_alone(tmp_path):

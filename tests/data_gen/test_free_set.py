@@ -7,6 +7,7 @@ import pathlib
 import numpy as np
 import pytest
 from helpers.commands import psgn_each
+from helpers.obj_text import CUBE, FACES
 
 from data_gen import free_set
 from data_gen.catalogues.open_catalogue import open_catalogue
@@ -78,9 +79,7 @@ def meshes(tmp_path):
     for name in ("a/chair-1", "a/chair-2", "b/rock", "b/own"):
         path = tmp_path / "meshes" / f"{name}.obj"
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(
-            "v 0 0 0\nv 1 0 0\nv 0 1 0.4\nv 0 0 1\nf 1 2 3\nf 1 3 4\nf 2 3 4\nf 1 2 4\n"
-        )
+        path.write_text(CUBE + FACES)
     (tmp_path / "meshes/index.csv").write_text(INDEX)
     return tmp_path
 

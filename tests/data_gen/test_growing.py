@@ -1,5 +1,6 @@
 """Data sets that are extended, and jobs that are killed. Random samples replace the renderer."""
 
+import dataclasses
 import functools
 import os
 import pathlib
@@ -15,7 +16,7 @@ from data_gen.catalogues.choosing import Choice
 from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
 from data_gen.engine import Variant
 from data_gen.render_model import failure, model_seed
-from psgn_jax.data import schema, shards
+from psgn_jax.data import shards
 from psgn_jax.data.codec import encode
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.manifest import load_manifest
@@ -38,13 +39,9 @@ def listed(names, split=lambda name: "test" if name[-1] in "37" else "train", fr
 @functools.cache
 def record_of(model_id, category):
     rng = np.random.default_rng(model_seed(0, "listed", model_id) % 2**31)
-    drawn = solids.draw(solids.random_solid("box", rng), rng, image_size=(16, 24))
-    sample = schema.Sample(
-        image=drawn.image, mask=drawn.mask, depth=drawn.depth, points=drawn.points[:50],
-        normals=None, occupancy=None, intrinsics=drawn.intrinsics, extrinsics=drawn.extrinsics,
-        category=category, model_id=model_id, view=0, source="listed",
-    )  # fmt: skip
-    return encode(sample)
+    solid = solids.random_solid("box", rng)
+    sample = solids.draw(solid, rng, image_size=(16, 24), num_points=50, model_id=model_id)
+    return encode(dataclasses.replace(sample, category=category))
 
 
 class Pool:

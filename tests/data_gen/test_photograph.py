@@ -29,6 +29,7 @@ def photo_settings(**changes):
     values = structured.to_dict(settings.parse(config.get_config("photo")))
     values |= {"views": 1, "num_points": 3000, "models_per_shard": 2}
     values["camera"]["image_size"] = (48, 64)
+    values["image"]["rays"] = 4
     values["checks"] |= {"depth": 0.1, "inside": 0.8}
     for section, fields in changes.items():
         values[section] |= fields
@@ -127,7 +128,7 @@ def test_ground_and_surroundings_are_in_the_image_alone(here, elevation):
     height = {"elevation": (elevation, elevation)}
     data = samples_of(photo_settings(camera=height))
     assert elevation < 0 or samples_of(photo_settings(camera=height)) == data
-    plain = {"shading": "local", "background": "grey", "ground": "none"}
+    plain = {"shading": "local", "background": "grey", "ground": "none", "rays": 16}
     without = photo_settings(camera=height, image=plain)
     for sample, other in zip(map(decode, data), map(decode, samples_of(without)), strict=True):
         for name in ("mask", "depth", "points", "normals", "intrinsics", "extrinsics"):

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from helpers import processes
 from helpers.commands import psgn_each
+from helpers.obj_text import CUBE, FACES
 from helpers.small_renders import SMALL, contents
 from helpers.solid_models import model_of
 
@@ -249,12 +250,10 @@ def test_killed_and_parted_gives_the_same_bytes(whole, here, tmp_path):
 
 def write_folder(folder):
     (folder / "good").mkdir(parents=True)
-    triangle = "v 0 0 0\nv 1 0 0\nv 0 1 .4\nv 0 0 1\nf 1 2 3\nf 1 3 4\nf 2 3 4\nf 1 2 4\n"
-    (folder / "good" / "café.obj").write_text(triangle)
-    (folder / "good" / "empty.obj").write_text("")
-    (folder / "good" / "nan.obj").write_text(triangle.replace("v 1 0 0", "v nan 0 0"))
-    name = os.fsencode(folder / "good") + b"/latin\xe9.obj"  # no UTF-8
-    pathlib.Path(os.fsdecode(name)).write_text(triangle)
+    cube, latin = CUBE + FACES, os.fsdecode(b"latin\xe9")  # the latter is no UTF-8
+    texts = {"café": cube, "empty": "", "nan": cube.replace("v 1", "v nan"), latin: cube}
+    for name, text in texts.items():
+        (folder / "good" / f"{name}.obj").write_text(text)
     return folder
 
 
