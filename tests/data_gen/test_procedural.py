@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from data_gen.catalogues import procedural
-from data_gen.catalogues.families import kit
+from data_gen.catalogues import procedural, solids
+from data_gen.catalogues.families import kit, materials
 from data_gen.catalogues.open_catalogue import open_catalogue
 from data_gen.mesh import face_normals
 
@@ -82,3 +82,15 @@ def test_the_catalogue_lists_its_models():
     splits = {e.model_id: e.split for e in entries}
     assert all(e.split == splits[e.model_id] for e in some)
     assert some[0].load().model_id == "chair-5"
+
+
+def test_a_screen_is_upright_for_a_viewer_in_front():
+    image = np.full((4, 4, 4), 255, np.uint8)
+    builder = kit.Kit(np.random.default_rng(0))
+    builder.add(materials.Textured(texture=image, tile=0.0), solids.box(0.02, 2, 1))
+    model = builder.model("monitor", "m", {})
+    front = face_normals(model.vertices, model.faces)[:, 0] > 0.9
+    corners, uv = model.corners()[front].reshape(-1, 3), model.uv[front].reshape(-1, 2)
+    # Seen from +x, +y is to the right and z is up.
+    for axis in (0, 1):
+        assert np.corrcoef(corners[:, 1 + axis], uv[:, axis])[0, 1] > 0.99

@@ -102,10 +102,17 @@ def test_a_solid_falls_apart_no_more_than_its_surface(name, angle):
     assert got.sum() < 1.3 * (winding_occupancy(model, rotation) | surface).sum()
 
 
-def test_peeling_keeps_parts(rng):
+def test_peeling_keeps_parts_cavities_and_holes(rng):
     for share in (0.2, 0.5, 0.8):
         cells = rng.random((12, 12, 12)) < share
-        assert parts_of(peel(cells, np.ones_like(cells))) == parts_of(cells)
+        peeled = peel(cells, np.ones_like(cells))
+        assert parts_of(peeled) == parts_of(cells)
+        empty, emptied = (scipy.ndimage.label(~np.pad(x, 1))[1] for x in (cells, peeled))
+        assert emptied == empty
+    ring = np.ones((9, 9, 3), bool)
+    ring[3:6, 3:6] = False
+    peeled = peel(ring, np.ones_like(ring))
+    assert scipy.ndimage.label(~np.pad(peeled.any(axis=2), 1))[1] == 2
 
 
 def crossings(corners, axis, size):

@@ -64,3 +64,8 @@ def test_many_textures_share_a_budget(write, monkeypatch):
     model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}{body}"))
     assert sum(m.texture.shape[0] * m.texture.shape[1] for m in model.materials) <= 5000
     assert any("textures reduced" in w for w in model.warnings)
+    # A texture of several materials counts once.
+    write("m.mtl", "".join(f"newmtl {n}\nmap_Kd t0.png\n" for n in names))
+    model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}{body}"))
+    assert model.warnings == ()
+    assert {m.texture.shape for m in model.materials} == {(64, 64, 4)}
