@@ -24,7 +24,7 @@ pytestmark = [
 ]
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-OPTIONS = settings.parse(SMALL)
+OPTIONS = settings.parse({**SMALL, "job": {**SMALL["job"], "models_per_worker": 2}})
 
 
 @pytest.fixture
@@ -42,18 +42,24 @@ def dask(monkeypatch):
 
 
 @pytest.mark.slow
-def test_same_bytes_as_the_local_job_though_a_worker_is_killed(dask, here, tmp_path):
+def test_same_bytes_as_the_local_job_though_a_worker_is_killed_and_the_job_broken_off(
+    dask, here, tmp_path
+):
     source = open_catalogue("procedural", "chair=2,table=2,couch=2")
     job.render_catalogue(source, tmp_path / "local", OPTIONS, render=here)
 
-    def with_a_death(tasks, context):
+    def disturbed(tasks, context):
         victim = next(iter(dask.workers.values())).pid
         for number, result in enumerate(cluster.render_on(dask.scheduler_address, tasks, context)):
-            if number == 0:
+            if len(tasks) == 6 and number == 2:
+                raise KeyboardInterrupt
+            if len(tasks) == 4 and number == 0:
                 os.kill(victim, signal.SIGKILL)
             yield result
 
-    done = job.render_catalogue(source, tmp_path / "out", OPTIONS, render=with_a_death)
+    with pytest.raises(KeyboardInterrupt):
+        job.render_catalogue(source, tmp_path / "out", OPTIONS, render=disturbed)
+    done = job.render_catalogue(source, tmp_path / "out", OPTIONS, render=disturbed)
     assert (done.exit_code, done.statuses) == (0, {"ok": 6})
     assert contents(tmp_path / "out") == contents(tmp_path / "local")
 
