@@ -5,7 +5,6 @@ import pytest
 
 from data_gen import cameras
 from data_gen.cameras import CameraSettings
-from data_gen.settings import PRESETS
 from psgn_jax.data import camera as project_camera
 
 
@@ -32,9 +31,8 @@ def test_azimuth_turns_the_object_toward_the_camera():
     toward = np.array([np.cos(np.deg2rad(30)), np.sin(np.deg2rad(30)), 0])
     np.testing.assert_allclose(made.rotation @ toward, [1, 0, 0], atol=1e-12)
     # In the view-aligned frame, the camera is in the plane y = 0.
-    place = made.position
-    assert place[0] > 3
-    assert abs(place[1]) < 1e-9
+    assert made.position[0] > 3
+    assert made.position[1] == pytest.approx(0)
     # +y is to the image's right, +z up in the image.
     pixels, z = cameras.project(np.array([[0, 0, 0.3], [0, 0.1, 0.3], [0, 0, 0.4]]), made)
     assert pixels[1, 0] > pixels[0, 0]
@@ -42,36 +40,22 @@ def test_azimuth_turns_the_object_toward_the_camera():
     assert (z > 0).all()
 
 
-@pytest.mark.parametrize("preset", sorted(PRESETS))
-def test_nothing_is_clipped(rng, preset):
-    settings = CameraSettings(**PRESETS[preset].get("camera", {}))
-    points = hemisphere(rng)
-    for _ in range(20):
-        drawn = cameras.draw(rng, settings, points)
-        assert cameras.in_frame(points @ drawn.rotation.T, drawn).all()
-
-
-def test_camera_moves_back_until_the_object_fits(rng):
+def test_the_camera_moves_back_until_the_object_fits(rng):
     points = hemisphere(rng)
     settings = CameraSettings(
-        image_size=(96, 96),
-        distance=(1.2, 1.2),
-        elevation=(0, 50),
-        roll=(-45, 45),
+        image_size=(96, 96), distance=(1.2, 1.2), elevation=(0, 50), roll=(-45, 45),
         focal=(900, 900),
-    )
+    )  # fmt: skip
     drawn = cameras.draw(rng, settings, points)
     assert drawn.distance > 5
     assert cameras.in_frame(points @ drawn.rotation.T, drawn).all()
-    extrinsics = drawn.extrinsics
-    np.testing.assert_allclose(extrinsics[:, :3] @ extrinsics[:, :3].T, np.eye(3), atol=1e-12)
 
 
 def test_size_in_the_image_is_kept_whatever_the_focal_length(rng):
     points = 0.7 * hemisphere(rng)
     extents = []
     for focal in (300.0, 900.0):
-        chosen = cameras.CameraSettings(focal=(focal, focal), distance=(4, 4), keep_size=True)
+        chosen = CameraSettings(focal=(focal, focal), distance=(4, 4), keep_size=True)
         drawn = cameras.draw(np.random.default_rng(1), chosen, points)
         pixels, _ = cameras.project(points @ drawn.rotation.T, drawn)
         extents.append(np.ptp(pixels, axis=0))
@@ -81,11 +65,11 @@ def test_size_in_the_image_is_kept_whatever_the_focal_length(rng):
 
 def test_off_centre_moves_the_object_and_cuts_nothing_off(rng):
     points = 0.7 * hemisphere(rng)
-    chosen = cameras.CameraSettings(
+    chosen = CameraSettings(
         off_centre=1.0, distance=(5, 5), roll=(-20, 20), aim=(0.3, 0.3), elevation=(-5, 60)
     )
     middles = []
-    for seed in range(30):
+    for seed in range(15):
         drawn = cameras.draw(np.random.default_rng(seed), chosen, points)
         turned = points @ drawn.rotation.T
         assert cameras.in_frame(turned, drawn).all()
@@ -93,10 +77,7 @@ def test_off_centre_moves_the_object_and_cuts_nothing_off(rng):
         np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
         middles.append(cameras.project(turned, drawn)[0].mean(axis=0))
         # The position of the camera is the same; only its direction changes.
-        still = cameras.draw(
-            np.random.default_rng(seed), dataclasses.replace(chosen, off_centre=0.0), points
-        )
+        centred = dataclasses.replace(chosen, off_centre=0.0)
+        still = cameras.draw(np.random.default_rng(seed), centred, points)
         np.testing.assert_allclose(drawn.position, still.position, atol=1e-9)
-    spread = np.ptp(middles, axis=0)
-    assert spread[0] > 80
-    assert spread[1] > 40
+    assert (np.ptp(middles, axis=0) > [80, 40]).all()

@@ -21,6 +21,10 @@ def names(entries):
     return [entry.model_id for entry in entries]
 
 
+def folders_of(entries):
+    return collections.Counter(entry.model_id.rpartition("/")[0] for entry in entries)
+
+
 @pytest.mark.parametrize(
     ("pattern", "count"),
     [("Boats", 50), ("Boats/Military", 10), ("Military", 10), ("*Mil*", 10), ("m00[12].ac", 9),
@@ -32,29 +36,28 @@ def test_patterns_stand_for_categories_folders_and_names(pattern, count):
 
 def test_include_and_exclude():
     chosen = choose(listed(), Choice(include=("Boats", "Rare"), exclude=("Military", "m001.*")))
-    count = collections.Counter(entry.model_id.rpartition("/")[0] for entry in chosen)
-    assert count == {"Boats/Civilian": 39, "Rare": 1}
+    assert folders_of(chosen) == {"Boats/Civilian": 39, "Rare": 1}
     assert names(chosen) == [name for name in names(listed()) if name in set(names(chosen))]
 
 
 def test_patterns_that_fit_nothing_are_named():
-    with pytest.raises(ValueError, match=r"^exclude=Wether: .*; did you mean 'Weather'\?$"):
-        choose(listed(), Choice(exclude=("Cars", "Wether")))
-    with pytest.raises(ValueError, match=r"^include=xyz: no category and no name matches$"):
-        choose(listed(), Choice(include=("Cars", "xyz")))
-    with pytest.raises(ValueError, match="none of the 182 models"):
-        choose(listed(), Choice(include=("Cars",), exclude=("Cars",)))
+    for choice, message in (
+        (Choice(exclude=("Cars", "Wether")), r"^exclude=Wether: .*; did you mean 'Weather'\?$"),
+        (Choice(include=("Cars", "xyz")), r"^include=xyz: no category and no name matches$"),
+        (Choice(include=("Cars",), exclude=("Cars",)), "none of the 182 models"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            choose(listed(), choice)
 
 
-@pytest.mark.parametrize("sample", [10, 37, 90, 182, 1000])
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_sample_is_spread_over_categories_and_folders(sample, seed):
-    chosen = choose(listed(), Choice(sample=sample, seed=seed))
+@pytest.mark.parametrize("sample", [10, 90, 1000])
+def test_a_sample_is_spread_over_categories_and_folders(sample):
+    chosen = choose(listed(), Choice(sample=sample, seed=1))
     assert len(set(names(chosen))) == len(chosen) == min(sample, 182)
-    count = collections.Counter(entry.model_id.rpartition("/")[0] for entry in chosen)
+    count = folders_of(chosen)
     for folder, size in SIZES.items():
         assert abs(count[folder] - size * len(chosen) / 182) <= 1.5
-    assert names(choose(listed()[::-1], Choice(sample=sample, seed=seed))) == names(chosen)
+    assert names(choose(listed()[::-1], Choice(sample=sample, seed=1))) == names(chosen)
 
 
 def test_a_larger_sample_begins_with_the_smaller_one_and_seeds_differ():

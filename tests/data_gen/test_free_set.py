@@ -7,22 +7,19 @@ import pathlib
 import numpy as np
 import pytest
 from helpers.commands import psgn_each
+from helpers.obj_text import CUBE, FACES
 
 from data_gen import free_set
 from data_gen.catalogues.open_catalogue import open_catalogue
-
-# --- Choice, splits, table --------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("names", "family"),
     [
         (["Houses/MontserratHse2Green.ac", "Houses/MontserratHse3White.ac"], "montserrathse"),
-        (["Agriculture/farmhouse2-white.ac", "Agriculture/farmhouse4.ac"], "farmhouse"),
         (["cars/p406/p406.glb", "cars/p406/p406-lod7.glb"], "p406"),
         (["Aircraft/F-15-lowpoly.ac", "F-15"], "f-15"),
         (["Scopia/Scopia#scooter", "Scopia/Scopia#scooter2"], "scooter"),
-        (["733/Models/733.ac"], "733"),
         (["7/7.ac"], "7"),
     ],
 )  # fmt: skip
@@ -59,20 +56,13 @@ def test_missing_packages_are_said_with_the_commands(tmp_path):
     lines = free_set.missing(known, tmp_path)
     assert "apt-get download sweethome3d-furniture" in lines
     assert f"dpkg-deb -x sweethome3d-furniture_*.deb {tmp_path / 'sweethome3d-furniture'}" in lines
-    for source in known:
-        if source.package != free_set.MESHES:
-            path = pathlib.Path(source.path(tmp_path))
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.touch()
-    assert free_set.missing([s for s in known if s.package != free_set.MESHES], tmp_path) == []
-
-
-def test_all_packages_have_licences_with_holders():
-    for source in free_set.SOURCES.values():
-        if source.package != free_set.MESHES:
-            (first,) = source.licences_of(["anything"], "")
-            assert first.name
-            assert all(x.holders for x in source.licences if x.name != "see the package")
+    packages = [source for source in known if source.package != free_set.MESHES]
+    for source in packages:
+        assert all(x.holders for x in source.licences if x.name != "see the package")
+        path = pathlib.Path(source.path(tmp_path))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    assert free_set.missing(packages, tmp_path) == []
 
 
 INDEX = """file,category,licence,author,repository,commit
@@ -89,9 +79,7 @@ def meshes(tmp_path):
     for name in ("a/chair-1", "a/chair-2", "b/rock", "b/own"):
         path = tmp_path / "meshes" / f"{name}.obj"
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(
-            "v 0 0 0\nv 1 0 0\nv 0 1 0.4\nv 0 0 1\nf 1 2 3\nf 1 3 4\nf 2 3 4\nf 1 2 4\n"
-        )
+        path.write_text(CUBE + FACES)
     (tmp_path / "meshes/index.csv").write_text(INDEX)
     return tmp_path
 
@@ -114,7 +102,7 @@ def test_missing_meshes_are_said_with_their_repositories(meshes):
     chosen = [free_set.SOURCES["collections"]]
     assert free_set.missing(chosen, meshes) == []
     (meshes / "meshes/a/chair-2.obj").unlink()
-    (meshes / "meshes/b/rock.obj").unlink()
+    (meshes / "meshes/b/rock.obj").unlink()  # belongs to another source
     (line,) = free_set.missing(chosen, meshes)
     assert line.startswith("git clone https://github.com/ann/things && git -C things checkout abc")
     assert line.endswith(f"# 1 files of {meshes / 'meshes/a'}")
@@ -124,8 +112,8 @@ def test_missing_meshes_are_said_with_their_repositories(meshes):
 
 
 def test_a_grey_mesh_gets_a_material_and_a_damaged_index_is_named(meshes):
-    catalogue = open_catalogue("indexed", meshes / "meshes", licences=("GPL*",))
-    (rock,) = (entry.load() for entry in catalogue.models)
+    (entry,) = open_catalogue("indexed", meshes / "meshes", licences=("GPL*",)).models
+    rock = entry.load()
     assert rock.materials[0].texture is not None or np.ptp(rock.materials[0].diffuse) > 0
     for text, message in (
         ("name\n", "line 1: expected a heading with a column `file`"),
@@ -140,23 +128,18 @@ def test_a_grey_mesh_gets_a_material_and_a_damaged_index_is_named(meshes):
 
 def test_a_share_of_the_views_goes_to_another_preset():
     chosen = [small(views=8), small("more", views=3)]
-    assert [(p.folder, p.preset, p.views) for p in free_set.plan(chosen, {"photo": 0.25})] == [
-        ("chairs", "authors", 6), ("photo/chairs", "photo", 2),
-        ("more", "authors", 2), ("photo/more", "photo", 1),
-    ]  # fmt: skip
-    assert [p.folder for p in free_set.plan(chosen, {"photo": 1})] == ["photo/chairs", "photo/more"]
-    assert [p.folder for p in free_set.plan(chosen)] == ["chairs", "more"]
-    both = free_set.plan(chosen, {"photo": 0.25, "angles": 0.5})
-    assert [(p.folder, p.views) for p in both] == [
-        ("chairs", 2), ("photo/chairs", 2), ("angles/chairs", 4),
-        ("photo/more", 1), ("angles/more", 2),
-    ]  # fmt: skip
-    assert len({free_set.settings_of(p).seed for p in both}) == 3
+    both = {"photo": 0.25, "angles": 0.5}
+    for fractions, parts in (
+        ({}, [("chairs", 8), ("more", 3)]),
+        ({"photo": 0.25}, [("chairs", 6), ("photo/chairs", 2), ("more", 2), ("photo/more", 1)]),
+        (both, [("chairs", 2), ("photo/chairs", 2), ("angles/chairs", 4),
+                ("photo/more", 1), ("angles/more", 2)]),
+        ({"level": 1}, [("level/chairs", 8), ("level/more", 3)]),
+    ):  # fmt: skip
+        assert [(p.folder, p.views) for p in free_set.plan(chosen, fractions)] == parts
+    assert len({free_set.settings_of(p).seed for p in free_set.plan(chosen, both)}) == 3
     (level,) = free_set.plan([small(views=3)], {"level": 1})
-    assert (level.folder, level.views) == ("level/chairs", 3)
     assert free_set.settings_of(level).camera.elevation == (-8, 10)
-    halves = free_set.plan([small(views=3)], {"photo": 0.5, "angles": 0.5})
-    assert [(p.folder, p.views) for p in halves] == [("photo/chairs", 2), ("angles/chairs", 1)]
     with pytest.raises(ValueError, match="fractions: got "):
         free_set.plan(chosen, {"photo": 0.6, "angles": 0.5})
 
@@ -170,13 +153,14 @@ def test_the_table(tmp_path):
     parts = free_set.plan([small(package="thing")], {"photo": 0.5})
     good = {"status": "ok", "reason": "", "split": "train"}
     bad = {"status": "refused", "split": "train", "samples": 0}
+    chair = {**good, "model_id": "chair-1"}
     first = [
-        {**good, "model_id": "chair-1", "samples": 2}, {**good, "model_id": "lamp-1", "samples": 2},
+        {**chair, "samples": 2},
+        {**good, "model_id": "lamp-1", "samples": 2},
         {**bad, "model_id": "lamp-2", "reason": "file 'a.png' has 12 bytes"},
         {**bad, "model_id": "lamp-3", "reason": "file 'b.png' has 3 bytes"},
-    ]  # fmt: skip
-    second = [{**good, "model_id": "chair-1", "samples": 1}]
-    lines = {"chairs": first, "photo/chairs": second}
+    ]
+    lines = {"chairs": first, "photo/chairs": [{**chair, "samples": 1}]}
     text = free_set.write_table(tmp_path, parts, str(tmp_path), lines)
     assert "| chairs | thing 1:2.3-4 | 2 | 5 | 2 | CC0-1.0 (1); MIT (1) |" in text
     assert "chairs: 2 x file ... has N bytes" in text
@@ -185,9 +169,6 @@ def test_the_table(tmp_path):
     assert row["folders"] == ["chairs", "photo/chairs"]
     assert (tmp_path / "SOURCES.md").read_text() == text
     assert (tmp_path / "licences/thing.txt").read_text() == "All of it is free."
-
-
-# --- The command ------------------------------------------------------------------------------
 
 
 def test_what_is_wrong_is_said_before_the_work(tmp_path):

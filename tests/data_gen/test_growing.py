@@ -1,7 +1,7 @@
 """Data sets that are extended, and jobs that are killed. Random samples replace the renderer."""
 
+import dataclasses
 import functools
-import json
 import os
 import pathlib
 import shutil
@@ -11,17 +11,20 @@ import pytest
 from helpers import drawn_solids as solids
 from helpers.small_renders import contents
 
-from data_gen import job, pool, settings
+from data_gen import job, settings
 from data_gen.catalogues.choosing import Choice
-from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, moved_to_empty_splits, split_of
+from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
 from data_gen.engine import Variant
-from data_gen.render_model import Context, failure, model_seed
-from psgn_jax.data import schema, shards
+from data_gen.render_model import failure, model_seed
+from psgn_jax.data import shards
 from psgn_jax.data.codec import encode
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.system.claims import ClaimedError
 from psgn_jax.system.files import write_atomic
+
+OPTIONS = settings.parse({"views": 1, "models_per_shard": 3})
+TEN = [f"m{k}" for k in range(10)]
 
 
 def listed(names, split=lambda name: "test" if name[-1] in "37" else "train", fractions=None):
@@ -36,29 +39,26 @@ def listed(names, split=lambda name: "test" if name[-1] in "37" else "train", fr
 @functools.cache
 def record_of(model_id, category):
     rng = np.random.default_rng(model_seed(0, "listed", model_id) % 2**31)
-    drawn = solids.draw(solids.random_solid("box", rng), rng, image_size=(16, 24))
-    sample = schema.Sample(
-        image=drawn.image, mask=drawn.mask, depth=drawn.depth, points=drawn.points[:50],
-        normals=None, occupancy=None, intrinsics=drawn.intrinsics, extrinsics=drawn.extrinsics,
-        category=category, model_id=model_id, view=0, source="listed",
-    )  # fmt: skip
-    return encode(sample)
+    solid = solids.random_solid("box", rng)
+    sample = solids.draw(solid, rng, image_size=(16, 24), num_points=50, model_id=model_id)
+    return encode(dataclasses.replace(sample, category=category))
 
 
 class Pool:
     """Makes samples of models, records their names, and stops after a number of models.
 
-    A model with "refused" in its name is refused.
+    A model with "refused" in its name is refused. `first` is called before the first model.
     """
 
-    def __init__(self, stop_after=None, between=lambda: None):
-        self.made, self._stop, self._between = [], stop_after, between
+    def __init__(self, stop_after=None, first=lambda: None):
+        self.made, self._stop, self._first = [], stop_after, first
 
     def __call__(self, tasks, context):
         for index, entry in tasks:
             if len(self.made) == self._stop:
                 raise KeyboardInterrupt
-            self._between()
+            if not self.made:
+                self._first()
             self.made.append(entry.model_id)
             line = failure(entry, "refused", "its name")
             data = []
@@ -74,46 +74,8 @@ def no_renderer(monkeypatch):
     monkeypatch.setattr(job, "choose_variant", lambda _: (Variant("none"), ""))
 
 
-def test_damaged_job_folders_are_refused_or_made_again(tmp_path):
-    job.render_catalogue(listed(TEN), tmp_path, OPTIONS, render=Pool())
-    lines = (tmp_path / shards.REPORT).read_text()
-    for text in (
-        "[" * 200_000,
-        "5\n",
-        '{"model_id": 5}\n',
-        "\xff",
-        lines.replace('"split"', '"s"'),
-    ):
-        (tmp_path / shards.REPORT).write_bytes(text.encode("latin1"))
-        with pytest.raises(ValueError, match=r"models\.jsonl: damaged"):
-            job.render_catalogue(listed(TEN), tmp_path, OPTIONS, render=Pool())
-    (tmp_path / shards.REPORT).write_text(lines)
-    for text in ("[" * 200_000, "[]", "{", '{"job": 3}', '{"job": []}'):
-        (tmp_path / shards.JOB).write_text(text)
-        with pytest.raises(shards.OtherSettingsError):
-            job.render_catalogue(listed(TEN), tmp_path, OPTIONS, render=Pool())
-
-
-def test_damaged_samples_of_a_job_under_way_are_made_again(tmp_path):
-    make(tmp_path / "whole", TEN)
-    out = tmp_path / "out"
-    with pytest.raises(KeyboardInterrupt):
-        make(out, TEN, stop_after=7)  # blocks of 3 and 2, and 2 models of the next one
-    first, second = sorted((out / shards.WORK).glob("*.input"))
-    first.write_bytes(b"[" * 200_000)
-    second.write_bytes(b"")
-    (out / shards.WORK / shards.JOB).write_text("[" * 200_000)
-    (out / shards.WORK / "0.block").write_text("[" * 200_000)
-    assert len(make(out, TEN)[1]) == 5
-    assert contents(out) == contents(tmp_path / "whole")
-
-
-OPTIONS = settings.parse({"views": 1, "models_per_shard": 3})
-TEN = [f"m{k}" for k in range(10)]
-
-
-def make(out, names, *, options=OPTIONS, stop_after=None, between=lambda: None, **more):
-    renderer = Pool(stop_after, between)
+def make(out, names, *, options=OPTIONS, stop_after=None, first=lambda: None, **more):
+    renderer = Pool(stop_after, first)
     source = names if isinstance(names, Catalogue) else listed(names)
     summary = job.render_catalogue(source, out, options, render=renderer, **more)
     return summary, sorted(renderer.made)
@@ -128,23 +90,66 @@ def models_of(folder):
     return sorted(names)
 
 
-def test_a_larger_limit_goes_on(tmp_path):
-    make(tmp_path / "once", TEN)
-    make(tmp_path / "grown", TEN, limit=5)
-    assert models_of(tmp_path / "grown") == TEN[:5]
-    first = tmp_path / "grown" / next(
-        s.file for s in load_manifest(tmp_path / "grown").shards if s.count == 3
-    )  # fmt: skip
+@pytest.fixture(scope="module")
+def once(tmp_path_factory):
+    """The ten models, rendered at once."""
+    out = tmp_path_factory.mktemp("growing") / "once"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(job, "choose_variant", lambda _: (Variant("none"), ""))
+        make(out, TEN)
+    return out
+
+
+DEEP = "[" * 200_000
+
+
+def test_damaged_job_folders_are_refused(once, tmp_path):
+    out = tmp_path / "out"
+    shutil.copytree(once, out)
+    lines = (out / shards.REPORT).read_text()
+    for text in (DEEP, "5\n", '{"model_id": 5}\n', "\xff", lines.replace('"split"', '"s"')):
+        (out / shards.REPORT).write_bytes(text.encode("latin1"))
+        with pytest.raises(ValueError, match=r"models\.jsonl: damaged"):
+            make(out, TEN)
+    (out / shards.REPORT).write_text(lines)
+    for text in (DEEP, "[]", "{", '{"job": 3}'):
+        (out / shards.JOB).write_text(text)
+        with pytest.raises(shards.OtherSettingsError):
+            make(out, TEN)
+
+
+def test_damaged_samples_are_made_again(once, tmp_path):
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        make(out, TEN, stop_after=7)  # blocks of 3 and 2, and 2 models of the next one
+    first, second = sorted((out / shards.WORK).glob("*.input"))
+    first.write_text(DEEP)
+    second.write_bytes(b"")
+    for name in (shards.JOB, "0.block"):
+        (out / shards.WORK / name).write_text(DEEP)
+    assert len(make(out, TEN)[1]) == 5
+    assert contents(out) == contents(once)
+    # The same for a shard of a finished data set that grows.
+    grown = tmp_path / "grown"
+    make(grown, TEN[:5])
+    (damaged,) = (s for s in load_manifest(grown).shards if "train" in s.file and s.count == 1)
+    (grown / damaged.file).write_bytes(b"no shard")
+    assert make(grown, TEN)[1] == TEN[4:]
+    assert contents(grown) == contents(once)
+
+
+def test_a_larger_limit_goes_on(once, tmp_path):
+    make(tmp_path, TEN, limit=5)
+    assert models_of(tmp_path) == TEN[:5]
+    first = tmp_path / next(s.file for s in load_manifest(tmp_path).shards if s.count == 3)
     untouched = first.stat()
-    summary, made = make(tmp_path / "grown", TEN)
+    summary, made = make(tmp_path, TEN)
     assert made == TEN[5:]
     assert (summary.exit_code, summary.samples) == (0, 10)
-    assert contents(tmp_path / "grown") == contents(tmp_path / "once")
+    assert contents(tmp_path) == contents(once)
     assert first.stat().st_ino == untouched.st_ino
-    lines = [json.loads(t) for t in (tmp_path / "grown" / shards.REPORT).read_text().splitlines()]
-    assert [line["model_id"] for line in lines] == TEN
-    assert make(tmp_path / "grown", TEN)[1] == []
-    assert contents(tmp_path / "grown") == contents(tmp_path / "once")
+    assert [line["model_id"] for line in shards.read_report(tmp_path)] == TEN
+    assert make(tmp_path, TEN)[1] == []
 
 
 def test_models_that_come_between_the_old_ones(tmp_path):
@@ -158,14 +163,13 @@ def test_models_that_come_between_the_old_ones(tmp_path):
     assert contents(tmp_path / "grown") == contents(tmp_path / "once")
 
 
-def test_a_job_that_was_begun_grows(tmp_path):
-    make(tmp_path / "once", TEN)
+def test_a_job_that_was_begun_grows(once, tmp_path):
     out = tmp_path / "begun"
     with pytest.raises(KeyboardInterrupt):
         make(out, TEN[:6], stop_after=4)
     _, made = make(out, TEN)
     assert made == TEN[4:]
-    assert contents(out) == contents(tmp_path / "once")
+    assert contents(out) == contents(once)
     # An extension that has begun can be extended, too.
     more = [*TEN, "n0", "n1", "n2"]
     with pytest.raises(KeyboardInterrupt):
@@ -175,23 +179,18 @@ def test_a_job_that_was_begun_grows(tmp_path):
     assert contents(out) == contents(tmp_path / "more")
 
 
-def test_two_processes_do_not_do_the_same_part(tmp_path):
-    out, refused = tmp_path / "out", []
+def test_two_processes_do_not_do_the_same_part(once, tmp_path):
+    out = tmp_path / "out"
 
     def again():
-        for part in ((0, 2), (0, 1), (1, 3)):
-            with pytest.raises(ClaimedError) as error:
+        same = rf"another process \(pid {os.getpid()}\) does part 0/2 in"
+        for part, message in (((0, 2), same), ((0, 1), "into 2 parts, not 1")):
+            with pytest.raises(ClaimedError, match=message):
                 make(out, TEN, part=part)
-            refused.append(str(error.value))
-        with pytest.raises(ClaimedError):
-            make(out, [*TEN, "n0"])
 
-    make(out, TEN, part=(0, 2), between=again)
-    assert f"another process (pid {os.getpid()}) does part 0/2 in" in refused[0]
-    assert "into 2 parts, not 1" in refused[1]
+    make(out, TEN, part=(0, 2), first=again)
     assert make(out, TEN, part=(1, 2))[0].complete
-    make(tmp_path / "once", TEN)
-    assert contents(out) == contents(tmp_path / "once")
+    assert contents(out) == contents(once)
 
 
 def test_a_small_set_has_all_splits_and_keeps_them_when_it_grows(tmp_path, caplog):
@@ -216,17 +215,12 @@ def test_a_small_set_has_all_splits_and_keeps_them_when_it_grows(tmp_path, caplo
     make(tmp_path / "five", hashed(5))
     five = splits_of(tmp_path / "five")
     assert sorted(five.values()) == ["test", "train", "train", "train", "validation"]
-    # The same after a kill and in parts; what the options exclude stays empty.
-    with pytest.raises(KeyboardInterrupt):
-        make(tmp_path / "killed", hashed(5), stop_after=2)
-    make(tmp_path / "killed", hashed(5), part=(1, 2))
-    make(tmp_path / "killed", hashed(5), part=(0, 2))
-    assert contents(tmp_path / "killed") == contents(tmp_path / "five")
-    make(tmp_path / "two", hashed(2))
-    assert set(splits_of(tmp_path / "two").values()) == {"train", "validation"}
+    # The same in parts; what the options exclude stays empty.
+    for part in ((1, 2), (0, 2)):
+        make(tmp_path / "parts", hashed(5), part=part)
+    assert contents(tmp_path / "parts") == contents(tmp_path / "five")
     make(tmp_path / "all", hashed(5, (1.0, 0.0, 0.0)))
     assert set(splits_of(tmp_path / "all").values()) == {"train"}
-    assert moved_to_empty_splits({"a": "test"}, ["train", "validation", "test"]) == {"a": "train"}
 
 
 class Killed(BaseException):
@@ -234,8 +228,9 @@ class Killed(BaseException):
 
 
 @pytest.mark.parametrize("stride", [9, pytest.param(1, marks=pytest.mark.slow)])
-def test_a_kill_at_any_step_leaves_the_old_state_or_the_new_one(stride, tmp_path, monkeypatch):
-    make(tmp_path / "once", TEN)
+def test_a_kill_at_any_step_leaves_the_old_state_or_the_new_one(
+    stride, once, tmp_path, monkeypatch
+):
     make(tmp_path / "five", TEN[:5])
     write, rename, unlink = write_atomic, pathlib.Path.replace, pathlib.Path.unlink
     left = [0]
@@ -267,7 +262,7 @@ def test_a_kill_at_any_step_leaves_the_old_state_or_the_new_one(stride, tmp_path
         assert models_of(out) in (TEN[:5], TEN)
         (out / ".left.0123abcd.tmp").touch()  # of a process that was killed while it wrote
         make(out, TEN)
-        assert contents(out) == contents(tmp_path / "once")
+        assert contents(out) == contents(once)
 
 
 def test_what_has_changed_is_named(tmp_path):
@@ -279,9 +274,7 @@ def test_what_has_changed_is_named(tmp_path):
                 make(out, TEN[:8], stop_after=1)
         with pytest.raises(shards.OtherSettingsError, match=r"settings \(views: 1 before, 2 now\)"):
             make(out, TEN, options=settings.parse({"models_per_shard": 3, "views": 2}))
-        with pytest.raises(
-            shards.OtherSettingsError, match=r"2 of its \d models .*\('m1', 'thing'.*'m2'"
-        ):
+        with pytest.raises(shards.OtherSettingsError, match=r"2 of its \d models .*'m1'.*'m2'"):
             make(out, [name for name in TEN if name not in ("m1", "m2")])
         moved = listed(TEN, split=lambda name: "train")
         with pytest.raises(shards.OtherSettingsError, match=r"1 of its .* \('m3', 'thing', test\)"):
@@ -289,24 +282,3 @@ def test_what_has_changed_is_named(tmp_path):
     with pytest.raises(shards.OtherSettingsError, match=r"limit: 6 before, 2 now"):
         make(out, TEN, limit=2)
     assert models_of(out) == TEN[:6]
-
-
-def test_a_damaged_shard_is_made_again(tmp_path):
-    make(tmp_path / "once", TEN)
-    out = tmp_path / "grown"
-    make(out, TEN[:5])
-    shards = {s.count: out / s.file for s in load_manifest(out).shards if "train" in s.file}
-    shards[1].write_bytes(b"no shard")
-    assert make(out, TEN)[1] == TEN[4:]
-    assert contents(out) == contents(tmp_path / "once")
-
-
-def test_the_pool_runs_where_processes_have_no_affinity(monkeypatch):
-    """As on macOS."""
-    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
-    monkeypatch.setattr(
-        pool.Renderer, "render", lambda self, number, entry: shards.Result(number, {}, [])
-    )
-    context = Context(OPTIONS, "listed", Variant("none"), None)
-    found = pool.render_local(list(enumerate(listed(TEN).models)), context)
-    assert sorted(result.number for result in found) == list(range(10))

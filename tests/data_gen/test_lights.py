@@ -18,24 +18,21 @@ def test_one_lamp_is_found_where_it_is():
     radiance[8, 20] = 100
     found = lights.reduce(radiance, LightSettings(count=1), ambient=0.3, exposure=1.0)
     assert found.directions[0] @ toward[8, 20] > 0.99
+    black = lights.reduce(0 * radiance, LightSettings(), ambient=0.3, exposure=1.0)
+    assert np.isfinite(black.colours).all()
+    assert black.colours.max() > 0
 
 
 def test_exposure_is_the_brightness_of_white_in_full_light(rng):
-    for _ in range(5):
+    normals = lights.directions_of(lights.MAP_SIZE).reshape(-1, 3)
+    normals = normals[(normals[:, 0] > -0.2) & (normals[:, 2] > -0.3)]
+    for _ in range(3):
         radiance = lights.procedural_sky(rng)
         found = lights.reduce(radiance, LightSettings(), ambient=0.3, exposure=1.2)
-        normals = lights.directions_of(lights.MAP_SIZE).reshape(-1, 3)
-        normals = normals[(normals[:, 0] > -0.2) & (normals[:, 2] > -0.3)]
         direct = np.clip(normals @ found.directions.T, 0, None) @ found.colours
         np.testing.assert_allclose(direct.mean(axis=1).max(), 1.2 * 0.7, rtol=1e-3)
         np.testing.assert_allclose(found.sky.mean(), 1.2 * 0.3, rtol=1e-3)
         assert (found.ground > 0).all()
-
-
-def test_black_map_still_lights():
-    found = lights.reduce(np.zeros((*lights.MAP_SIZE, 3)), LightSettings(), ambient=0.3, exposure=1)
-    assert np.isfinite(found.colours).all()
-    assert found.colours.max() > 0
 
 
 def test_a_map_is_turned_about_the_vertical(rng):

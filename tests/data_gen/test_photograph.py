@@ -8,14 +8,14 @@ import pytest
 import scipy.spatial
 from helpers.solid_models import model_of
 
-from data_gen import cameras, config, engine, lights, scene, settings, surroundings
+from data_gen import cameras, config, lights, scene, settings, surroundings
 from data_gen.catalogues import solids
 from data_gen.catalogues.entry import Entry
 from data_gen.engine import Variant, has_mitsuba
 from data_gen.mesh import Material
 from data_gen.photograph import develop, trace
 from data_gen.picture import Mesh, render
-from data_gen.render_model import Context, render_model
+from data_gen.render_model import Context
 from data_gen.settings import FilmSettings
 from data_gen.surroundings import Surroundings
 from psgn_jax.config import structured
@@ -29,6 +29,7 @@ def photo_settings(**changes):
     values = structured.to_dict(settings.parse(config.get_config("photo")))
     values |= {"views": 1, "num_points": 3000, "models_per_shard": 2}
     values["camera"]["image_size"] = (48, 64)
+    values["image"]["rays"] = 4
     values["checks"] |= {"depth": 0.1, "inside": 0.8}
     for section, fields in changes.items():
         values[section] |= fields
@@ -37,17 +38,13 @@ def photo_settings(**changes):
 
 @pytest.mark.parametrize("kind", surroundings.GROUNDS)
 def test_grounds_are_reflectances(kind):
-    one, two = (surroundings.texture_of(kind, np.random.default_rng(3)) for _ in range(2))
-    np.testing.assert_array_equal(one, two)
-    assert one.shape == (surroundings.TEXELS, surroundings.TEXELS, 3)
-    assert one.min() > 0
-    assert one.max() < 1
-    assert one.std() > 1e-4
+    texture = surroundings.texture_of(kind, np.random.default_rng(3))
+    assert 0 < texture.min() < texture.max() < 1
+    assert texture.std() > 1e-4
 
 
 @needs_mitsuba
-def test_mixed_light_takes_from_all_sources():
-    engine.start("scalar_rgb")
+def test_mixed_light_takes_from_all_sources(started):
     maps = np.ones((1, *lights.DETAIL, 3), np.float32)
     chosen = lights.LightSettings(source="mixed", folder="given")
     camera = cameras.draw(np.random.default_rng(0), cameras.CameraSettings(), np.eye(3))
@@ -58,11 +55,10 @@ def test_mixed_light_takes_from_all_sources():
         return surroundings.draw(np.random.default_rng(seed), chosen, maps, camera, detail=True)
 
     kinds = set()
-    for seed in range(14):
+    for seed in range(10):
         around = drawn(seed, maps)
         kinds.add(around.kind)
         assert around.radiance.min() >= 0
-        np.testing.assert_array_equal(around.radiance, drawn(seed, maps).radiance)
         if around.kind in ("room", "studio"):  # without a lamp, objects have hardly any shadow
             light = lights.shrink(around.radiance, (64, 128)).mean(axis=-1).ravel() * weight
             near = toward @ toward[light.argsort()[-20:]].T > np.cos(np.deg2rad(15))
@@ -72,8 +68,7 @@ def test_mixed_light_takes_from_all_sources():
 
 
 @needs_mitsuba
-def test_contact_shadow_of_a_black_box():
-    engine.start("scalar_rgb")
+def test_contact_shadow_of_a_black_box(started):
     solid = solids.box(0.8, 0.8, 0.8).at(z=0.4)
     surfaces = scene.flatten(model_of(solid, materials=[Material(diffuse=(0, 0, 0))]))
     camera = cameras.make(
@@ -122,27 +117,20 @@ def load_box():
     return model_of(solids.box(0.8, 0.8, 0.8).at(z=0.4), materials=[material], uv=uv)
 
 
-def samples_of(chosen):
-    engine.start("scalar_rgb")
-    entry = Entry("box", "", "train", load_box)
-    context = Context(chosen, "test", Variant("scalar_rgb"), None)
-    data, line = render_model(entry, context)
-    assert line["status"] == "ok", line["reason"]
-    return data
-
-
 @needs_mitsuba
-@pytest.mark.parametrize("elevation", [-20.0, 0.0, 60.0])
-def test_ground_and_surroundings_are_in_the_image_alone(elevation):
+@pytest.mark.parametrize("elevation", [-20.0, 60.0])
+def test_ground_and_surroundings_are_in_the_image_alone(here, elevation):
+    def samples_of(chosen):
+        context = Context(chosen, "test", Variant("scalar_rgb"), None)
+        (result,) = here([(0, Entry("box", "", "train", load_box))], context)
+        return result.records
+
     height = {"elevation": (elevation, elevation)}
     data = samples_of(photo_settings(camera=height))
-    assert elevation or samples_of(photo_settings(camera=height)) == data
-    without = photo_settings(
-        camera=height,
-        image={"shading": "local", "background": "grey", "ground": "none"},
-    )
-    for one, two in zip(data, samples_of(without), strict=True):
-        sample, other = decode(one), decode(two)
+    assert elevation < 0 or samples_of(photo_settings(camera=height)) == data
+    plain = {"shading": "local", "background": "grey", "ground": "none", "rays": 16}
+    without = photo_settings(camera=height, image=plain)
+    for sample, other in zip(map(decode, data), map(decode, samples_of(without)), strict=True):
         for name in ("mask", "depth", "points", "normals", "intrinsics", "extrinsics"):
             np.testing.assert_array_equal(getattr(sample, name), getattr(other, name))
         assert json.loads(sample.extra) == json.loads(other.extra)

@@ -14,6 +14,7 @@ from data_gen.surface import sample_surface
 
 SIDE = 5  # points along the edge of a cell
 ANGLES = (0.0, 20.0)
+ALONG = np.eye(3)
 
 
 def winding_occupancy(model, rotation, size=32):
@@ -54,15 +55,9 @@ def build(*parts):
 
 THICK = {
     "box": (solids.box(1.0, 0.7, 0.5),),
-    "ball": (solids.ball(1, 1, 1, 32),),
     "table": (
         solids.box(1.4, 1.0, 0.25).at(z=0.8),
         *(solids.box(0.22, 0.22, 0.7).at(x, y, 0.33) for x in (-0.5, 0.5) for y in (-0.3, 0.3)),
-    ),
-    "couch": (
-        solids.box(1.6, 0.7, 0.4).at(z=0.2),
-        solids.box(1.6, 0.25, 0.8).at(0, -0.3, 0.4),
-        *(solids.box(0.2, 0.7, 0.6).at(x, 0, 0.3) for x in (-0.7, 0.7)),
     ),
     "mushroom": (solids.ball(1.2, 1.2, 0.6, 32).at(z=1), solids.rod((0, 0, 0), (0, 0, 1), 0.2)),
 }
@@ -107,20 +102,17 @@ def test_a_solid_falls_apart_no_more_than_its_surface(name, angle):
     assert got.sum() < 1.3 * (winding_occupancy(model, rotation) | surface).sum()
 
 
-def test_peeling_keeps_parts_and_holes(rng):
-    # A sheet with a hole that ends in a block: only the block's loose layer goes.
-    cells = np.zeros((9, 9, 9), bool)
-    cells[:, :, 4] = True
-    cells[2, 2, 4] = False
-    cells[5:, 5:, 2:7] = True
-    loose = np.zeros_like(cells)
-    loose[5:, 5:, 6] = loose[4, 5:, 4] = True
-    loose[4, 8, 4] = False
-    want = cells & ~(loose & (np.arange(9) == 6))
-    np.testing.assert_array_equal(peel(cells, loose), want)
+def test_peeling_keeps_parts_cavities_and_holes(rng):
     for share in (0.2, 0.5, 0.8):
         cells = rng.random((12, 12, 12)) < share
-        assert parts_of(peel(cells, np.ones_like(cells))) == parts_of(cells)
+        peeled = peel(cells, np.ones_like(cells))
+        assert parts_of(peeled) == parts_of(cells)
+        empty, emptied = (scipy.ndimage.label(~np.pad(x, 1))[1] for x in (cells, peeled))
+        assert emptied == empty
+    ring = np.ones((9, 9, 3), bool)
+    ring[3:6, 3:6] = False
+    peeled = peel(ring, np.ones_like(ring))
+    assert scipy.ndimage.label(~np.pad(peeled.any(axis=2), 1))[1] == 2
 
 
 def crossings(corners, axis, size):
@@ -148,7 +140,7 @@ def slivers(rng, count, size):
 
 def test_no_step_of_air_crosses_a_marked_sliver(rng):
     size, face, edges = 20, np.array([[0, 1, 2]]), np.array([[0, 1], [1, 2], [0, 2]])
-    for corners in slivers(rng, 150, size):
+    for corners in slivers(rng, 80, size):
         marked, crossed = mark_surface(corners, face, edges, size)
         for axis in range(3):
             met = crossings(corners, axis, size)
@@ -156,31 +148,22 @@ def test_no_step_of_air_crosses_a_marked_sliver(rng):
             second = tuple(slice(1, None) if k == axis else slice(None) for k in range(3))
             assert (marked[first] | marked[second])[met].all()
             np.testing.assert_array_equal(crossed[axis][first], met)
-        if (corners > 0.1).all() and (corners < size - 0.1).all():
-            # The marked cells hold the surface: each is near it, and all of it is near one.
-            points = rng.dirichlet([1, 1, 1], 5_000) @ corners
-            cells = np.argwhere(marked) + 0.5
-            assert np.abs(points[:100, None] - cells).max(axis=2).min(axis=1).max() < 1.5
-            assert np.abs(cells[:, None] - points).max(axis=2).min(axis=1).max() < 2
 
 
 def test_the_volume_of_a_flat_box_has_no_bias():
     # Tops above and below the middle of cells: a cell counts if at least half of it is full.
     for height, layers in ((0.46, 7), (0.49, 8), (0.52, 8)):
         box = model_of(solids.box(1.6, 0.9, height).at(z=height / 2))
-        assert box.vertices[:, 2].min() == 0
-        assert solid_occupancy(box, np.eye(3)).any(axis=(0, 1)).sum() == layers
+        assert solid_occupancy(box, ALONG).any(axis=(0, 1)).sum() == layers
 
 
 def test_occupancy_is_indexed_x_y_z_and_turned():
     bar = normalize(model_of(solids.box(4, 1, 1)))
-    along = solid_occupancy(bar, np.eye(3))
+    along = solid_occupancy(bar, ALONG)
     quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     x, y, z = (np.ptp(i) + 1 for i in np.nonzero(along))
-    assert x > 25
-    assert y < 12
-    assert z < 12
-    assert np.nonzero(along)[2].min() == 0
+    assert x > 25 > 12 > max(y, z)
+    assert along[..., 0].any()
     np.testing.assert_array_equal(solid_occupancy(bar, quarter), along.transpose(1, 0, 2))
 
 
@@ -189,13 +172,12 @@ def test_occupancy_fills_through_cracks_and_an_open_bottom():
     closed = normalize(model_of(box))
     normal = face_normals(box.vertices, box.faces)
     without_bottom = normalize(build_model(box.vertices, box.faces[normal[:, 2] > -0.5]))
-    want = solid_occupancy(closed, np.eye(3))
-    np.testing.assert_array_equal(solid_occupancy(without_bottom, np.eye(3)), want)
+    want = solid_occupancy(closed, ALONG)
+    np.testing.assert_array_equal(solid_occupancy(without_bottom, ALONG), want)
     # Gaps of half a cell between faces are closed.
     corners = closed.corners() + 0.012 * face_normals(closed.vertices, closed.faces)[:, None]
-    got = solid_occupancy(
-        build_model(corners.reshape(-1, 3), np.arange(36).reshape(-1, 3)), np.eye(3)
-    )
+    apart = build_model(corners.reshape(-1, 3), np.arange(36).reshape(-1, 3))
+    got = solid_occupancy(apart, ALONG)
     assert got[16, 16, 5]
     assert (got & want).sum() / want.sum() > 0.95
 
@@ -203,7 +185,7 @@ def test_occupancy_fills_through_cracks_and_an_open_bottom():
 def test_occupancy_keeps_an_open_vessel_open():
     normal = face_normals(cube().vertices, cube().faces)
     vessel = normalize(build_model(cube().vertices, cube().faces[normal[:, 2] < 0.5]))
-    got = solid_occupancy(vessel, np.eye(3))
+    got = solid_occupancy(vessel, ALONG)
     assert not got[16, 16, 8]
     assert got[16, 16, 0]
 
@@ -213,7 +195,7 @@ def test_occupancy_keeps_thin_parts_one_cell_thick():
         solids.box(1.4, 1.4, 0.02).at(z=0.9),
         *(solids.rod((x, y, 0), (x, y, 0.9), 0.008) for x, y in LEGS),
     )
-    got = solid_occupancy(model, np.eye(3))
+    got = solid_occupancy(model, ALONG)
     points = sample_surface(model, 5000, 0).points
     cell = np.clip(np.floor((points + np.array([1, 1, 0])) * 16).astype(int), 0, 31)
     # A sheet on the border between two layers of cells is in one of them.
@@ -227,4 +209,4 @@ def test_occupancy_refuses_endless_surface():
     vertices = np.tile([[-0.7, -0.7, 0], [0.7, -0.7, 0], [0, 0.7, 0.6]], (20000, 1))
     model = build_model(vertices, np.arange(60000).reshape(-1, 3))
     with pytest.raises(UnusableModelError, match="more than the limit"):
-        solid_occupancy(model, np.eye(3))
+        solid_occupancy(model, ALONG)

@@ -32,7 +32,7 @@ def square(texture, opacity=1.0):
     )  # fmt: skip
 
 
-def test_no_points_in_the_holes_of_an_alpha_map():
+def test_holes_of_an_alpha_map_have_no_points_and_glass_has_some():
     texture = np.full((8, 8, 4), 255, np.uint8)
     texture[:4, :, 3] = 0  # the upper half: v > 1/2
     texture[6:, :4, 3] = 10  # nearly clear: lower left
@@ -42,10 +42,6 @@ def test_no_points_in_the_holes_of_an_alpha_map():
     left = sample.points[:, 0] < 0.5
     assert sample.points[left, 1].min() >= 0.25
     assert left.mean() == pytest.approx(1 / 3, abs=0.03)
-
-
-def test_glass_has_points_and_a_clear_texture_has_none():
-    texture = np.full((4, 4, 4), 255, np.uint8)
     assert len(sample_surface(square(texture, 0.3), 100, 0).points) == 100
     texture[..., 3] = 0
     with pytest.raises(UnusableModelError, match="almost all"):
@@ -53,50 +49,26 @@ def test_glass_has_points_and_a_clear_texture_has_none():
 
 
 def test_surfaces_that_lie_on_one_another_have_one_density():
-    # The same square twice: as two triangles, and reversed as a grid of many triangles.
-    grid = np.stack(np.meshgrid(*[np.linspace(0, 1, 8)] * 2, [0.0], indexing="ij"), -1)
-    index = np.arange(64).reshape(8, 8)
-    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
-    many = np.concatenate([np.stack([a, c, b], -1), np.stack([a, d, c], -1)]).reshape(-1, 3)
-    square_ = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0.0]])
-    faces = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]])
-    model = build_model(
-        np.concatenate([square_, grid.reshape(-1, 3)]), np.concatenate([faces, many + 6])
-    )
+    # Two squares; the left one lies there twice: as two triangles, and reversed as four.
+    vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0], [0.5, 0.5, 0]]
+    squares = [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]]
+    again = [[1, 0, 6], [2, 1, 6], [3, 2, 6], [0, 3, 6]]
+    model = build_model(np.array(vertices), np.array(squares + again))
     sample = sample_surface(model, 20_000, 0)
     left = (sample.points[:, 0] < 1).mean()
     assert left / (1 - left) == pytest.approx(1, abs=0.05)
 
 
-def test_a_hole_in_one_of_two_layers_shows_the_other():
-    texture = np.full((4, 4, 4), 255, np.uint8)
-    texture[:, :2, 3] = 0  # u < 1/2
-    under = square(None)
-    over = square(texture)
-    model = build_model(
-        np.concatenate([over.vertices, under.vertices]),
-        np.concatenate([over.faces, under.faces + 4]),
-        uv=np.concatenate([over.uv, under.uv]), face_material=np.array([0, 0, 1, 1]),
-        materials=[*over.materials, *under.materials],
-    )  # fmt: skip
-    sample = sample_surface(model, 20_000, 0)
-    left = (sample.points[:, 0] < 0.5).mean()
-    assert left / (1 - left) == pytest.approx(1, abs=0.05)
-
-
-@pytest.mark.parametrize("case", ["doubled", "back first", "inside out", "open below"])
+@pytest.mark.parametrize("case", ["doubled", "inside out", "open below"])
 def test_normals_point_outward_where_the_mesh_can_tell(case):
     ball = solids.ball(2, 2, 2, 24)
-    faces = ball.faces
-    if case == "doubled":
-        faces = np.concatenate([faces, faces[:, ::-1]])
-    elif case == "back first":
-        faces = np.concatenate([faces[:, ::-1], faces])
-    elif case == "inside out":
-        faces = faces[:, ::-1]
-    else:
-        faces = faces[ball.vertices[faces][..., 2].max(axis=1) > -0.8][:, ::-1]
-    model = normalize(build_model(ball.vertices, faces))
+    back = ball.faces[:, ::-1]
+    faces = {
+        "doubled": np.concatenate([back, ball.faces]),
+        "inside out": back,
+        "open below": back[ball.vertices[back][..., 2].max(axis=1) > -0.8],
+    }
+    model = normalize(build_model(ball.vertices, faces[case]))
     sample = sample_surface(model, 4000, 0)
     outward = sample.points - [0, 0, sample.points[:, 2].max() / 2]
     assert ((outward * sample.normals).sum(axis=1) > 0).mean() > 0.99

@@ -27,13 +27,11 @@ def test_too_many_faces_are_refused_by_the_header(write, name):
         load_model(write(name, HEADERS[name]))
 
 
-@pytest.mark.parametrize(
-    "name", ["a.stl", "a.ply", "a.off", "a.glb", "a.gltf", "a.obj", "a.xyzzy", "a"]
-)
-@pytest.mark.parametrize("content", [b"", b"\0" * 100, b"\xff\xfe nonsense \n" * 20])
-def test_nonsense_is_refused(write, name, content):
-    with pytest.raises(UnusableModelError):
-        load_model(write(name, content))
+@pytest.mark.parametrize("kind", [".stl", ".ply", ".off", ".glb", ".gltf", ".obj", ".xyzzy", ""])
+def test_nonsense_is_refused(write, kind):
+    for content in (b"", b"\0" * 100, b"\xff\xfe nonsense \n" * 20):
+        with pytest.raises(UnusableModelError):
+            load_model(write(f"a{kind}", content))
 
 
 @pytest.mark.parametrize("kind", ["stl", "ply", "off", "glb", "obj"])
@@ -59,9 +57,7 @@ def test_glb_scene_with_materials(tmp_path):
     trimesh = pytest.importorskip("trimesh")
     scene = trimesh.Scene()
     pbr = trimesh.visual.material.PBRMaterial
-    for place, (factor, mode) in enumerate(
-        (([255, 0, 0, 255], "OPAQUE"), ([0, 0, 255, 128], "BLEND"))
-    ):
+    for place, (factor, mode) in enumerate([([255] * 4, "OPAQUE"), ([128] * 4, "BLEND")]):
         box = trimesh.creation.box()
         box.visual = trimesh.visual.TextureVisuals(
             uv=np.zeros((8, 2)), material=pbr(baseColorFactor=factor, alphaMode=mode)
@@ -93,25 +89,16 @@ def test_vertex_colours_become_a_palette(tmp_path):
     assert not model.materials[0].has_alpha  # two of its four texels are not used
 
 
-def glb(tree):
-    text = tree if isinstance(tree, bytes) else json.dumps(tree).encode()
-    text += b" " * (-len(text) % 4)
+def glb(text):
     head = struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text), len(text), b"JSON")
     return head + text
 
 
-DEEP = b"[" * 100_000 + b"]" * 100_000
-
-
-DEEPER = b'{"asset": {"version": "2.0"}, "extras": ' + DEEP + b"}"
-
-
-@pytest.mark.parametrize(
-    ("name", "content"), [("a.glb", glb(DEEP)), ("a.gltf", DEEP), ("a.glb", glb(DEEPER))]
-)
-def test_nested_brackets_are_refused(write, name, content):
-    with pytest.raises(UnusableModelError, match="brackets nested more than 64 deep"):
-        load_model(write(name, content))
+def test_nested_brackets_are_refused(write):
+    deep = b"[" * 100_000 + b"]" * 100_000
+    for name, content in (("a.glb", glb(deep)), ("a.gltf", deep)):
+        with pytest.raises(UnusableModelError, match="brackets nested more than 64 deep"):
+            load_model(write(name, content))
 
 
 def test_collada(tmp_path):
@@ -154,11 +141,12 @@ def test_a_texture_that_is_no_file_of_the_folder_is_a_warning(tmp_path, capfd):
     assert capfd.readouterr().err == ""
 
 
-def test_files_that_a_model_refers_to_are_read(tmp_path):
+def test_files_that_a_model_refers_to_are_read(write):
     trimesh = pytest.importorskip("trimesh")
-    for name, data in trimesh.Scene(trimesh.creation.box()).export(file_type="gltf").items():
-        (tmp_path / name).write_bytes(data)
-    assert len(load_model(tmp_path / "model.gltf").faces) == 12
-    next(tmp_path.glob("*.bin")).unlink()
+    files = trimesh.Scene(trimesh.creation.box()).export(file_type="gltf")
+    paths = {name: write(name, data) for name, data in files.items()}
+    assert len(load_model(paths.pop("model.gltf")).faces) == 12
+    for path in paths.values():
+        path.unlink()
     with pytest.raises(UnusableModelError, match="not readable as gltf"):
-        load_model(tmp_path / "model.gltf")
+        load_model(path.with_name("model.gltf"))

@@ -7,10 +7,9 @@ import pytest
 from helpers.obj_text import CUBE, FACES, QUADS, png
 from PIL import Image
 
-from data_gen.mesh import Material
 from data_gen.readers import textures
 from data_gen.readers.load import load_model
-from data_gen.readers.textures import Assets, decode_texture
+from data_gen.readers.textures import decode_texture
 
 
 def huge_png(side):
@@ -65,16 +64,8 @@ def test_many_textures_share_a_budget(write, monkeypatch):
     model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}{body}"))
     assert sum(m.texture.shape[0] * m.texture.shape[1] for m in model.materials) <= 5000
     assert any("textures reduced" in w for w in model.warnings)
-
-
-def test_materials_that_share_a_texture_are_counted_once(monkeypatch):
-    texture = np.zeros((64, 64, 4), np.uint8)
-    monkeypatch.setattr(textures, "_MAX_TEXELS", 64 * 64)
-    assets = Assets(None)
-    shared = [Material(texture=texture) for _ in range(5)]
-    assert assets.bounded(shared)[3].texture is texture
-    assert not assets.warnings
-    other = Material(texture=np.zeros((128, 64, 4), np.uint8))
-    result = assets.bounded([*shared, other, Material()])
-    assert len({id(m.texture) for m in result[:5]}) == 1
-    assert sum(t.size // 4 for t in {id(m.texture): m.texture for m in result[:6]}.values()) <= 4096
+    # A texture of several materials counts once.
+    write("m.mtl", "".join(f"newmtl {n}\nmap_Kd t0.png\n" for n in names))
+    model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}{body}"))
+    assert model.warnings == ()
+    assert {m.texture.shape for m in model.materials} == {(64, 64, 4)}

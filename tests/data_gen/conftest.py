@@ -1,0 +1,23 @@
+import pytest
+
+from data_gen import engine
+from data_gen.render_model import render_model
+from psgn_jax.data.shards import Result
+
+
+@pytest.fixture(scope="session")
+def started():
+    """Mitsuba in this process, in the variant without LLVM."""
+    engine.start("scalar_rgb")
+
+
+@pytest.fixture(scope="session")
+def here(started):
+    """A `pool.Pool` that renders in this process."""
+
+    def render(tasks, context):
+        for number, entry in tasks:
+            records, line = render_model(entry, context)
+            yield Result(number, line, records)
+
+    return render
