@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers import drawn_solids as solids
 
-from psgn_jax.data import augment, camera, framing, photo
+from psgn_jax.data import augment, camera, framing
 
 
 def view_of(category, size=(192, 256), seed=0):
@@ -23,13 +23,12 @@ def about_the_middle(size, scale, right, down):
     )
 
 
-MOVES = [(0.88, 0, 0), (1.12, 0, 0), (1, 14, 0), (1, 0, -14), (0.9, -11, 14), (1.1, 8, 5)]
+MOVES = [(0.88, 0, 0), (1, 14, 0), (0.9, -11, 14), (1.1, 8, 5)]
 
 
-@pytest.mark.parametrize("size", [(192, 256), (96, 128)])
 @pytest.mark.parametrize("numbers", MOVES)
-@pytest.mark.parametrize("category", ["box", "cone"])
-def test_points_stay_on_the_object(category, numbers, size):
+@pytest.mark.parametrize(("category", "size"), [("box", (192, 256)), ("cone", (96, 128))])
+def test_points_stay_on_the_object(category, size, numbers):
     view = view_of(category, size)
     move = about_the_middle(size, *numbers)
     moved = augment.follow(view, framing.keep_inside(move, view.mask))
@@ -69,11 +68,10 @@ def test_the_error_of_the_projection_is_the_one_stated(numbers, rng):
     assert np.abs(error[at_centre]).max() < 0.1
 
 
-@pytest.mark.parametrize("size", [(192, 256), (96, 128), (48, 64)])
-@pytest.mark.parametrize("category", solids.CATEGORIES)
-def test_a_sample_is_placed_as_a_photo_is(category, size):
+@pytest.mark.parametrize("size", [(192, 256), (48, 64)])
+def test_a_sample_is_placed_as_a_photo_is(size):
     """A sample of any size is placed as a prediction places the same image."""
-    view = view_of(category, size)
+    view = view_of("torus", size)
     placed = augment.place(view)
     want = framing.place(view.image, view.mask)
     np.testing.assert_allclose(
@@ -103,8 +101,7 @@ def test_keep_inside_moves_less():
 
 
 def test_reframe_scatters_as_configured():
-    view = view_of("box", (96, 128))
-    view = augment.place(dataclasses.replace(view, depth=None))
+    view = augment.place(dataclasses.replace(view_of("box", (96, 128)), depth=None))
     scales, rows = [], []
     for seed in range(300):
         rng = np.random.default_rng(seed)
@@ -157,10 +154,6 @@ def test_reframe_places_other_angles_as_if_seen_by_the_authors_camera():
         assert (pixels < moved.mask.shape[::-1]).all()
     # The points do not depend on the angle.
     np.testing.assert_allclose(results[1].points, results[2].points, atol=1e-5)
-    # Points without an extent have no placement of their own.
-    same = dataclasses.replace(views[1], points=np.repeat(views[1].points[:1], 50, axis=0))
-    moved = augment.reframe(same, np.random.default_rng(2), place_share=1e-9)
-    assert np.isfinite(moved.points).all()
     with_depth = dataclasses.replace(views[1], depth=np.ones((192, 256), np.float32))
     assert augment.reframe(with_depth, np.random.default_rng(2), place_share=1e-9) is with_depth
 
@@ -190,12 +183,9 @@ def test_normal_form_and_its_camera(rng):
     again, own_depth = camera.project(normal[0], intrinsics, own)
     np.testing.assert_allclose(again, seen, atol=1e-3)
     np.testing.assert_allclose(own_depth, depth / scale, rtol=1e-5)
-    assert framing.normal_form(np.ones((1, 4, 3)))[0] == 1
 
 
-def test_no_object_no_box():
-    with pytest.raises(photo.PhotoError, match="mask is empty"):
-        framing.box_of(np.zeros((8, 8), bool))
+def test_objects_that_are_hardly_seen_are_not_placed():
     small = np.zeros((96, 128), bool)
     assert framing.rule_move_within(small) is None
     small[3:6, 3:6] = True
