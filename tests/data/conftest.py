@@ -1,6 +1,7 @@
 """Small synthetic samples, data sets and batch files."""
 
 import pathlib
+import shutil
 import types
 import zlib
 
@@ -50,6 +51,12 @@ def dataset(tmp_path_factory) -> pathlib.Path:
     }
     write_dataset(folder, splits, source="solids", records_per_shard=10)
     return folder
+
+
+@pytest.fixture
+def copied(dataset, tmp_path):
+    """A copy of the data set, which a test may change."""
+    return pathlib.Path(shutil.copytree(dataset, tmp_path / "copied"))
 
 
 def authors_content(seed=0, validation=False, tube=None):

@@ -28,15 +28,6 @@ def test_back_projection_inverts_projection(rng):
     np.testing.assert_allclose(z, depth[rows, columns], rtol=1e-5)
 
 
-def test_scaled_intrinsics_scale_pixels(rng):
-    intrinsics, extrinsics = camera.default_camera()
-    points = rng.uniform(-1, 1, (20, 3))
-    half = camera.scale_intrinsics(intrinsics, (192, 256), (96, 64))
-    full_pixels, _ = camera.project(points, intrinsics, extrinsics)
-    half_pixels, _ = camera.project(points, half, extrinsics)
-    np.testing.assert_allclose(half_pixels, full_pixels * [0.25, 0.5], rtol=1e-5)
-
-
 def test_inside_mask():
     mask = np.zeros((10, 12), np.bool_)
     mask[4, 5] = True

