@@ -51,7 +51,6 @@ def test_a_complete_one_is_taken_as_it_is(cache, monkeypatch, caplog):
     assert len(made) == 1
     named = default_data.with_default_data(Config())
     assert named.data.folders == (first,)
-    assert named.data.path == ""
     assert to_dict(named) == to_dict(Config())
 
 
