@@ -30,17 +30,6 @@ exec(compile("logging.info('own%sprogress', chr(10))", convert.__file__, "exec")
     assert lines == ["their warning", r"own\nprogress"], result.stderr
 
 
-def test_the_argument_that_a_message_names_is_shown_as_a_flag(capsys):
-    def body(_):
-        raise UserError("weights=a/seed=1: accepted: none")
-
-    flags = Flags("psgn anything", "")
-    flags.string("weights", "", "A file.")
-    assert flags.run(body, []) == 2
-    expected = "error: --weights=a/seed=1: accepted: none\n"
-    assert capsys.readouterr().err == expected
-
-
 @pytest.mark.parametrize(
     ("error", "code", "line"),
     [

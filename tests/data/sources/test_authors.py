@@ -7,10 +7,9 @@ import pytest
 from helpers.disk import without_room
 
 from psgn_jax.commands import convert
-from psgn_jax.data import conversion, schema
-from psgn_jax.data.codec import PointLattice, _lattice_keys, decode_stored
+from psgn_jax.data import schema
+from psgn_jax.data.codec import _lattice_keys, decode_stored
 from psgn_jax.data.dataset import RecordReader
-from psgn_jax.data.shards import read_report
 from psgn_jax.data.sources import authors, duplicates
 from psgn_jax.system.claims import claim
 from psgn_jax.viewing import dataset as dataset_view
@@ -37,18 +36,6 @@ def test_own_batch_file(authors_file, make):
     )
     np.testing.assert_array_equal(stored.depth.codes, content["depth"][3])
     np.testing.assert_array_equal(stored.image, entry.sample.image)
-
-
-def test_points_follow_the_reference(make):
-    """The authors' target p, computed by their formula, on the project's axes."""
-    content = make.content(2)
-    rotation, codes = content["rotation"][0].astype(np.float64), content["points"][0]
-    b = np.deg2rad(20)
-    tilt = np.array([[np.cos(b), 0, -np.sin(b)], [0, 1, 0], [np.sin(b), 0, np.cos(b)]])
-    p = (codes / 255 - [0.7, 0.5, 0.5]) / 0.4 @ (rotation @ np.linalg.inv(tilt)) + [1, 0, 0]
-    want = np.stack([p[:, 2], p[:, 1], 1 - p[:, 0]], axis=1)
-    got = PointLattice(codes, authors.lattice_matrix(rotation)).points()
-    np.testing.assert_allclose(got, want, atol=1e-6)
 
 
 def test_hostile_files_are_refused_in_bounded_memory(make, tmp_path):
@@ -145,22 +132,6 @@ def test_another_conversion_or_a_full_disk_ends_one_that_goes_on_later(
     assert convert.main(command) == 0  # nothing left to do
     after = {p.name: (p.read_bytes(), p.stat().st_mtime_ns) for p in target.glob("*.array*")}
     assert after == before
-
-
-def test_conversion_after_a_source_was_removed(authors_file, tmp_path, monkeypatch):
-    """The groups shift: the second file's shard must not be reused as the first file's."""
-    source, target = tmp_path / "src", tmp_path / "dst"
-    source.mkdir()
-    for i in range(2):
-        (source / f"{i}.gz").write_bytes(authors_file.read_bytes())
-    monkeypatch.setattr(conversion, "FILES_PER_SHARD", 1)
-    convert.convert_authors(source, target)
-    (source / "0.gz").unlink()
-    manifest, _ = convert.convert_authors(source, target)
-    assert [line["model_id"] for line in read_report(target)] == ["1.gz"]
-    RecordReader(target, "train").verify()
-    files = {p.name for p in target.glob("*.arrayrecord")}
-    assert files == {s.file for s in manifest.shards}
 
 
 def test_conversion_refuses_wrong_folders(dataset, tmp_path, authors_file, capsys):

@@ -1,10 +1,7 @@
 import numpy as np
 import pytest
-from helpers import shapenet_trees as trees
 
 from psgn_jax.data.sources import binvox
-
-trimesh_binvox = pytest.importorskip("trimesh.exchange.binvox")
 
 
 def naive_bytes(solid, translate="0 0 0", scale="1"):
@@ -29,22 +26,6 @@ def test_axis_order_and_numbers(tmp_path, rng):
     np.testing.assert_array_equal(got.solid, solid)
     np.testing.assert_array_equal(got.translate, [-0.25, 1e-3, 7])
     assert got.scale == 0.75
-
-
-@pytest.mark.parametrize("dim", [7, 32])
-@pytest.mark.parametrize("share", [0.0, 0.5])
-def test_writer_and_trimesh_agree(tmp_path, rng, dim, share):
-    solid = rng.random((dim,) * 3) < share
-    grid = binvox.Binvox(solid, np.array([0.1, -0.2, 1 / 3]), 0.7)
-    path = tmp_path / "a.binvox"
-    trees.write_binvox(path, grid)
-    back = binvox.read(path, dim)
-    np.testing.assert_array_equal(back.solid, solid)
-    np.testing.assert_array_equal(back.translate, grid.translate)
-    assert back.scale == grid.scale
-    with path.open("rb") as file:
-        read = trimesh_binvox.load_binvox(file)
-    np.testing.assert_array_equal(read.encoding.dense, solid)
 
 
 def test_damaged_files_name_themselves(tmp_path, rng):
