@@ -12,7 +12,6 @@ def test_report_and_sheet(dataset, tmp_path, capsys):
     assert "split train: 37 samples in 4 shards" in out
     assert "split validation: 11 samples" in out
     assert "points strictly inside the mask" in out
-    assert "flagged" not in out
     picture = np.asarray(Image.open(sheet))
     assert picture.shape == (2 * (48 + 16) + 12, 2 * (3 * 64 + 12) + 12, 3)
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 100

@@ -63,23 +63,23 @@ def test_hostile_files_are_refused_in_bounded_memory(make, tmp_path):
 
 
 def test_conversion(make, tmp_path, capsys):
-    """A damaged file, bad samples, and a training sample with the shape of a test object.
+    """A damaged file, bad samples, and a training sample with the shape of a held-out object.
 
-    The test objects are one torus; the sample's is turned otherwise and sampled anew.
+    The held-out objects are one torus; the sample's is turned otherwise and sampled anew.
     """
     source, target = tmp_path / "src", tmp_path / "dst"
     source.mkdir()
-    training, test, known = make.content(0), make.content(1, tube=0.3), make.content(2, tube=0.3)
+    training, held, known = make.content(0), make.content(1, True), make.content(2, True)
     for field in ("rotation", "points", "depth", "colour"):
         training[field][4] = known[field][4]
-    test["depth"][3] = 0
-    test["points"][5] = 7
+    held["depth"][3] = 0
+    held["points"][5] = 7
     (source / "3.gz").write_bytes(zlib.compress(make.content_bytes(training), 1))
-    (source / "48.gz").write_bytes(zlib.compress(make.content_bytes(test), 1))
+    (source / "11.gz").write_bytes(zlib.compress(make.content_bytes(held), 1))
     (source / "10.gz").write_bytes(b"damaged")
     assert convert.main(["authors", str(source), str(target)]) == 1
     streams = capsys.readouterr()
-    for line in ("duplicate: 1 samples", "test: 30 samples", "train: 31 samples"):
+    for line in ("duplicate: 1 samples", "validation: 30 samples", "train: 31 samples"):
         assert line in streams.out
     for message in (
         "10.gz",
@@ -90,10 +90,9 @@ def test_conversion(make, tmp_path, capsys):
         assert message in streams.err
     (left_out,) = RecordReader(target, "duplicate")
     assert left_out.model_id.endswith("0004")
-    reader = RecordReader(target, "test")
-    kept = [int(s.model_id[-2:], 16) for s in reader]
+    kept = [int(s.model_id[-2:], 16) for s in RecordReader(target, "validation")]
     assert kept == [i for i in range(32) if i not in (3, 5)]
-    assert max(len(reader.read(i)) for i in range(30)) < 60_000
+    assert authors.split_of(target / "48.gz", "a1") == "test"
 
 
 def test_a_mirrored_and_turned_shape_is_the_same_and_another_is_not(rng):
