@@ -73,6 +73,7 @@ for name in ("LOGNAME", "USER", "LNAME", "USERNAME", "PSGN_CACHE"):
 """)
     small = ("--config.train.steps=1", "--config.data.image_size=(16,32)", "--config=debug",
              "--config.model.widths=(8,8,8)", "--config.model.deconv_level=1",
+             "--config.train.eval_every=0",
              f"--config.data.path={write_solids(tmp_path / 'data')}")  # fmt: skip
     run, out = tmp_path / "run", tmp_path / "out"
     train, predict = psgn_each(
