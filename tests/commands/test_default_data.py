@@ -8,11 +8,10 @@ from data_gen import default as recipe
 from data_gen import job, settings
 from data_gen.engine import has_mitsuba
 from psgn_jax.commands import default_data
-from psgn_jax.config.experiment import Config, ConfigError, DataConfig, to_dict
-from psgn_jax.data import loader, shards
+from psgn_jax.config.experiment import Config, ConfigError, to_dict
+from psgn_jax.data import shards
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.manifest import Manifest, load_manifest, save_manifest
-from psgn_jax.data.schema import RecordError
 
 TINY = settings.Settings(views=1, num_points=4096, job=settings.JobSettings(workers=1))
 
@@ -27,11 +26,6 @@ def test_without_mitsuba_the_remedy_is_named(monkeypatch):
     monkeypatch.setattr(recipe, "has_mitsuba", lambda: False)
     with pytest.raises(ConfigError, match=r"pip install 'psgn-jax\[render\]'"):
         default_data.with_default_data(Config())
-
-
-def test_data_is_never_made_while_it_is_read():
-    with pytest.raises(RecordError, match="no data set is named; expected a folder of records"):
-        loader.num_samples(DataConfig(), "train")
 
 
 def test_a_complete_one_is_taken_as_it_is(cache, monkeypatch, caplog):
@@ -51,7 +45,6 @@ def test_a_complete_one_is_taken_as_it_is(cache, monkeypatch, caplog):
     assert len(made) == 1
     named = default_data.with_default_data(Config())
     assert named.data.folders == (first,)
-    assert named.data.path == ""
     assert to_dict(named) == to_dict(Config())
 
 

@@ -13,12 +13,12 @@ from helpers.weights import random_params
 
 from psgn_jax import tasks
 from psgn_jax.commands.evaluate import open_with_records
-from psgn_jax.config.experiment import ConfigError, to_dict, to_json
+from psgn_jax.config.experiment import ConfigError, to_json
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.evaluation import table as table_lib
 from psgn_jax.evaluation.results import Evaluation, SampleName
 from psgn_jax.evaluation.split import evaluate_split
-from psgn_jax.weights.checkpoint import CheckpointError, Checkpoints
+from psgn_jax.weights.checkpoint import CheckpointError
 
 
 @pytest.fixture(autouse=True)
@@ -40,30 +40,23 @@ def expected(config):
     return np.array([row["points"].astype(np.float64).mean() for row in rows])
 
 
-@pytest.mark.parametrize(("batch_size", "count"), [(4, 11), (16, 11), (4, 6)])
-def test_every_sample_counts_once(batch_size, count):
-    config = standin.config(eval__batch_size=batch_size)
-    seen = []
-    result = evaluate_split(
-        config, {}, fake_step, max_samples=count, on_batch=lambda *a: seen.append(a[0])
-    )
-    np.testing.assert_array_equal(result.metrics["cd_sq_radius2"], expected(config)[:count])
+def test_every_sample_counts_once():
+    config = standin.config(eval__batch_size=4)
+    result = evaluate_split(config, {}, fake_step)
+    np.testing.assert_array_equal(result.metrics["cd_sq_radius2"], expected(config))
     assert result.names == [
-        SampleName(n, standin.CATEGORIES[n % 3], f"model{n}", n) for n in range(count)
+        SampleName(n, standin.CATEGORIES[n % 3], f"model{n}", n) for n in range(11)
     ]
-    assert result.num_points == (2, 64)
-    assert seen == list(range(-(-count // batch_size)))
+    assert len(evaluate_split(config, {}, fake_step, max_samples=6).names) == 6
 
 
-def test_emd_is_measured_where_there_are_points_enough():
+def test_emd_is_measured_up_to_its_tolerance():
     config = small_config(eval__emd_tolerance=0.05, data__num_eval_points=12)
     params = random_params(config)
     result = tasks.create(config).evaluate(params, max_samples=4)
     assert (result.metrics["emd_radius"] > 0.1).all()
     assert (result.metrics["emd_gap"] <= 0.05).all()
     assert "EMD [radius]" in table_lib.text(result)
-    few = dataclasses.replace(config, data=dataclasses.replace(config.data, num_eval_points=7))
-    assert "emd_radius" not in tasks.create(few).evaluate(params, max_samples=4).metrics
 
 
 @pytest.fixture
@@ -106,15 +99,9 @@ def test_table_as_text_csv_and_json(table):
 def test_missing_runs_and_checkpoints_are_named(tmp_path):
     with pytest.raises(ConfigError, match=r"no run there"):
         open_with_records(tmp_path, None)
-    config = standin.config()
-    (tmp_path / "config.json").write_text(to_json(config))
+    (tmp_path / "config.json").write_text(to_json(standin.config()))
     with pytest.raises(CheckpointError, match="no checkpoint there"):
         open_with_records(tmp_path, None)
-    checkpoints = Checkpoints(tmp_path / "checkpoints")
-    checkpoints.save(1, {"params.a.kernel": np.zeros(1)}, {"config": to_dict(config)})
-    checkpoints.close()
-    with pytest.raises(ConfigError, match=r"data.path='/no/such' does not exist"):
-        open_with_records(tmp_path, None, data="/no/such")
 
 
 def visibility_table(share, visible):
@@ -138,38 +125,24 @@ def test_samples_without_visible_points_have_no_part_in_their_means():
     assert np.isnan(rows["lamp"][key])
     assert rows["mean over samples"][key] == rows["mean over categories"][key] == 2
     assert rows["mean over samples"]["visible_share"] == pytest.approx(1 / 6)
-    text = table_lib.text(table)
-    assert "visible truth to pred [radius^2]" in text
-    assert "hidden [radius^2]" in text
-    assert "visible [%]" in text
-    assert "within 0.025 radius of what the depth image measured" in text
-    assert "16.67" in text
-    assert json.loads(table_lib.json_text(table))["categories"]["lamp"][key] is None
+    assert "within 0.025 radius of what the depth image measured" in table_lib.text(table)
     # A broken prediction is not left out.
-    table = visibility_table([0.5, 0.5, 0.5], [2.0, np.nan, 3.0])
-    rows = {row.name: row.metrics for row in table.rows()}
-    for name in ("car", "mean over samples", "mean over categories"):
-        assert np.isnan(rows[name]["cd_sq_gt_to_pred_visible_radius2"])
+    broken = visibility_table([0.5, 0.5, 0.5], [2.0, np.nan, 3.0])
+    rows = {row.name: row.metrics for row in broken.rows()}
+    assert np.isnan(rows["mean over samples"][key])
 
 
-def test_records_with_depth_have_the_columns_whatever_the_network_sees(monkeypatch, tmp_path):
-    deep = list(solids.samples(5, seed=1, image_size=(48, 64)))
+def test_records_with_depth_have_the_columns_whatever_the_network_sees(tmp_path):
+    deep = list(solids.samples(3, seed=1, image_size=(48, 64)))
     bare = [dataclasses.replace(sample, depth=None) for sample in deep]
     for name, samples in (("deep", deep), ("bare", bare)):
         write_dataset(tmp_path / name, {"validation": samples}, source="")
 
-    def configured(folder, **changes):
-        return small_config(data__path=str(tmp_path / folder), **changes)
-
-    config = configured("deep", eval__batch_size=2)
+    config = small_config(data__path=str(tmp_path / "deep"))
     result = tasks.create(config).evaluate(random_params(config))
     share = result.metrics["visible_share"]
     assert ((share > 0.1) & (share < 0.9)).all()
     assert "hidden [radius^2]" in table_lib.text(result)
 
-    other = configured("deep", data__inputs=("rgb", "depth"), data__image_size=(24, 40))
-    seen = tasks.create(other).evaluate(random_params(other)).metrics["visible_share"]
-    np.testing.assert_allclose(seen, share, rtol=1e-6)
-    for without in (configured("deep", eval__visible_tolerance=0), configured("bare")):
-        found = tasks.create(without).evaluate(random_params(without))
-        assert "visible_share" not in found.metrics
+    without = small_config(data__path=str(tmp_path / "bare"))
+    assert "visible_share" not in tasks.create(without).evaluate(random_params(without)).metrics

@@ -1,6 +1,5 @@
 """The console script: every command is reached by name, with its own flags and exit codes."""
 
-import importlib.util
 import os
 import re
 import subprocess
@@ -16,12 +15,10 @@ from psgn_jax.config.command_line import load_file
 from psgn_jax.config.experiment import ConfigError
 
 
-def test_help_lists_each_command_and_each_is_a_module_that_runs(capsys):
+def test_help_lists_each_command(capsys):
     assert cli.main([]) == cli.main(["--help"]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
-    for name, summary in cli.COMMANDS.items():
-        assert lines.count([name, *summary.split()]) == 2, name
-        assert importlib.util.find_spec(cli.module(name)), name
+    assert all(lines.count([name, *text.split()]) == 2 for name, text in cli.COMMANDS.items())
 
 
 def test_an_unknown_command_ends_in_one_line(capsys):
@@ -35,42 +32,28 @@ def test_an_unknown_command_ends_in_one_line(capsys):
 
 
 @pytest.mark.parametrize(
-    ("shell", "code", "error"),
+    ("shell", "command", "code", "error"),
     [
-        ('exec "$@" >&-', 0, ""),
-        ('exec "$@" > /dev/full', 5, "error: No space left on device\n"),
-        ('PYTHONIOENCODING=ascii exec "$@"', 0, ""),
+        ('exec "$@" >&-', ["--help"], 0, ""),
+        ('exec "$@" > /dev/full', ["inspect", "datä"], 5, "error: No space left on device\n"),
+        ('PYTHONIOENCODING=ascii exec "$@"', ["inspect", "datä"], 0, ""),
     ],
 )
-def test_output_that_nothing_can_take_ends_without_a_traceback(shell, code, error, tmp_path):
-    data = write_solids(tmp_path / "datä")
-    for arguments in (["--help"], ["inspect", data]):
-        script = "import sys; from psgn_jax.commands.psgn import main; sys.exit(main())"
-        program = ["bash", "-c", shell, "bash", sys.executable, "-c", script, *arguments]
-        environment = {key: v for key, v in os.environ.items() if key != "PYTHONUNBUFFERED"}
-        done = subprocess.run(program, capture_output=True, text=True, cwd=ROOT, env=environment)
-        assert (done.returncode, done.stderr) == (code, error)
+def test_output_that_nothing_can_take_ends_without_a_traceback(
+    shell, command, code, error, tmp_path
+):
+    write_solids(tmp_path / "datä")
+    script = "import sys; from psgn_jax.commands.psgn import main; sys.exit(main())"
+    program = ["bash", "-c", shell, "bash", sys.executable, "-c", script, *command]
+    environment = {key: v for key, v in os.environ.items() if key != "PYTHONUNBUFFERED"}
+    environment["PYTHONPATH"] = str(ROOT)
+    done = subprocess.run(program, capture_output=True, text=True, cwd=tmp_path, env=environment)
+    assert (done.returncode, done.stderr) == (code, error)
 
 
-def test_arguments_and_exit_codes_are_those_of_the_command():
-    inspect, train, study, steps, missing = psgn_each(
-        ["inspect", "--help"],
-        ["train", "--help"],
-        ["study", "losss"],
-        ["train", "--config=quickstart", "--config.train.steps=-1"],
-        ["train", "--workdir=runs/none"],
-        imports=["psgn_jax.data.dataset"],
-    )
-    for shown, flag in ((inspect, "--sheet"), (train, "--workdir")):
-        assert shown.returncode == 0
-        assert flag in shown.stdout
-    assert study.returncode == 2
-    assert study.stderr.startswith("error: psgn study losss: no such study; did you mean 'losses'?")
-    assert steps.returncode == 2
-    assert steps.stderr == "error: train.steps=-1: accepted: a number >= 1 and <= 2147483647\n"
-    # Without a configuration, they are listed.
-    assert missing.returncode == 2
-    first, *lines = missing.stderr.splitlines()
+def test_configurations_are_listed_when_none_is_named(capsys):
+    assert cli.main(["train", "--workdir=runs/none"]) == 2
+    first, *lines = capsys.readouterr().err.splitlines()
     assert first == "error: --config is missing: a file, or one of these names"
     assert [line.split()[0] for line in lines] == config_files.names()
     assert "the default data set" in next(line for line in lines if "quickstart" in line)
@@ -90,44 +73,34 @@ for name in ("LOGNAME", "USER", "LNAME", "USERNAME", "PSGN_CACHE"):
 """)
     small = ("--config.train.steps=1", "--config.data.image_size=(16,32)", "--config=debug",
              "--config.model.widths=(8,8,8)", "--config.model.deconv_level=1",
+             "--config.train.eval_every=0",
              f"--config.data.path={write_solids(tmp_path / 'data')}")  # fmt: skip
     run, out = tmp_path / "run", tmp_path / "out"
-    train, predict, default = psgn_each(
+    train, predict = psgn_each(
         ["train", *small, f"--workdir={run}"],
         ["predict", ROOT / "docs" / "photos" / "cup.jpg", f"--workdir={run}", f"--out={out}"],
-        ["train", "--config=debug", f"--workdir={tmp_path / 'none'}"],
         imports=["nobody", "psgn_jax.training.loop", "psgn_jax.prediction.photos"],
         PYTHONPATH=f"{ROOT}:{tmp_path}",
     )
     assert train.returncode == 0, train.stderr
     assert predict.returncode == 0, predict.stderr
     assert (out / "cup.ply").is_file()
-    # The default data set would be rendered into the cache.
-    assert default.returncode == 2
-    assert default.stderr.splitlines()[-1] == (
-        "error: this user has no home folder; name a folder for the cache in the environment "
-        "variable PSGN_CACHE"
-    )
 
 
 def test_a_configuration_is_a_path_or_a_name():
     assert config_files.path_of("configs/debug.py") == "configs/debug.py"
     assert config_files.path_of("debug") == str(ROOT / "configs" / "debug.py")
     assert config_files.path_of("debug:small") == str(ROOT / "configs" / "debug.py") + ":small"
-    assert set(config_files.names()) == {p.stem for p in (ROOT / "configs").glob("*.py")}
-    for wrong in ("debgu", "configs/debgu.py"):
-        with pytest.raises(ConfigError, match=r"did you mean 'debug'\? expected the path"):
-            config_files.path_of(wrong)
+    with pytest.raises(ConfigError, match=r"did you mean 'debug'\? expected the path"):
+        config_files.path_of("configs/debgu.py")
 
 
 @pytest.mark.parametrize(
     ("content", "why"),
     [
         (b"root:x:0:0:root:/root:/bin/bash\n", "SyntaxError"),
-        (b"\x89PNG\r\n\x1a\n\0\0", "null bytes"),
         (b"x = 1", "it has no function get_config"),
         (b"def get_config(): raise RuntimeError('what')", "RuntimeError: what"),
-        (b"def get_config(): return 5", "get_config returns int"),
         (b"#" * 1_000_001, "more than 1000000 bytes"),
     ],
 )
@@ -138,16 +111,3 @@ def test_files_that_are_no_configurations(content, why, tmp_path):
         load_file(str(path))
     assert str(caught.value).startswith(f"--config={path} is not a configuration (")
     assert "a Python file with a function get_config()" in str(caught.value)
-
-
-def test_a_configuration_is_executed_once(tmp_path, capsys):
-    file, mark = tmp_path / "mine.py", tmp_path / "mark"
-    file.write_text(
-        f"with open({str(mark)!r}, 'a') as file:\n    file.write('x')\n"
-        "from psgn_jax.config import recipes\n\n\n"
-        "def get_config():\n    return recipes.load('debug')\n"
-    )
-    arguments = ["train", f"--config={file}", "--config.train.steps=0", "--config.seed=1"]
-    assert cli.main(arguments) == 2
-    assert capsys.readouterr().err.startswith("error: train.steps=0: accepted: a number >= 1")
-    assert mark.read_text() == "x"

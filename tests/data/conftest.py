@@ -1,6 +1,7 @@
 """Small synthetic samples, data sets and batch files."""
 
 import pathlib
+import shutil
 import types
 import zlib
 
@@ -52,7 +53,13 @@ def dataset(tmp_path_factory) -> pathlib.Path:
     return folder
 
 
-def authors_content(seed=0, validation=False, tube=None):
+@pytest.fixture
+def copied(dataset, tmp_path):
+    """A copy of the data set, which a test may change."""
+    return pathlib.Path(shutil.copytree(dataset, tmp_path / "copied"))
+
+
+def authors_content(seed=0, validation=False):
     """The content of a file in the authors' layout: a torus, seen by their camera.
 
     The tube is thicker in validation files, so that their shapes are not those of training files.
@@ -65,7 +72,7 @@ def authors_content(seed=0, validation=False, tube=None):
     )
     rotation = (turn @ tilt).astype(np.float32)
     # In the model's frame axis 0 points down. Its value is 0 on the ground (points / 255 = 0.7).
-    points, _ = solids.torus(0.7, tube or (0.3 if validation else 0.2)).sample(rng, 16384)
+    points, _ = solids.torus(0.7, 0.3 if validation else 0.2).sample(rng, 16384)
     model = np.stack([-0.2 - points[:, 2], points[:, 0], points[:, 1]], axis=1)
     codes = np.clip(np.rint((model * 0.4 + [0.7, 0.5, 0.5]) * 255), 0, 255).astype(np.uint8)
     # Draw the exact points, by the formulas of the reference instead of the package's functions.

@@ -8,9 +8,7 @@ from helpers import drawn_solids as solids
 from psgn_jax.config.data import DataConfig, PhotoEffects
 from psgn_jax.data import augment, camera, framing, schema
 
-
-def view_of(category, size=(96, 128), seed=0):
-    return solids.view_of(category, size, seed)
+SIZE = 96, 128
 
 
 def rolled(view):
@@ -43,7 +41,7 @@ def assert_consistent(view):
 
 
 def test_flip_mirrors_the_projection_of_any_camera():
-    view = rolled(view_of("box"))
+    view = rolled(solids.view_of("box", SIZE))
     flipped = augment.flip(view)
     schema.check_camera(flipped.intrinsics, flipped.extrinsics)
     before, depth = camera.project(view.points, view.intrinsics, view.extrinsics)
@@ -51,21 +49,16 @@ def test_flip_mirrors_the_projection_of_any_camera():
     np.testing.assert_allclose(after[:, 0], view.image.shape[1] - before[:, 0], atol=1e-3)
     np.testing.assert_allclose(after[:, 1], before[:, 1], atol=1e-3)
     np.testing.assert_allclose(depth_after, depth, rtol=1e-5)
-    assert_consistent(augment.flip(view_of("cone")))
+    assert_consistent(augment.flip(solids.view_of("cone", SIZE)))
 
 
-@pytest.mark.parametrize("factor", [0.7, 0.95, 1.0, 1.2])
-@pytest.mark.parametrize("mirror", [False, True])
-def test_stretch(factor, mirror):
-    view = view_of("box", seed=3)
-    if mirror:
-        view = augment.flip(view)
-    stretched = augment.stretch(view, factor)
-    assert_consistent(stretched)
-    np.testing.assert_allclose(stretched.points[:, 1], factor * view.points[:, 1], rtol=1e-6)
-    if factor == 1:
-        np.testing.assert_array_equal(stretched.image, view.image)
-        np.testing.assert_array_equal(stretched.mask, view.mask)
+def test_stretch():
+    view = solids.view_of("box", SIZE, seed=3)
+    for factor, start in ((0.7, view), (1.2, augment.flip(view))):
+        stretched = augment.stretch(start, factor)
+        assert_consistent(stretched)
+        np.testing.assert_allclose(stretched.points[:, 1], factor * start.points[:, 1], rtol=1e-6)
+    np.testing.assert_array_equal(augment.stretch(view, 1.0).image, view.image)
 
 
 def augmented(view, seed, **settings):
@@ -73,60 +66,41 @@ def augmented(view, seed, **settings):
 
 
 def test_samples_of_rolled_cameras_are_not_stretched():
-    view = rolled(view_of("box"))
+    view = rolled(solids.view_of("box", SIZE))
     assert augmented(view, 0, stretch=0.3) is view
-    # All other changes are made, with the same random numbers as without a stretch.
     others = {"flip": True, "colour_jitter": 0.3, "zoom": 0.1, "shift": 0.1}
-    for seed in range(4):
-        one, two = augmented(view, seed, stretch=0.3, **others), augmented(view, seed, **others)
-        np.testing.assert_array_equal(one.image, two.image)
-        schema.check_camera(one.intrinsics, one.extrinsics)
-
-
-def with_picture(view):
-    """The view in front of a background that brightens to the right and is nowhere grey 191."""
-    ramp = np.broadcast_to(np.linspace(20, 120, view.mask.shape[1]), view.mask.shape)
-    image = np.where(view.mask[..., None], 250, ramp[..., None]).astype(np.uint8)
-    return dataclasses.replace(view, image=np.repeat(image[..., :1], 3, axis=-1))
+    one, two = augmented(view, 1, stretch=0.3, **others), augmented(view, 1, **others)
+    np.testing.assert_array_equal(one.image, two.image)
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        lambda view: augment.recrop(view, 0.8, (0, 0)),
-        lambda view: augment.recrop(view, 1.0, (9, -14)),
-        lambda view: augment.recrop(view, 0.95, (-6, 11.5)),
+        lambda view: augment.recrop(view, 0.8, (-6, 11.5)),
         lambda view: augment.stretch(view, 0.75),
     ],
 )
 def test_pictures_behind_the_object_are_continued(change):
-    view = with_picture(view_of("ellipsoid"))
-    changed = change(view)
-    assert_no_grey_and_no_object_behind(changed)
-    row = changed.image[2, :, 0].astype(int)
-    assert np.abs(np.diff(row)).max() <= 3  # no edge where the picture ends
-    np.testing.assert_array_equal(
-        changed.mask, change(dataclasses.replace(view, image=view.image * 0 + 191)).mask
-    )
-
-
-def assert_no_grey_and_no_object_behind(view):
+    """The background brightens to the right and is nowhere grey 191."""
+    view = solids.view_of("ellipsoid", SIZE)
+    ramp = np.broadcast_to(np.linspace(20, 120, view.mask.shape[1]), view.mask.shape)
+    image = np.where(view.mask, 250, ramp).astype(np.uint8)
+    changed = change(dataclasses.replace(view, image=np.stack([image] * 3, axis=-1)))
     # The interpolation blends two pixels at the silhouette with the object.
-    behind = view.image[..., 0][~scipy.ndimage.binary_dilation(view.mask, iterations=2)]
+    behind = changed.image[..., 0][~scipy.ndimage.binary_dilation(changed.mask, iterations=2)]
     assert behind.min() >= 20
     assert behind.max() <= 120
+    row = changed.image[2, :, 0].astype(int)
+    assert np.abs(np.diff(row)).max() <= 3  # no edge where the picture ends
+    np.testing.assert_array_equal(changed.mask, change(view).mask)
 
 
-@pytest.mark.parametrize("factor", [0.8, 1.0, 1.03])
-@pytest.mark.parametrize("shift", [(0, 0), (1, -8.5)])
+@pytest.mark.parametrize(("factor", "shift"), [(0.8, (0, 0)), (1.0, (1, -8.5)), (1.03, (1, -8.5))])
 def test_recrop(factor, shift):
-    view = view_of("cone", seed=2)
+    view = solids.view_of("cone", SIZE, seed=2)
     cropped = augment.recrop(view, factor, shift)
     assert_consistent(cropped)
     assert cropped.points is view.points
-    if factor == 1 and shift == (0, 0):
-        for field in dataclasses.fields(view):
-            np.testing.assert_array_equal(getattr(cropped, field.name), getattr(view, field.name))
     middle = np.array([view.mask.shape[1], view.mask.shape[0]]) / 2
     before, _ = camera.project(view.points, view.intrinsics, view.extrinsics)
     after, _ = camera.project(cropped.points, cropped.intrinsics, cropped.extrinsics)
@@ -135,7 +109,7 @@ def test_recrop(factor, shift):
 
 
 def test_recrop_keeps_the_object_in_the_image():
-    view = view_of("box", seed=1)
+    view = solids.view_of("box", SIZE, seed=1)
     for factor, shift in ((1.0, (500, -500)), (9.0, (3, 3)), (0.5, (-90, 90))):
         cropped = augment.recrop(view, factor, shift)
         pixels, _ = camera.project(cropped.points, cropped.intrinsics, cropped.extrinsics)
@@ -145,31 +119,28 @@ def test_recrop_keeps_the_object_in_the_image():
 
 
 def test_colour_jitter_stays_on_the_object():
-    view = view_of("ellipsoid")
+    view = solids.view_of("ellipsoid", SIZE)
     jittered = augment.colour_jitter(view, np.random.default_rng(1), 0.4)
     assert (jittered.image[~view.mask] == schema.BACKGROUND_GREY).all()
     assert (jittered.image[view.mask] != view.image[view.mask]).any()
-    same = augment.colour_jitter(view, np.random.default_rng(1), 0.0)
-    np.testing.assert_array_equal(same.image, view.image)
 
 
-@pytest.mark.parametrize("change", ["flip", "stretch", "narrow", "recrop", "all"])
-def test_depth_with_holes_stays_on_the_surface(change):
-    view = view_of("ellipsoid")
-    depth = view.depth.copy()
-    rows, columns = np.nonzero(view.mask)
-    hole = np.s_[rows.mean().astype(int) :, : columns.mean().astype(int)]
-    depth[hole] = 0
-    view = dataclasses.replace(view, depth=depth)
-    changed = {
-        "flip": lambda: augment.flip(view),
-        "stretch": lambda: augment.stretch(view, 1.2),
-        "narrow": lambda: augment.stretch(view, 0.8),
-        "recrop": lambda: augment.recrop(view, 0.93, (2.3, -3.1)),
-        "all": lambda: augmented(
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda view: augment.stretch(view, 0.8),
+        lambda view: augment.recrop(view, 0.93, (2.3, -3.1)),
+        lambda view: augmented(
             view, 1, flip=True, stretch=0.2, zoom=0.05, shift=0.04, colour_jitter=0.2
         ),
-    }[change]()
+    ],
+)
+def test_depth_with_holes_stays_on_the_surface(change):
+    view = solids.view_of("ellipsoid", SIZE)
+    depth = view.depth.copy()
+    rows, columns = np.nonzero(view.mask)
+    depth[rows.mean().astype(int) :, : columns.mean().astype(int)] = 0
+    changed = change(dataclasses.replace(view, depth=depth))
     assert changed.depth.dtype == np.float32
     measured = changed.depth > 0
     assert not (measured & ~changed.mask).any()
@@ -186,7 +157,7 @@ def test_depth_with_holes_stays_on_the_surface(change):
 
 
 def test_framing_and_photo_effects_follow_the_configuration():
-    view = dataclasses.replace(view_of("box"), depth=None)
+    view = dataclasses.replace(solids.view_of("box", SIZE), depth=None)
     placed = augmented(view, 0, place=1.0)
     assert framing.rule_move_within(placed.mask).scale == pytest.approx(1, abs=0.05)
     noisy = augmented(view, 0, photo=PhotoEffects(noise=0.1))

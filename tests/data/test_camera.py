@@ -18,25 +18,6 @@ def test_default_camera_is_the_authors(rng):
     np.testing.assert_allclose(pixels[:, 1], 96 + 400 * (q[:, 0] + 0.252) / depth, atol=1e-4)
 
 
-def test_back_projection_inverts_projection(rng):
-    intrinsics, extrinsics = camera.default_camera((48, 64))
-    depth = np.where(rng.random((48, 64)) < 0.3, rng.uniform(2, 5, (48, 64)), 0)
-    points = camera.back_project(depth, intrinsics, extrinsics)
-    pixels, z = camera.project(points, intrinsics, extrinsics)
-    rows, columns = np.nonzero(depth)
-    np.testing.assert_allclose(pixels, np.stack([columns, rows], 1) + 0.5, atol=1e-3)
-    np.testing.assert_allclose(z, depth[rows, columns], rtol=1e-5)
-
-
-def test_scaled_intrinsics_scale_pixels(rng):
-    intrinsics, extrinsics = camera.default_camera()
-    points = rng.uniform(-1, 1, (20, 3))
-    half = camera.scale_intrinsics(intrinsics, (192, 256), (96, 64))
-    full_pixels, _ = camera.project(points, intrinsics, extrinsics)
-    half_pixels, _ = camera.project(points, half, extrinsics)
-    np.testing.assert_allclose(half_pixels, full_pixels * [0.25, 0.5], rtol=1e-5)
-
-
 def test_inside_mask():
     mask = np.zeros((10, 12), np.bool_)
     mask[4, 5] = True

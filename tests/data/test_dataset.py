@@ -1,11 +1,8 @@
 import dataclasses
-import errno
 import json
 import os
-import pathlib
 import pickle
 import random
-import shutil
 import zlib
 
 import msgpack
@@ -13,10 +10,9 @@ import numpy as np
 import pytest
 
 from psgn_jax.data import codec, schema
-from psgn_jax.data import dataset as dataset_lib
-from psgn_jax.data.codec import DepthCodes, PointLattice, decode, decode_stored, encode, unpack
+from psgn_jax.data.codec import PointLattice, decode, decode_stored, encode
 from psgn_jax.data.dataset import RecordReader, ShardWriter, shard_name, write_dataset
-from psgn_jax.data.manifest import MANIFEST, Manifest, load_manifest, save_manifest
+from psgn_jax.data.manifest import MANIFEST, load_manifest
 from psgn_jax.data.schema import RecordError
 
 
@@ -25,18 +21,21 @@ def sorted_rows(points):
 
 
 def test_round_trip_of_every_field(sample):
+    sample = dataclasses.replace(sample, extra='{"seed": 3, "name": "café"}')
     back = decode(encode(sample))
     schema.validate(back)
     for field in ("image", "mask", "occupancy", "intrinsics", "extrinsics"):
         np.testing.assert_array_equal(getattr(back, field), getattr(sample, field))
-    for field in ("category", "model_id", "view", "source"):
+    for field in ("category", "model_id", "view", "source", "extra"):
         assert getattr(back, field) == getattr(sample, field)
     span = sample.depth[sample.mask].max() - sample.depth[sample.mask].min()
     np.testing.assert_allclose(back.depth, sample.depth, atol=span / 131070 + 1e-6)
     assert (back.depth > 0).tolist() == sample.mask.tolist()
+    with pytest.raises(ValueError, match=r"'extra'.*JSON object"):
+        encode(dataclasses.replace(sample, extra="[1]"))
 
 
-@pytest.mark.parametrize("bits", [1, 8, 9, 12, 16])
+@pytest.mark.parametrize("bits", [8, 9, 16])
 def test_point_error_is_half_a_lattice_step(make, rng, bits):
     sample = make.sample(rng, num_points=500)
     lattice = codec.lattice_of(sample.points, bits)
@@ -47,70 +46,22 @@ def test_point_error_is_half_a_lattice_step(make, rng, bits):
 
 
 def test_normal_error_is_under_a_degree(make, rng):
-    axes = np.concatenate([np.eye(3), -np.eye(3)])
-    more = rng.normal(size=(20000, 3))
-    normals = np.concatenate([axes, more / np.linalg.norm(more, axis=1, keepdims=True)])
-    points = np.arange(len(normals))[:, None] * np.ones(3)  # a lattice that keeps the order
-    lattice = PointLattice(
-        np.stack([np.zeros(len(points)), points[:, 0] // 65536, points[:, 0]], 1).astype(np.uint16),
-        np.eye(3, 4),
-    )
-    sample = make.sample(
-        rng, points=lattice.points(), normals=normals.astype(np.float32), num_points=4
-    )
+    normals = np.concatenate([np.eye(3), -np.eye(3), rng.normal(size=(20000, 3))])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    number = np.arange(len(normals))
+    codes = np.stack([0 * number, 0 * number, number], axis=1)  # they keep the order
+    lattice = PointLattice(codes.astype(np.uint16), np.eye(3, 4))
+    sample = make.sample(rng, points=lattice.points(), normals=normals.astype(np.float32))
     back = decode(encode(sample, points=lattice))
     cosine = np.clip((back.normals * normals).sum(1), -1, 1)
     assert np.rad2deg(np.arccos(cosine)).max() < 1
-
-
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_lattice_points_are_exact_and_keep_multiplicity(make, rng, dtype):
-    top = np.iinfo(dtype).max
-    codes = rng.integers(0, top + 1, (300, 3)).astype(dtype)
-    codes[100:200] = codes[:100]
-    codes[0], codes[1] = 0, top
-    matrix = rng.normal(size=(3, 4))
-    lattice = PointLattice(codes, matrix)
-    sample = make.sample(rng, points=lattice.points(), normals=None)
-    back = decode_stored(encode(sample, points=lattice))
-    np.testing.assert_array_equal(sorted_rows(back.points.codes), sorted_rows(codes))
-    np.testing.assert_array_equal(back.points.matrix, matrix)
-    np.testing.assert_array_equal(
-        sorted_rows(decode(encode(sample, points=lattice)).points),
-        sorted_rows(sample.points),
-    )
-
-
-@pytest.mark.parametrize("everywhere", [True, False])
-def test_sixteen_bit_depth_is_exact(make, rng, everywhere):
-    codes = rng.integers(0, 65536, (24, 32)).astype(np.uint16)
-    mask = rng.random((24, 32)) < 0.4
-    valid = np.ones_like(mask) if everywhere else mask
-    depth = DepthCodes(codes, valid, -3.6 / 65535, 5.4)
-    sample = make.sample(rng, mask=mask, depth=depth.depth())
-    back = decode_stored(encode(sample, depth=depth)).depth
-    np.testing.assert_array_equal(back.codes[valid], codes[valid])
-    np.testing.assert_array_equal(back.depth(), sample.depth)
-
-
-def test_fields_asked_for_alone_are_decoded(sample):
-    stored = decode_stored(encode(sample), ("points",))
-    assert stored.points is not None
-    assert stored.image is None
-    assert stored.mask is None
-    assert stored.model_id == "m1"
 
 
 def test_data_set_round_trip(dataset):
     train = RecordReader(dataset, "train")
     assert len(train) == 37
     assert [s.count for s in train.shards] == [10, 10, 10, 7]
-    assert [train[i].model_id for i in (0, 9, 10, 36)] == [
-        "box-0-00000",
-        "torus-0-00009",
-        "box-0-00010",
-        "cone-0-00036",
-    ]
+    assert [train[i].model_id for i in (9, 10)] == ["torus-0-00009", "box-0-00010"]
     assert train.locate(29) == (dataset / "train-00002.arrayrecord", 9)
     train.verify()
     with pytest.raises(IndexError):
@@ -120,13 +71,6 @@ def test_data_set_round_trip(dataset):
     manifest = load_manifest(dataset)
     assert "normals" in manifest.fields()
     assert "occupancy" not in manifest.fields()
-    assert sum(train.shards[0].categories.values()) == 10
-
-
-@pytest.fixture
-def copied(dataset, tmp_path):
-    shutil.copytree(dataset, tmp_path, dirs_exist_ok=True)
-    return tmp_path
 
 
 def edit(folder, change):
@@ -142,58 +86,38 @@ def test_a_changed_manifest_is_refused_by_its_checksum(copied):
     (copied / MANIFEST).write_text(text.replace('"train"', '"validation"', 1))
     with pytest.raises(RecordError, match=r"json: damaged \(its checksum"):
         load_manifest(copied)
-    edit(copied, lambda content: content["shards"].append(content["shards"][0]))
-    with pytest.raises(RecordError, match="is listed "):
-        load_manifest(copied)
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("change", "message"),
     [
-        ({"version": 99}, "version 99; this version of psgn_jax reads '.*', version 1"),
-        ({"version": {}}, "version {}"),
-        ({"format": "other"}, "format 'other'"),
-        ({"complete": False}, "it is incomplete"),
-        ({"complete": 1}, "damaged .complete=1: accepted: True or False"),
-        ({"source": 5}, "damaged .source=5"),
-        ({"shards": 3}, "damaged .shards=3"),
-        ({"shards": [5]}, r"damaged .shards\[0\]=5: accepted: a section with file"),
-        ({"shards": [{"file": "a"}]}, "damaged .*missing 7 required .*'split'"),
+        (lambda c: c.update(version=99), "version 99; this version .* reads '.*', version 1"),
+        (lambda c: c.update(format="other"), "format 'other'"),
+        (lambda c: c.update(complete=False), "it is incomplete"),
+        (lambda c: c.update(complete=1), "damaged .complete=1: accepted: True or False"),
+        (lambda c: c.update(shards=[5]), r"damaged .shards\[0\]=5: accepted: a section with file"),
+        (lambda c: c.update(shards=[{"file": "a"}]), "damaged .*missing 7 required .*'split'"),
+        (lambda c: c["shards"].append(c["shards"][0]), "is listed twice"),
+        (lambda c: c["shards"][0].update(count=10**30), "damaged .*count"),
+        (lambda c: c["shards"][0].update(split="train\nfake"), "damaged .*split"),
+        (lambda c: c["shards"][0].update(file="../train-00000.arrayrecord"), "damaged .*file"),
+        (lambda c: c["shards"][0].update(file="a\nb"), "damaged .*file"),
+        (lambda c: c["shards"][0].update(size="5"), "damaged .*size"),
     ],
 )
-def test_wrong_manifests(copied, changes, message):
-    edit(copied, lambda content: content.update(changes))
+def test_wrong_manifests(copied, change, message):
+    edit(copied, change)
     with pytest.raises(RecordError, match=message) as error:
         RecordReader(copied, "train")
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("text", ["[" * 200_000, '{"format":' * 200_000, '{"format": ', "[]",
-                                  "null", '""', "{}", "\xff"])  # fmt: skip
+@pytest.mark.parametrize("text", ["[" * 200_000, '{"format": ', "[]", "\xff"])
 def test_what_is_no_manifest_is_refused_in_one_line(tmp_path, text):
     (tmp_path / MANIFEST).write_bytes(text.encode("latin1"))
-    with pytest.raises(RecordError, match=r"manifest\.json: (damaged|format)") as error:
+    with pytest.raises(RecordError, match=r"manifest\.json: damaged") as error:
         load_manifest(tmp_path)
     assert len(str(error.value)) < 600
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("count", 10**30), ("count", 2.0), ("count", True), ("count", -1), ("count", "37"),
-        ("split", ["train"]), ("split", "../train"), ("split", "train\nfake"),
-        ("file", None), ("file", "a\nb"), ("file", "../train-00000.arrayrecord"), ("file", ".."),
-        ("size", "5"), ("size", -1), ("crc32", 1 << 32), ("crc32", None),
-        ("categories", [1]), ("categories", {"chair": "x"}), ("categories", {"chair": 10**30}),
-        ("fields", "image"), ("fields", [["image"]]), ("inputs", [1]), ("inputs", 3),
-    ],
-)  # fmt: skip
-def test_a_manifest_with_a_wrong_field_is_refused_by_name(copied, field, value):
-    edit(copied, lambda content: content["shards"][0].update({field: value}))
-    with pytest.raises(RecordError, match=r"manifest\.json: damaged") as error:
-        RecordReader(copied, "train")
-    assert field.removesuffix("s")[:5] in str(error.value)
-    assert "\n" not in str(error.value)
 
 
 def test_folders_without_the_data_are_refused_by_name(dataset, tmp_path):
@@ -241,7 +165,7 @@ def test_no_damage_goes_unseen_or_ends_the_process(copied):
     data = shard.read_bytes()
     want = [RecordReader(copied, "train").read(i) for i in range(30, 37)]
     choose = random.Random(0)
-    for trial in range(150):
+    for trial in range(60):
         bad = bytearray(data)
         at = choose.randrange(len(bad))
         if trial % 3 == 0:  # zeros at the end; the size stays valid
@@ -249,21 +173,19 @@ def test_no_damage_goes_unseen_or_ends_the_process(copied):
         elif trial % 3 == 1:
             bad[at] ^= 1 << choose.randrange(8)
         else:
-            end = min(at + 4096, len(bad))
-            bad[at:end] = choose.randbytes(end - at)
+            bad[at : at + 4096] = choose.randbytes(len(bad[at : at + 4096]))
         shard.write_bytes(bad)
         reader = RecordReader(copied, "train")
         for i in range(30, 37):
             message = ""
             try:
-                got = reader.stored(i)
+                reader.stored(i)
             except RecordError as error:
                 message = str(error)
             if message:
                 assert "train-00003.arrayrecord" in message
             else:
                 assert reader.read(i) == want[i - 30]
-                assert got.model_id
 
 
 def test_failed_writing_leaves_nothing_under_the_name(tmp_path, sample):
@@ -279,29 +201,10 @@ def test_failed_writing_leaves_nothing_under_the_name(tmp_path, sample):
         shard_name("../train", 0)
 
 
-def test_writing_is_reproducible(tmp_path, make):
-    for name in "ab":
-        rng = np.random.default_rng(5)
-        write_dataset(
-            tmp_path / name, {"train": [make.sample(rng) for _ in range(5)]}, source="test"
-        )
-    for path in (tmp_path / "a").iterdir():
-        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
-
-
 def test_a_data_set_is_not_overwritten(copied, sample):
     with pytest.raises(RecordError, match="exists; give another folder"):
         write_dataset(copied, {"train": [sample]}, source="test")
     assert len(RecordReader(copied, "train")) == 37
-
-
-def test_extra_is_kept_and_checked(make, rng):
-    sample = make.sample(rng)
-    assert "extra" not in unpack(encode(sample))
-    told = dataclasses.replace(sample, extra='{"seed": 3, "name": "café"}')
-    assert decode(encode(told)).extra == told.extra
-    with pytest.raises(ValueError, match=r"'extra'.*JSON object"):
-        encode(dataclasses.replace(sample, extra="[1]"))
 
 
 def crafted(content, **changes):
@@ -312,27 +215,17 @@ def crafted(content, **changes):
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("category", 5), ("category", ["chair"]), ("category", None), ("category", b"chair"),
-        ("model_id", 1.5), ("model_id", {"a": 1}), ("source", None), ("source", [1]),
-        ("extra", 3), ("view", "3"), ("view", -1), ("view", True), ("view", 1.0), ("view", 1 << 40),
+        ("category", 5), ("category", None), ("model_id", {"a": 1}), ("source", [1]),
+        ("extra", 3), ("view", "3"), ("view", True), ("view", 1 << 40),
         ("intrinsics", np.full(9, np.nan, "<f4").tobytes()),
-        ("intrinsics", np.zeros(9, "<f4").tobytes()),
         ("extrinsics", np.ones(12, "<f4").tobytes()),
-        ("extrinsics", np.full(12, np.inf, "<f4").tobytes()),
     ],
 )  # fmt: skip
-def test_records_with_a_wrong_field_are_refused_wherever_they_are_decoded(
-    sample, tmp_path, name, value
-):
+def test_records_with_a_wrong_field_are_refused_wherever_they_are_decoded(sample, name, value):
     data = crafted(msgpack.unpackb(encode(sample)[4:]), **{name: value})
     for read in (decode, decode_stored, lambda data: decode_stored(data, ("points",))):
         with pytest.raises(ValueError, match=name):
             read(data)
-    with ShardWriter(tmp_path, "train", 0) as writer:
-        writer.write(data)
-    save_manifest(tmp_path, Manifest("test", True, (writer.shard,)))
-    with pytest.raises(RecordError, match=f"record 0 of .*{name}"):
-        RecordReader(tmp_path, "train").stored(0, ("image", "mask"))
 
 
 def test_fields_out_of_range_are_refused_before_they_take_memory(sample):
@@ -342,54 +235,18 @@ def test_fields_out_of_range_are_refused_before_they_take_memory(sample):
     bomb = zlib.compress(bytes(50_000_000))
     for changes, expected in (
         ({"mask": bomb}, "'mask' does not inflate to its"),
-        ({"mask": "text"}, "'mask' is str"),
         ({"points": points | {"steps": bomb}}, "'points' does not inflate to its"),
         ({"points": points | {"count": 1 << 40}}, "number of points"),
-        ({"points": points | {"count": True}}, "number of points"),
-        ({"points": points | {"planes": 1.0}}, "planes"),
         ({"points": points | {"planes": 99}}, "planes"),
-        ({"points": points | {"matrix": b"12"}}, "buffer"),
         ({"points": points | {"matrix": huge}}, "points: the matrix"),
         ({"points": points | {"bits": "a\nb"}}, r"points of 'a\\nb' bits"),
         ({"points": 5}, "not as expected"),
         ({"depth": depth | {"offset": -100.0}}, "depth from"),
-        ({"depth": depth | {"scale": 1e300}}, "depth from"),
         ({"depth": depth | {"scale": float("nan")}}, "depth from"),
         ({"image": image | {"size": [1 << 30, 1 << 30]}}, "height of the image"),
-        ({"image": image | {"size": [24.0, 32]}}, "height of the image"),
         ({"image": image | {"size": ["a\nb", 32]}}, r"height of the image: 'a\\nb',"),
         ({"image": image | {"size": [32, 24]}}, "image is RGB"),
         ({"image": image | {"webp": b"no image"}}, "image"),
-        ({"image": image | {"webp": image["webp"][:60]}}, "image|field"),
-        ({"intrinsics": b""}, "reshape"),
     ):
         with pytest.raises(ValueError, match=expected):
             decode(crafted(content, **changes))
-
-
-def test_what_cannot_be_read_is_not_called_damaged(dataset, tmp_path, monkeypatch):
-    shutil.copytree(dataset, tmp_path, dirs_exist_ok=True)
-    reader = RecordReader(tmp_path, "train")
-    opened, refused = pathlib.Path.open, tmp_path / "train-00001.arrayrecord"
-
-    def refusing(path, *args, **kwargs):
-        if path == refused:
-            raise PermissionError(errno.EACCES, "Permission denied")
-        return opened(path, *args, **kwargs)
-
-    monkeypatch.setattr(pathlib.Path, "open", refusing)
-    message = r"train-00001\.arrayrecord cannot be read: Permission denied; check its"
-    with pytest.raises(RecordError, match=message):
-        RecordReader(tmp_path, "train")
-    with pytest.raises(RecordError, match=message):
-        reader.verify()
-    monkeypatch.setattr(
-        dataset_lib.array_record_module, "ArrayRecordReader",
-        lambda *_: (_ for _ in ()).throw(RuntimeError("Failed to open")),
-    )  # fmt: skip
-    with pytest.raises(RecordError, match=message):
-        reader[12]
-    with pytest.raises(RecordError, match=r"cannot be opened: .*undamaged copy"):
-        reader[0]
-    with pytest.raises(RecordError, match=message):
-        dataset_lib.read_shard(refused)

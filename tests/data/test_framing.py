@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 from helpers import drawn_solids as solids
 
-from psgn_jax.data import augment, camera, framing, photo
-
-
-def view_of(category, size=(192, 256), seed=0):
-    return solids.view_of(category, size, seed)
+from psgn_jax.data import augment, camera, framing
 
 
 def about_the_middle(size, scale, right, down):
@@ -23,14 +19,13 @@ def about_the_middle(size, scale, right, down):
     )
 
 
-MOVES = [(0.88, 0, 0), (1.12, 0, 0), (1, 14, 0), (1, 0, -14), (0.9, -11, 14), (1.1, 8, 5)]
+MOVES = [(0.88, 0, 0), (1, 14, 0), (0.9, -11, 14), (1.1, 8, 5)]
 
 
-@pytest.mark.parametrize("size", [(192, 256), (96, 128)])
 @pytest.mark.parametrize("numbers", MOVES)
-@pytest.mark.parametrize("category", ["box", "cone"])
-def test_points_stay_on_the_object(category, numbers, size):
-    view = view_of(category, size)
+@pytest.mark.parametrize(("category", "size"), [("box", (192, 256)), ("cone", (96, 128))])
+def test_points_stay_on_the_object(category, size, numbers):
+    view = solids.view_of(category, size)
     move = about_the_middle(size, *numbers)
     moved = augment.follow(view, framing.keep_inside(move, view.mask))
     np.testing.assert_array_equal(moved.intrinsics, view.intrinsics)
@@ -64,16 +59,12 @@ def test_the_error_of_the_projection_is_the_one_stated(numbers, rng):
     stated = 400 * move.scale * d / (z0 + move.scale * d) * ((1 - move.scale) * rays - u)
     np.testing.assert_allclose(error, stated, atol=2e-3)
     assert np.sqrt((error**2).sum(1).mean()) < 1.5
-    # At the depth of the centre, there is no error.
-    at_centre = np.abs(depth - z0) < 0.02
-    assert np.abs(error[at_centre]).max() < 0.1
 
 
-@pytest.mark.parametrize("size", [(192, 256), (96, 128), (48, 64)])
-@pytest.mark.parametrize("category", solids.CATEGORIES)
-def test_a_sample_is_placed_as_a_photo_is(category, size):
+@pytest.mark.parametrize("size", [(192, 256), (48, 64)])
+def test_a_sample_is_placed_as_a_photo_is(size):
     """A sample of any size is placed as a prediction places the same image."""
-    view = view_of(category, size)
+    view = solids.view_of("torus", size)
     placed = augment.place(view)
     want = framing.place(view.image, view.mask)
     np.testing.assert_allclose(
@@ -88,23 +79,17 @@ def test_a_sample_is_placed_as_a_photo_is(category, size):
     assert again.scale == pytest.approx(1, abs=4 / size[0])
 
 
-def test_keep_inside_moves_less():
+def test_moves_are_reduced_so_that_the_object_stays_inside():
     mask = np.zeros((96, 128), bool)
     mask[20:60, 30:90] = True
-    stays = framing.Move(1.0, 5.0, -3.0)
-    assert framing.keep_inside(stays, mask) == stays
     for move in (framing.Move(1, 90, 0), framing.Move(3, 0, 0), framing.Move(0.7, -50, 60)):
-        kept = framing.keep_inside(move, mask)
-        assert kept.scale <= move.scale
-        corners = kept.matrix() @ [[30, 90], [20, 60], [1, 1]]
+        corners = framing.keep_inside(move, mask).matrix() @ [[30, 90], [20, 60], [1, 1]]
         assert corners[:2].min() >= -1e-9
-        assert (corners[0] <= 128 + 1e-9).all()
-        assert (corners[1] <= 96 + 1e-9).all()
+        assert (corners[:2].max(axis=1) <= [128 + 1e-9, 96 + 1e-9]).all()
 
 
 def test_reframe_scatters_as_configured():
-    view = view_of("box", (96, 128))
-    view = augment.place(dataclasses.replace(view, depth=None))
+    view = augment.place(dataclasses.replace(solids.view_of("box", (96, 128)), depth=None))
     scales, rows = [], []
     for seed in range(300):
         rng = np.random.default_rng(seed)
@@ -119,17 +104,11 @@ def test_reframe_scatters_as_configured():
     assert np.abs(scales).max() < 0.201
 
 
-def test_reframe_is_a_function_of_its_generator_and_places_a_share():
-    view = view_of("cone", (96, 128))
-    options = {"place_share": 0.5, "scale_deviation": 0.1, "shift_deviation": 0.05}
-    one, two = (augment.reframe(view, np.random.default_rng(4), **options) for _ in range(2))
-    np.testing.assert_array_equal(one.image, two.image)
-    np.testing.assert_array_equal(one.points, two.points)
+def test_reframe_places_a_share():
+    view = solids.view_of("cone", (96, 128))
     results = [augment.reframe(view, np.random.default_rng(s), place_share=0.3) for s in range(60)]
     share = np.mean([result is not view for result in results])
     assert 0.15 < share < 0.45
-    empty = dataclasses.replace(view, mask=np.zeros_like(view.mask))
-    assert augment.reframe(empty, np.random.default_rng(0), **options) is empty
 
 
 def test_reframe_places_other_angles_as_if_seen_by_the_authors_camera():
@@ -157,10 +136,6 @@ def test_reframe_places_other_angles_as_if_seen_by_the_authors_camera():
         assert (pixels < moved.mask.shape[::-1]).all()
     # The points do not depend on the angle.
     np.testing.assert_allclose(results[1].points, results[2].points, atol=1e-5)
-    # Points without an extent have no placement of their own.
-    same = dataclasses.replace(views[1], points=np.repeat(views[1].points[:1], 50, axis=0))
-    moved = augment.reframe(same, np.random.default_rng(2), place_share=1e-9)
-    assert np.isfinite(moved.points).all()
     with_depth = dataclasses.replace(views[1], depth=np.ones((192, 256), np.float32))
     assert augment.reframe(with_depth, np.random.default_rng(2), place_share=1e-9) is with_depth
 
@@ -176,28 +151,8 @@ def seen_from(points, tilt):
     return augment.View(image, mask, None, points, intrinsics, extrinsics)
 
 
-def test_normal_form_and_its_camera(rng):
-    points = rng.normal(size=(3, 60, 3)).astype(np.float32) * 0.2 + [0.1, -0.3, 0.5]
-    scale, shift = framing.normal_form(points)
-    normal = (points - shift) / scale
-    flat = normal.reshape(-1, 3)
-    assert flat[:, 2].min() == pytest.approx(0, abs=1e-9)
-    assert np.linalg.norm(flat, axis=1).max() == pytest.approx(1)
-    np.testing.assert_allclose(flat.min(0)[:2], -flat.max(0)[:2], atol=1e-9)
-    intrinsics, extrinsics = camera.default_camera()
-    seen, depth = camera.project(points[0], intrinsics, extrinsics)
-    own = framing.normalised_extrinsics(extrinsics, scale, shift)
-    again, own_depth = camera.project(normal[0], intrinsics, own)
-    np.testing.assert_allclose(again, seen, atol=1e-3)
-    np.testing.assert_allclose(own_depth, depth / scale, rtol=1e-5)
-    assert framing.normal_form(np.ones((1, 4, 3)))[0] == 1
-
-
-def test_no_object_no_box():
-    with pytest.raises(photo.PhotoError, match="mask is empty"):
-        framing.box_of(np.zeros((8, 8), bool))
+def test_objects_that_are_hardly_seen_are_not_placed():
     small = np.zeros((96, 128), bool)
-    assert framing.rule_move_within(small) is None
     small[3:6, 3:6] = True
     assert framing.rule_move_within(small) is None
     sliver = np.zeros((96, 128), bool)

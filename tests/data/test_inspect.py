@@ -1,5 +1,3 @@
-import shutil
-
 import numpy as np
 from PIL import Image
 
@@ -13,9 +11,7 @@ def test_report_and_sheet(dataset, tmp_path, capsys):
     out = capsys.readouterr().out
     assert "split train: 37 samples in 4 shards" in out
     assert "split validation: 11 samples" in out
-    assert "box 8" in out
     assert "points strictly inside the mask" in out
-    assert "flagged" not in out
     picture = np.asarray(Image.open(sheet))
     assert picture.shape == (2 * (48 + 16) + 12, 2 * (3 * 64 + 12) + 12, 3)
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 100
@@ -29,30 +25,15 @@ def test_samples_off_their_masks_are_flagged(make, rng, tmp_path):
     assert any("flagged: record 0 (m1 view 3): 0.0 %" in line for line in lines)
 
 
-def test_the_sheet_is_in_the_folder_of_the_data(dataset, tmp_path, monkeypatch):
-    shutil.copytree(dataset, tmp_path / "data")
-    (tmp_path / "here").mkdir()
-    monkeypatch.chdir(tmp_path / "here")
-    assert inspect.main(["../data", "--samples", "2", "--check", "2"]) == 0
-    assert (tmp_path / "data" / "sheet.png").is_file()
-    assert not list((tmp_path / "here").iterdir())
-
-
-def test_damage_is_reported_and_the_rest_goes_on(make, dataset, tmp_path, capsys):
-    for path in dataset.iterdir():
-        (tmp_path / path.name).write_bytes(path.read_bytes())
-    shard = tmp_path / "train-00000.arrayrecord"
-    make.damage(shard, RecordReader(tmp_path, "train").read(2))
-    command = [str(tmp_path), "--sheet", str(tmp_path / "s.png"), "--samples", "1"]
-    assert inspect.main(command) == 1
+def test_damage_is_reported_and_the_rest_goes_on(make, copied, capsys):
+    make.damage(copied / "train-00000.arrayrecord", RecordReader(copied, "train").read(2))
+    (copied / "validation-00000.arrayrecord").unlink()
+    assert inspect.main([str(copied), "--samples", "1"]) == 1
     out = capsys.readouterr().out
     assert "DAMAGED record 2 of" in out
     assert "36 samples checked" in out
-    (tmp_path / "validation-00000.arrayrecord").unlink()
-    assert inspect.main([*command, "--check", "2"]) == 1
-    streams = capsys.readouterr()
-    assert "is missing" in streams.out
-    assert "contact sheet" in streams.out  # of the split that is whole
-    (tmp_path / "train-00001.arrayrecord").unlink()
-    assert inspect.main([*command, "--check", "1"]) == 1
+    assert "is missing" in out
+    assert (copied / "sheet.png").is_file()  # of the split that is whole
+    (copied / "train-00001.arrayrecord").unlink()
+    assert inspect.main([str(copied), "--check", "1"]) == 1
     assert "no contact sheet: " in capsys.readouterr().err

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageFilter
 
-from psgn_jax.data import camera, framing, photo, resample, resize
+from psgn_jax.data import framing, photo, resize
 
 GREY = 191
 PHOTOS = pathlib.Path(__file__).resolve().parents[2] / "docs" / "photos"
@@ -31,24 +31,14 @@ def saved(tmp_path, image, name="photo.png", **options):
     return path
 
 
-# --- reading ---------------------------------------------------------------------------------
-
-
-def test_floats_may_exceed_the_full_scale_a_little(tmp_path):
-    levels = np.linspace(0, 1, 1600, dtype=np.float32).reshape(40, 40)
-    whole = photo.read_photo(saved(tmp_path, levels, "whole.tiff")).image
-    levels[0, :3] = 1.02, np.inf, np.nan
-    beyond = photo.read_photo(saved(tmp_path, levels, "beyond.tiff")).image
-    np.testing.assert_array_equal(beyond[1:], whole[1:])
-    assert beyond[0, :3, 0].tolist() == [255, 255, 0]
-
-
-def test_a_large_image_accepts_masks_of_its_own_and_of_the_reduced_size():
+def test_a_large_image_is_reduced_and_accepts_masks_of_both_sizes(tmp_path):
     mask = np.zeros((4100, 40), bool)
     mask[500:900, 10:30] = True
-    read = photo.read_photo(Image.fromarray(np.repeat(mask[..., None] * np.uint8(200), 3, axis=2)))
+    colours = np.repeat(mask[..., None] * np.uint8(200), 3, axis=2)
+    read = photo.read_photo(saved(tmp_path, colours, "large.jpg"))
     assert read.size == (4100, 40)
     assert read.image.shape == (2050, 20, 3)
+    np.testing.assert_array_equal(read.image[..., 0] > 100, mask[::2, ::2])
     for given in (mask, mask[::2, ::2], Image.fromarray(mask)):
         np.testing.assert_array_equal(photo.read_mask(given, read), mask[::2, ::2])
     with pytest.raises(photo.PhotoError, match="is 40x10: accepted: the image's 40x4100"):
@@ -72,16 +62,12 @@ def test_exif_orientation_is_honoured_for_image_and_mask(tmp_path, orientation):
     read = photo.read_photo(path)
     np.testing.assert_array_equal(read.image, image)
     assert read.size == (120, 160)
-    opened = Image.open(path)
-    np.testing.assert_array_equal(photo.read_photo(opened).image, image)
     turned = as_stored(mask)
     turned.getexif()[0x0112] = orientation
     np.testing.assert_array_equal(photo.read_mask(turned, read), mask)
-    upright = saved(tmp_path, mask, "upright.png")
-    np.testing.assert_array_equal(photo.read_mask(upright, read), mask)
+    np.testing.assert_array_equal(photo.read_mask(mask, read), mask)
     if orientation > 4:  # a mask drawn over the pixels as stored
-        stored = saved(tmp_path, as_stored(mask), "stored.png")
-        np.testing.assert_array_equal(photo.read_mask(stored, read), mask)
+        np.testing.assert_array_equal(photo.read_mask(as_stored(mask), read), mask)
 
 
 @pytest.mark.parametrize("mode", ["L", "1", "P", "CMYK", "LA", "RGBA", "PA", "YCbCr", "I;16", "F"])
@@ -103,26 +89,6 @@ def test_modes(tmp_path, mode):
     assert read.alpha is None
 
 
-def test_16_bit_colour_and_transparent_palette(tmp_path):
-    image, mask = scene()
-    rgba = Image.fromarray(np.dstack([image, mask.astype(np.uint8) * 255]))
-    read = photo.read_photo(saved(tmp_path, rgba.quantize(), "palette.png"))
-    np.testing.assert_array_equal(read.alpha > 127, mask)
-
-
-def test_large_images_are_reduced_as_they_are_read(tmp_path):
-    big = Image.new("RGB", (6_000, 4_500), (GREY,) * 3)
-    big.paste((200, 60, 20), (1_500, 1_500, 4_500, 3_000))
-    path = saved(tmp_path, big, "big.jpg")
-    read = photo.read_photo(path)
-    assert read.size == (4_500, 6_000)
-    assert max(read.image.shape) < 2 * photo.MAX_SIDE
-    mask = read.image[..., 1] < 120
-    assert mask.mean() == pytest.approx(1 / 6, rel=0.01)
-    view = framing.place(read.image, mask)
-    assert view.image[view.mask].mean(axis=0) == pytest.approx([200, 60, 20], abs=3)
-
-
 def png_header(width, height):
     """A PNG of one bit a pixel without its pixels."""
     content = b"IHDR" + struct.pack(">IIBBBBB", width, height, 1, 0, 0, 0, 0)
@@ -130,67 +96,47 @@ def png_header(width, height):
     return b"\x89PNG\r\n\x1a\n" + chunk + struct.pack(">I", 0) + b"IDAT"
 
 
-def hostile(tmp_path):
+def test_hostile_files_end_in_one_line(tmp_path):
     whole = saved(tmp_path, np.random.default_rng(0).integers(0, 255, (99, 99, 3), np.uint8))
     (tmp_path / "cut.png").write_bytes(whole.read_bytes()[:9_000])
     (tmp_path / "text.png").write_text("no image")
-    (tmp_path / "empty.png").write_bytes(b"")
     saved(tmp_path, np.zeros((1, 1, 3), np.uint8), "one.png")
     (tmp_path / "bomb.png").write_bytes(png_header(40_000, 40_000))
     (tmp_path / "large.png").write_bytes(png_header(13_000, 13_000))
     os.mkfifo(tmp_path / "pipe.png")
-    return {
+    for name, message in {
         "cut.png": "damaged",
         "text.png": "not an image of a known format",
-        "empty.png": "not an image of a known format",
         "one.png": "is 1x1: accepted: at least 16",
         "bomb.png": "too large: accepted: up to 150,000,000 pixels",
         "large.png": "13000x13000: accepted",
         "absent.png": "no such file",
         ".": "is a folder, expected a file",
         "pipe.png": "is a named pipe, expected a file",
-    }
-
-
-def test_hostile_files_end_in_one_line(tmp_path):
-    for name, message in hostile(tmp_path).items():
+    }.items():
         with pytest.raises(photo.PhotoError, match=message) as caught:
             photo.read_photo(tmp_path / name)
         assert "\n" not in str(caught.value)
 
 
-def test_masks_of_other_sizes(tmp_path):
+def test_masks_of_other_sizes():
     image, mask = scene()
-    read = photo.read_photo(saved(tmp_path, image))
+    read = photo.read_photo(image)
     half = Image.fromarray(mask).resize((80, 60))
-    agree = photo.read_mask(saved(tmp_path, half, "half.png"), read) == mask
-    assert agree.mean() > 0.99
-    ones = saved(tmp_path, mask.astype(np.uint8), "ones.png")  # 0 and 1, not 255
+    assert (photo.read_mask(half, read) == mask).mean() > 0.99
+    ones = mask.astype(np.uint8)  # 0 and 1, not 255
     np.testing.assert_array_equal(photo.read_mask(ones, read), mask)
-    with pytest.raises(photo.PhotoError, match="is 120x120: accepted: the image's 160x120"):
-        photo.read_mask(saved(tmp_path, np.ones((120, 120), np.uint8), "square.png"), read)
-    with pytest.raises(photo.PhotoError, match="empty: no pixel shows the object"):
-        photo.read_mask(saved(tmp_path, np.zeros((120, 160), np.uint8), "none.png"), read)
-    with pytest.raises(photo.PhotoError, match=r"white\.png covers the whole image"):
-        photo.read_mask(saved(tmp_path, np.full((120, 160), 255, np.uint8), "white.png"), read)
-    for other in image, mask[..., None]:
-        with pytest.raises(photo.PhotoError, match=r"the mask is [13]x160x120"):
-            photo.read_mask(other, read)
+    for wrong, message in (
+        (np.ones((120, 120), np.uint8), "is 120x120: accepted: the image's 160x120"),
+        (np.zeros((120, 160), np.uint8), "empty: no pixel shows the object"),
+        (np.full((120, 160), 255, np.uint8), "covers the whole image"),
+        (image, "the mask is 3x160x120"),
+    ):
+        with pytest.raises(photo.PhotoError, match=message):
+            photo.read_mask(wrong, read)
 
 
-def test_a_few_pixels_that_are_not_opaque_are_no_mask(tmp_path):
-    image, mask = scene()
-    alpha = np.full(mask.shape, 255, np.uint8)
-    alpha[0, :12] = 90
-    rgba = np.dstack([image, alpha])
-    read = photo.read_photo(saved(tmp_path, rgba))
-    assert read.alpha is None
-    assert photo.read_photo(rgba).alpha is None
-    levels = np.dstack([np.repeat(mask[..., None] * np.uint8(255), 3, axis=2), alpha])
-    np.testing.assert_array_equal(photo.read_mask(saved(tmp_path, levels, "m.png"), read), mask)
-
-
-@pytest.mark.parametrize("path", sorted(PHOTOS.glob("*.jpg")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(PHOTOS.glob("*.jpg"))[::3], ids=lambda path: path.stem)
 def test_a_photograph_is_no_mask(path):
     read = photo.read_photo(path)
     with pytest.raises(photo.PhotoError, match=f"{path.stem}.jpg looks like a photograph: "):
@@ -210,13 +156,11 @@ def test_open_files_are_read_and_a_list_is_refused(tmp_path):
     np.testing.assert_array_equal(read.image, image)
     with saved(tmp_path, mask, "mask.png").open("rb") as file:
         np.testing.assert_array_equal(photo.read_mask(file, read), mask)
-    with pytest.raises(photo.PhotoError, match="the image is not an image of a known format"):
-        photo.read_photo(io.BytesIO(b"text"))
-    for several in ([image], (stream,)):
-        with pytest.raises(ValueError, match="is a list: accepted: one image; use a loop"):
-            photo.read_photo(several)
-    with pytest.raises(ValueError, match="the image is int: accepted: a path"):
-        photo.read_photo(3)
+    with pytest.raises(ValueError, match="is a list: accepted: one image; use a loop"):
+        photo.read_photo([image])
+    for wrong, message in ((3, "image is int: accepted: a path"), (np.zeros((50, 50)), "float64")):
+        with pytest.raises(ValueError, match=message):
+            photo.read_photo(wrong)
 
 
 def test_the_focal_length_comes_from_exif(tmp_path):
@@ -230,31 +174,21 @@ def test_the_focal_length_comes_from_exif(tmp_path):
         assert photo.read_photo(path).focal == pytest.approx(280)
 
 
-def mode_1(mask):
-    """The mask as Pillow's mode "1" gives it: a bool array whose True is the byte 255."""
-    array = np.array(Image.fromarray(mask))
-    assert array.view(np.uint8).max() == 255
-    return array
-
-
 def test_masks_of_mode_1_are_masks():
+    """Pillow's mode "1" gives a bool array whose True is the byte 255."""
     image, mask = scene()
-    for size in ((60, 80), (55, 70), (240, 320)):
-        for resized in (resize.smooth_mask, resize.resize_mask):
-            np.testing.assert_array_equal(resized(mode_1(mask), size), resized(mask, size))
-    want, got = framing.place(image, mask), framing.place(image, mode_1(mask))
+    of_pillow = np.array(Image.fromarray(mask))
+    assert of_pillow.view(np.uint8).max() == 255
+    want, got = framing.place(image, mask), framing.place(image, of_pillow)
     np.testing.assert_array_equal(got.mask, want.mask)
     np.testing.assert_array_equal(got.image, want.image)
+    half = (55, 70)
     np.testing.assert_array_equal(
-        resample.recrop(image, mode_1(mask), 0.9, (1, 2))[1],
-        resample.recrop(image, mask, 0.9, (1, 2))[1],
+        resize.resize_mask(of_pillow, half), resize.resize_mask(mask, half)
     )
 
 
-# --- placing ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("size", [(20, 90), (60, 60), (90, 20), (300, 150)])
+@pytest.mark.parametrize("size", [(20, 90), (300, 150)])
 def test_the_box_is_where_training_objects_are(size):
     high, wide = size
     image, mask = scene(400, 500, (7, 7 + high, 300, 300 + wide))
@@ -267,21 +201,6 @@ def test_the_box_is_where_training_objects_are(size):
     assert (rows[0] + rows[-1] + 1) / 2 == pytest.approx(63 + 0.224 * w, abs=1)
     assert (view.image[~view.mask] == GREY).all()
     assert np.abs(view.image[view.mask].astype(int) - [200, 60, 20]).max() <= 4
-
-
-def test_the_map_to_the_view_takes_pixels_along():
-    image, mask = scene(400, 500, (100, 180, 220, 330))
-    view = framing.place(image, mask)
-    corner = view.to_view @ [220, 100, 1]
-    rows, columns = np.flatnonzero(view.mask.any(1)), np.flatnonzero(view.mask.any(0))
-    assert corner[0] == pytest.approx(columns[0], abs=0.6)
-    assert corner[1] == pytest.approx(rows[0], abs=0.6)
-    # The cameras of the photo and of the view project a point to corresponding pixels.
-    points = np.array([[0.1, 0.2, 0.3], [-0.2, 0.5, 0.0]])
-    seen, _ = camera.project(points, view.intrinsics, view.extrinsics)
-    own, _ = camera.project(points, np.linalg.inv(view.to_view) @ view.intrinsics, view.extrinsics)
-    mapped = np.column_stack([own, np.ones(2)]) @ view.to_view.T
-    np.testing.assert_allclose(mapped[:, :2], seen, atol=1e-6)
 
 
 def test_training_renderings_keep_their_frame():
@@ -304,16 +223,15 @@ def test_behind_the_object_nothing_bleeds_into_it():
 
 def test_placing_refuses():
     image, mask = scene()
-    with pytest.raises(photo.PhotoError, match="mask is empty"):
-        framing.place(image, np.zeros_like(mask))
-    with pytest.raises(photo.PhotoError, match="mask covers the whole image"):
-        framing.place(image, np.ones_like(mask))
     dot = np.zeros_like(mask)
     dot[5, 5] = True
-    with pytest.raises(photo.PhotoError, match="1x1 pixels: accepted: a longer side of 8 or more"):
-        framing.place(image, dot)
-    with pytest.raises(ValueError, match=r"image is float64"):
-        photo.read_photo(np.zeros((50, 50)))
+    for wrong, message in (
+        (np.zeros_like(mask), "mask is empty"),
+        (np.ones_like(mask), "mask covers the whole image"),
+        (dot, "1x1 pixels: accepted: a longer side of 8 or more"),
+    ):
+        with pytest.raises(photo.PhotoError, match=message):
+            framing.place(image, wrong)
 
 
 def test_the_rule_fits_the_authors_images(authors_batches):

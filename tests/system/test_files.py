@@ -1,6 +1,5 @@
 import concurrent.futures
 import errno
-import os
 import pathlib
 
 import pytest
@@ -27,8 +26,6 @@ def test_a_write_that_fails_names_its_file_and_leaves_it(tmp_path):
     [
         ("FILE", "it is a file"),
         ("FILE/a", "Not a directory"),
-        ("/proc/a/b", "No such file or directory"),
-        ("a" * 300, "File name too long"),
         ("new/" + "a" * 300, "File name too long"),
         ("", "the name is empty"),
     ],
@@ -50,29 +47,24 @@ def test_folders_that_can_be_written_are_left_as_they_were(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_a_folder_without_permission(tmp_path):
-    tmp_path.chmod(0o500)
-    with pytest.raises(UserError, match="Permission denied"):
-        check_folder(tmp_path, "--out")
-
-
 def test_a_full_disk_is_known_by_number_and_cause_and_not_by_a_name():
     def raised(cause):
         error = ValueError("x")
         error.__cause__ = cause
         return error
 
-    assert files.is_disk_full(OSError(errno.ENOSPC, "x"))
-    assert files.is_disk_full(raised(OSError(errno.EDQUOT, "x")))
-    assert not files.is_disk_full(OSError(errno.EACCES, "x"))
-    assert not files.is_disk_full(raised(None))
     text = "No space left on device"
-    assert not files.is_disk_full(UserError(f"{text}.jpg: not an image"))
-    assert not files.is_disk_full(FileNotFoundError(errno.ENOENT, text, f"/photos/{text}.jpg"))
     path = pathlib.Path(f"/{text}/shard")
-    for said, full in ((f"writing {path}: I/O error", False), (f"{path}: write: {text}", True)):
-        assert files.is_disk_full(files.native_error(RuntimeError(said), path)) == full
+    for error, full in (
+        (OSError(errno.ENOSPC, "x"), True),
+        (raised(OSError(errno.EDQUOT, "x")), True),
+        (OSError(errno.EACCES, "x"), False),
+        (UserError(f"{text}.jpg: not an image"), False),
+        (FileNotFoundError(errno.ENOENT, text, f"/photos/{text}.jpg"), False),
+        (files.native_error(RuntimeError(f"{path}: write: {text}"), path), True),
+        (files.native_error(RuntimeError(f"writing {path}: I/O error"), path), False),
+    ):
+        assert files.is_disk_full(error) == full, error
 
 
 def test_threads_that_write_the_same_file_leave_a_whole_one(tmp_path):

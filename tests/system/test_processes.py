@@ -23,15 +23,16 @@ if __name__ == "__main__":  # as in the scripts that pip installs
 MESH = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 
-@pytest.fixture
-def hostile(tmp_path):
+@pytest.fixture(scope="module")
+def hostile(tmp_path_factory):
     """A folder with a mesh, beside modules that leave a mark when they run."""
-    folder = tmp_path / "theirs"
+    base = tmp_path_factory.mktemp("hostile")
+    folder = base / "theirs"
     folder.mkdir()
-    write_modules(folder, tmp_path / "executed")
+    write_modules(folder, base / "executed")
     (folder / "mesh.obj").write_text(MESH)
-    (tmp_path / "bin").mkdir()
-    (tmp_path / "bin/psgn").write_text(CONSOLE_SCRIPT)
+    (base / "bin").mkdir()
+    (base / "bin/psgn").write_text(CONSOLE_SCRIPT)
     return folder
 
 
@@ -61,14 +62,14 @@ def test_a_child_process_imports_from_absolute_folders_only(hostile, monkeypatch
 @pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba is not installed")
 @pytest.mark.parametrize("script", ["bin/psgn", ROOT / "data_gen/render.py"])
 def test_render_executes_no_file_of_the_current_folder(hostile, script):
-    command = ["render"] if script == "bin/psgn" else []
+    command, out = (["render"], "out") if script == "bin/psgn" else ([], "other")
     done = run(
-        hostile, *command, "--catalogue=folder", "--source=.", "--out=out", "--config.views=1",
+        hostile, *command, "--catalogue=folder", "--source=.", f"--out={out}", "--config.views=1",
         "--config.job.variant=scalar", "--config.job.workers=1", "--config.light.source=mixed",
-        script=script,
+        "--config.camera.image_size=(48,64)", script=script,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert (hostile / "out/manifest.json").exists()
+    assert (hostile / out / "manifest.json").exists()
 
 
 def test_free_set_executes_no_file_of_the_current_folder(hostile):

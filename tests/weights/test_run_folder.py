@@ -22,8 +22,6 @@ def test_a_folder_is_locked_and_cleared_of_what_killed_trainings_left(tmp_path):
         assert [path.exists() for path in left + others] == [False] * 2 + [True] * 2
         with pytest.raises(ConfigError, match="another training is running"):
             locked(tmp_path).__enter__()
-    with locked(tmp_path):
-        pass
 
 
 @pytest.fixture
@@ -50,10 +48,9 @@ def edit(run, old, new, checksum=False):
 def test_a_named_pipe_in_the_folder_is_refused(run, name):
     (run / name).unlink(missing_ok=True)
     os.mkfifo(run / name)
-    with pytest.raises(OSError, match="it is a named pipe, expected a file"):
-        open_run(run)
-    with pytest.raises(OSError, match="it is a named pipe, expected a file"), locked(run):
-        pass
+    for opening in (open_run, lambda run: locked(run).__enter__()):
+        with pytest.raises(OSError, match="it is a named pipe, expected a file"):
+            opening(run)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +73,6 @@ def test_a_configuration_that_does_not_fit_its_checkpoint(run, old, new, message
         ('"fscore_threshold": 0.01', '"fscore_threshold": 0.03', "its checksum does not match"),
         ("{", "[" * 100_000, "brackets nested"),
         ("{", "\0", "Expecting"),
-        ("{", "\N{REPLACEMENT CHARACTER}", "Expecting"),
     ],
 )
 def test_a_damaged_configuration_is_that_of_the_checkpoint(run, old, new, why, caplog):
@@ -87,8 +83,3 @@ def test_a_damaged_configuration_is_that_of_the_checkpoint(run, old, new, why, c
     (line,) = [r.message for r in caplog.records if "config.json" in r.message]
     assert f"config.json: damaged: {why}" in line
     assert line.endswith("using the configuration in the checkpoint")
-
-
-def test_fields_that_say_nothing_of_the_network_may_differ(run):
-    edit(run, '"num_workers": 0', '"num_workers": 3')
-    assert open_run(run).config.data.num_workers == 3
