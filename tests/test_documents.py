@@ -11,8 +11,7 @@ import pytest
 
 import psgn_jax
 from psgn_jax.commands import psgn, study
-from psgn_jax.config import Config, parse, recipes, to_dict
-from psgn_jax.models.networks import build
+from psgn_jax.config import Config, recipes, to_dict
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
@@ -115,26 +114,6 @@ def _exists(name):
     source = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
     text = source.read_text() if source.is_file() else ""
     return all(re.search(rf"\b{name}\b", text) for name in names)
-
-
-def test_what_configurations_say_of_themselves():
-    """Figures stand in the page that the sentence names; a sum of unequal clouds is said."""
-    quoted = 0
-    for name in recipes.names():
-        source = (ROOT / "configs" / f"{name}.py").read_text()
-        text = str(ast.get_docstring(ast.parse(source)))
-        for sentence in re.split(r"\n\n|(?<=[.:])\s", text):
-            page = re.search(r"docs/\w+\.md", sentence)
-            for figure in re.findall(r"(?<!\d)\.\d{3,4}\b", sentence) if page else []:
-                assert figure in (ROOT / page[0]).read_text(), (name, figure)
-                quoted += 1
-        config, text = parse(recipes.load(name)), " ".join(text.split())
-        points = build(config.model).num_points
-        if config.loss.name == "chamfer_sq" and config.data.num_points != points:
-            assert re.search(r"\*\*ours\*\*|\*\*Ours\*\*", text), name
-            assert f"{config.data.num_points:,} true points" in text, name
-            assert "four times as much" in text, name
-    assert quoted >= 4
 
 
 def test_the_version_is_that_of_the_citation_and_of_the_changes():

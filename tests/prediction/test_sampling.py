@@ -1,7 +1,5 @@
 """Draws outside training depend on seed and sample, not on the batch; their spread is measured."""
 
-import functools
-
 import jax
 import numpy as np
 import pytest
@@ -64,29 +62,11 @@ def test_evaluation_with_draws(monkeypatch):
     assert "total mutual difference [radius^2]" in text
 
 
-quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
-
-
-@pytest.fixture(scope="module")
-def clouds():
-    rng = np.random.default_rng(0)
+def test_distances_and_differences_of_sets(rng):
     draws = rng.normal(size=(4, 12, 3)).astype(np.float32)
     truths = rng.normal(size=(3, 20, 3)).astype(np.float32)
-    return draws, truths
-
-
-@pytest.fixture(scope="module")
-def cross(clouds):
-    return quick_jit(lambda a, b: sampling.cross_distances(a, b, chamfer_sq_mean))(*clouds)
-
-
-def test_distances_of_sets(clouds, cross):
-    draws, truths = clouds
+    cross = jax.jit(lambda a, b: sampling.cross_distances(a, b, chamfer_sq_mean))(draws, truths)
     np.testing.assert_allclose(cross, reference.cross_chamfer(draws, truths), rtol=1e-5)
     assert float(sampling.coverage(cross)) == pytest.approx(reference.coverage(draws, truths))
-
-
-def test_mutual_difference(clouds):
-    draws, _ = clouds
-    found = quick_jit(sampling.total_mutual_difference)(draws)
+    found = jax.jit(sampling.total_mutual_difference)(draws)
     np.testing.assert_allclose(found, reference.total_mutual_difference(draws), rtol=1e-5)
