@@ -24,8 +24,8 @@ def command_lines():
     found = set()
     for page in PAGES:
         text = page.read_text()
-        blocks = [m[2] for m in _FENCED.finditer(text) if m[1] in ("", "bash")]
-        lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
+        blocks = [code for kind, code in _FENCED.findall(text) if kind in ("", "bash")]
+        lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
         inline = re.findall(r"`(psgn [^`]+)`", _FENCED.sub("", text))
         for line in [*lines, *(" ".join(text.split()) for text in inline)]:
             if match := re.search(r"(?:^|[ /$])psgn (.*)", line.partition(" #")[0]):

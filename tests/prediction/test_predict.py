@@ -2,11 +2,9 @@
 
 import json
 
-import jax
 import numpy as np
 import pytest
 import trimesh
-from helpers import drawn_solids as solids
 from helpers import standin
 from helpers.commands import psgn_each
 from helpers.weights import random_params
@@ -14,29 +12,19 @@ from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError, to_dict, to_json
 from psgn_jax.data import camera
-from psgn_jax.data.dataset import write_dataset
 from psgn_jax.prediction import masks
 from psgn_jax.prediction.cloud import DECONV, FC, Prediction
 from psgn_jax.prediction.files import predict_files
 from psgn_jax.prediction.predictor import Predictor
-from psgn_jax.training import loop
+from psgn_jax.viewing.predictions import read_prediction
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.leaves import named_leaves
-from psgn_jax.weights.opening import open_network
 from psgn_jax.weights.run_folder import Trained
 
 
 @pytest.fixture(scope="module")
 def config():
-    return standin.config(
-        model__name="two_branch",
-        model__widths=(4, 6, 8),
-        model__deconv_level=1,
-        model__fc_points=5,
-        model__fc_widths=(8,),
-        model__random_size=3,
-        data__image_size=(24, 32),
-    )
+    return standin.config(model__widths=(4, 6, 8), model__fc_points=5, data__image_size=(24, 32))
 
 
 @pytest.fixture(scope="module")
@@ -55,18 +43,17 @@ def photo_of_a_box(height=90, width=120):
     return image
 
 
-def test_arrays_in_arrays_out(predictor, config):
-    result = predictor(photo_of_a_box(), samples=3, seed=1)
+def test_arrays_in_arrays_out(predictor):
+    result = predictor(photo_of_a_box(), samples=2, seed=1)
     n = 5 + 12 * 16
-    assert result.points.shape == (3, n, 3)
-    assert result.colours.shape == (3, n, 3)
+    assert result.points.shape == result.colours.shape == (2, n, 3)
     assert result.branch.tolist() == [FC] * 5 + [DECONV] * (n - 5)
     assert result.mask_from == "plain"
-    other = predictor(photo_of_a_box(), samples=3, seed=2)
+    other = predictor(photo_of_a_box(), samples=2, seed=2)
     assert np.abs(other.points - result.points).max() > 0
     assert np.abs(result.points[0] - result.points[1]).max() > 0
     alpha = (photo_of_a_box()[..., :1] != 191) * np.uint8(255)
-    rgba = predictor(np.concatenate([photo_of_a_box(), alpha], axis=2), samples=3, seed=1)
+    rgba = predictor(np.concatenate([photo_of_a_box(), alpha], axis=2), samples=2, seed=1)
     assert rgba.mask_from == "alpha"
     np.testing.assert_array_equal(rgba.points, result.points)
 
@@ -91,19 +78,16 @@ def test_what_was_placed_has_normal_form_and_projects_as_before(predictor):
 def test_an_inverted_mask_is_turned_and_that_is_said(predictor):
     image = photo_of_a_box()
     mask = (image != 191).any(axis=2)
-    right = predictor(image, mask)
-    assert right.warnings == ()
     turned = predictor(image, ~mask)
     assert turned.warnings == ("the mask covers the border but not the middle: it was inverted",)
-    given = predictor(image, ~mask, invert_mask=True)
-    assert given.warnings == ()
-    for cloud in turned, given:
-        np.testing.assert_array_equal(cloud.points, right.points)
+    for right in predictor(image, mask), predictor(image, ~mask, invert_mask=True):
+        assert right.warnings == ()
+        np.testing.assert_array_equal(right.points, turned.points)
     kept = predictor(image, ~mask, invert_mask=False)
     np.testing.assert_array_equal(kept.mask, ~mask)
 
 
-def test_wrong_arguments(predictor, config, params):
+def test_wrong_arguments(predictor, params):
     for options, message in (
         ({"samples": 65}, "samples=65: accepted: 1 to 64"),  # `psgn view` reads no more
         ({"seed": 2**31}, "seed=2147483648: accepted: an integer of 32"),
@@ -120,9 +104,6 @@ def test_wrong_arguments(predictor, config, params):
     fixed = standin.config(model__random_size=0)
     with pytest.raises(ConfigError, match="samples=2: accepted: 1, as this network has no random"):
         Predictor(Trained(fixed, 7, params, {}))(photo_of_a_box(), samples=2)
-    broken = Predictor(Trained(config, 7, jax.tree.map(lambda leaf: leaf * np.nan, params), {}))
-    with pytest.raises(ConfigError, match="not finite"):
-        broken(photo_of_a_box())
 
 
 def test_files_and_folders(predictor, tmp_path):
@@ -144,13 +125,9 @@ def test_files_and_folders(predictor, tmp_path):
     assert document["checkpoint"]["sha256"] == predictor.checksum
     assert (document["seed"], document["num_samples"], document["num_fc_points"]) == (5, 2, 5)
     assert set(document["files"]) | {"b.json"} == {n for n in names if n.startswith("b")}
-    assert set(document["seconds"]) == {"read", "mask", "place", "network", "colours", "write"}
-    with np.load(out / "b.npz") as archive:
-        np.testing.assert_array_equal(archive["points"], results[2][1].points)
-        view = document["cameras"]["view"]
-        np.testing.assert_allclose(archive["intrinsics"], view["intrinsics"])
-        cloud = trimesh.load(out / "b_1.ply")
-        np.testing.assert_array_equal(cloud.vertices, archive["points"][1])
+    points = results[2][1].points
+    np.testing.assert_array_equal(read_prediction(out / "b.npz", ["points"])["points"], points)
+    np.testing.assert_array_equal(trimesh.load(out / "b_1.ply").vertices, points[1])
 
 
 def test_masks_by_name(predictor, tmp_path):
@@ -288,47 +265,3 @@ def test_the_command_goes_on_after_a_bad_file(config, params, tmp_path):
     assert nothing.returncode == 2
     # Compiled programs are cached, so that later runs start quickly.
     assert list((tmp_path / "compiled").rglob("*"))
-
-
-def share(points, intrinsics, extrinsics, mask, pixels):
-    """The fraction of the points that project onto the mask, with a tolerance in pixels."""
-    seen, _ = camera.project(points, intrinsics, extrinsics)
-    return camera.inside_mask(seen, mask, pixels).mean()
-
-
-@pytest.mark.slow
-def test_a_trained_network_predicts_right_side_up(tmp_path):
-    """Over 90 % of the points project onto the mask; with a pasted object nearly as many."""
-    trained_on, new = (list(solids.samples(n, seed=n)) for n in (60, 20))
-    splits = {"train": trained_on, "validation": new}
-    write_dataset(tmp_path / "records", splits, source="solids")
-    steps = {"steps": 500, "eval_every": 500, "checkpoint_every": 500, "log_every": 100}
-    settings = {
-        "data": {"path": str(tmp_path / "records"), "image_size": (48, 64), "num_points": 512}
-        | {"zoom": 0.05, "shift": 0.04, "num_workers": 0},
-        "model": {"name": "two_branch", "widths": (8, 16, 32, 64), "deconv_level": 2}
-        | {"fc_points": 128, "fc_widths": (128,), "random_size": 0},
-        "loss": {"name": "chamfer_sq_mean", "l2": "none"},
-        "optim": {"learning_rate": 2e-3, "schedule": "cosine", "warmup_steps": 20},
-        "train": {"batch_size": 8, "images_every": 0} | steps,
-        "eval": {"emd_tolerance": 0},
-    }
-    loop.train(settings, tmp_path / "run")
-    predictor = Predictor(open_network(tmp_path / "run", checkpoint="last"))
-    kept, placed = [], []
-    for sample in new:
-        found = predictor(sample.image, sample.mask, frame="keep")
-        seen = (found.view.intrinsics, found.view.extrinsics, found.view.mask, 2)
-        kept.append(share(found.points[0], *seen))
-        # Pasted into a larger white photo, and measured with the camera of that photo.
-        image, mask = np.full((300, 500, 3), 255, np.uint8), np.zeros((300, 500), bool)
-        image[100:292, 5:261][sample.mask] = sample.image[sample.mask]
-        mask[100:292, 5:261] = sample.mask
-        found = predictor(image, mask)
-        assert found.view.placed
-        two = round(2 / found.view.to_view[0, 0])
-        own = (found.photo_intrinsics, found.view.extrinsics, mask, two)
-        placed.append(share(found.points[0], *own))
-    # Measured: at least .969 and .920. The margins allow for other processors' rounding.
-    assert np.mean(kept) > 0.93
-    assert np.mean(placed) > 0.88

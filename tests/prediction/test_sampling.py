@@ -7,7 +7,6 @@ from helpers import reference, standin
 from helpers.weights import random_params
 
 from psgn_jax import tasks
-from psgn_jax.config.experiment import ConfigError
 from psgn_jax.evaluation import table as table_lib
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.models import networks
@@ -28,12 +27,6 @@ def test_a_draw_depends_on_seed_sample_and_number_alone():
     np.testing.assert_array_equal(sampling.sample_latents(config, 4, 2, 3, 1), whole[4:, :3])
     assert len(np.unique(whole)) == whole.size
     assert abs(float(np.asarray(sampling.sample_latents(config, 0, 50, 40, 2)).std()) - 1) < 0.05
-
-
-def test_a_network_without_random_input_gives_one_prediction():
-    config = standin.config(model__random_size=0)
-    with pytest.raises(ConfigError, match=r"model.random_size=0: this network gives one"):
-        sampling.sampler(config, networks.build(config.model), 2)
 
 
 @pytest.mark.slow

@@ -50,12 +50,6 @@ def test_the_shadow_lies_on_the_ground_below():
     assert (with_shadow <= without).all()
 
 
-def test_nothing_to_see_is_white_and_odd_points_are_left_out():
-    assert (draw(np.zeros((0, 3)), np.zeros((0, 3))) == 255).all()
-    odd = [[np.nan, 0, 0], [50, 0, 0], [0, 0, np.inf]]
-    assert (draw(odd, [RED] * 3, shadow=False) == 255).all()
-
-
 def test_the_command_on_predictions(rng, tmp_path, capsys):
     points = rng.uniform(-0.3, 0.3, (1, 50, 3)).astype(np.float32)
     arrays = {"image": np.full((*SIZE, 3), 191, np.uint8), "points": points}
