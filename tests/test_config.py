@@ -18,12 +18,9 @@ from psgn_jax.config.experiment import (
 )
 
 
-def test_defaults_are_the_dataclasses():
+def test_defaults_and_round_trips():
     assert parse({}) == Config()
     assert parse(ml_collections.ConfigDict(to_dict(Config()))) == Config()
-
-
-def test_round_trip_through_json():
     config = parse({"data": {"image_size": [96, 128], "inputs": ["rgb", "depth", "mask"]}})
     assert from_json(to_json(config)) == config
     assert config.model.image_size == (96, 128)

@@ -76,25 +76,22 @@ def test_commands_and_their_flags_exist():
 
 def test_files_and_modules_in_the_documents_exist():
     wrong = []
+    folders = "configs|data_gen|docs|notebooks|psgn_jax|recipes|tests"
     for page in PAGES:
+        modules = [*imports(page)]
+        for name, file in re.findall(r"`(\w+)` in\s+`([\w/]+)\.py`", page.read_text()):
+            modules.append(f"{file}/{name}".replace("/", "."))
         for code in re.findall(r"`([^`\n]+)`", _FENCED.sub("", page.read_text())):
-            for name in re.findall(
-                r"\b(?:configs|data_gen|docs|notebooks|psgn_jax|recipes|tests)/[\w/.]*\w", code
-            ):
+            for name in re.findall(rf"\b(?:{folders})/[\w/.]*\w", code):
                 if not (ROOT / name).exists() and not name.startswith("psgn_jax/configs"):
                     wrong.append(f"{page.name}: {name}")
             for name in re.findall(r"(?<![\w/.-])[a-z]\w*(?:\.[A-Za-z_]\w*)+", code):
                 package = name.partition(".")[0]
-                if page.name == "CONTRIBUTING.md" and (ROOT / "psgn_jax" / package).is_dir():
-                    package, name = "psgn_jax", f"psgn_jax.{name}"
-                if package in ("data_gen", "psgn_jax") and not _exists(name):
-                    wrong.append(f"{page.name}: {name}")
-        for name, file in re.findall(r"`(\w+)` in\s+`([\w/]+)\.py`", page.read_text()):
-            if not _exists(f"{file}/{name}".replace("/", ".")):
-                wrong.append(f"{page.name}: {name} in {file}.py")
-        for name in imports(page):
-            if not _exists(name):
-                wrong.append(f"{page.name}: {name}")
+                if package in ("data_gen", "psgn_jax"):
+                    modules.append(name)
+                elif page.name == "CONTRIBUTING.md" and (ROOT / "psgn_jax" / package).is_dir():
+                    modules.append(f"psgn_jax.{name}")
+        wrong += [f"{page.name}: {name}" for name in modules if not _exists(name)]
     assert not wrong, "\n".join(wrong)
 
 

@@ -223,9 +223,9 @@ def test_the_page_shows_that_it_loads_and_works_offline_once_loaded(open_page, a
     wait(page, "document.getElementById('about').textContent !== ''")
     assert status(page) == ""
     page.context.set_offline(True)
-    give(page, CHAIR)
-    assert "points in" in status(page)
     settled(page, page.get_by_role("button", name="A lamp").click)
+    assert "points in" in status(page)
+    give(page, CHAIR)
     assert "points in" in status(page)
     # Every control has a name for a screen reader, and the page fits onto a phone.
     tree = page.locator("body").aria_snapshot()
@@ -255,6 +255,10 @@ def test_files_that_are_no_photos_end_in_a_sentence_and_the_page_goes_on(open_pa
     assert "points in" in status(page)
 
 
+def answering(answer):
+    return lambda route: route.fulfill(**answer)
+
+
 def test_wrong_or_damaged_weights_are_refused(open_page, site, address, tmp_path):
     write_cut_out(tmp_path)
     weights, about = ((site / name).read_bytes() for name in ("network.onnx", "network.json"))
@@ -266,7 +270,7 @@ def test_wrong_or_damaged_weights_are_refused(open_page, site, address, tmp_path
         ("network.json", {"body": later}, "The network was made by a later version of psgn_jax"),
     ):
         page = open_page("about:blank", complain=False)
-        page.route(f"**/{file}", lambda route, answer=answer: route.fulfill(**answer))
+        page.route(f"**/{file}", answering(answer))
         page.goto(address)
         wait(page, "!document.getElementById('problem').hidden")
         assert problem(page).startswith(expected)
