@@ -10,7 +10,6 @@ from psgn_jax.config.experiment import (
     Config,
     ConfigError,
     check_paths,
-    flatten,
     from_json,
     parse,
     to_dict,
@@ -26,7 +25,6 @@ def test_defaults_and_round_trips():
     assert config.model.image_size == (96, 128)
     assert config.model.in_channels == 6
     assert "in_channels" not in to_dict(config)["model"]
-    assert flatten(config)["data.image_size"] == (96, 128)
 
 
 WRONG = [

@@ -8,6 +8,9 @@ import subprocess
 import sys
 
 from helpers.small_runs import write_solids
+from helpers.weights import config as tiny
+
+from psgn_jax.config.experiment import to_dict
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 
@@ -149,17 +152,12 @@ if __name__ == "__main__":
 
 def test_a_program_with_its_own_modules_trains_and_starts_scripts(tmp_path):
     write_solids(tmp_path / "records")
-    tree = {
-        "data": {"path": str(tmp_path / "records"), "image_size": (24, 32), "num_points": 136,
-                 "num_eval_points": 136, "num_workers": 1},
-        "model": {"name": "vanilla", "widths": (4, 6, 8), "fc_points": 8, "fc_widths": (12,)},
-        "optim": {"warmup_steps": 0},
-        "train": {"batch_size": 4, "steps": 2, "eval_every": 0, "images_every": 0},
-    }  # fmt: skip
+    steps = {"train__steps": 2, "train__eval_every": 0}
+    config = tiny(data__path=str(tmp_path / "records"), data__num_workers=1, **steps)
     for path, text in {
         "mypkg/__init__.py": "import psgn_jax\n",
         "mypkg/helper.py": "WORD = 'done'\n",
-        "mypkg/run.py": _PROGRAM.replace("TREE", repr(tree)),
+        "mypkg/run.py": _PROGRAM.replace("TREE", repr(to_dict(config))),
         "beside/neighbour.py": "",
         "beside/script.py": "import neighbour\n",
     }.items():
@@ -167,7 +165,7 @@ def test_a_program_with_its_own_modules_trains_and_starts_scripts(tmp_path):
         (tmp_path / path).write_text(text)
     done = subprocess.run(
         [sys.executable, "-m", "mypkg.run"], capture_output=True, text=True, cwd=tmp_path,
-        env={**os.environ, "JAX_PLATFORMS": "cpu", "PYTHONPATH": str(ROOT)}, timeout=400,
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, timeout=400,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout == "done\n"
