@@ -22,11 +22,10 @@ def network(**changes):
 
 def test_a_draw_depends_on_seed_sample_and_number_alone():
     config, _, _ = network()
-    whole = np.asarray(sampling.sample_latents(config, 0, 6, 4, 1))
-    assert whole.shape == (6, 4, 3)
-    np.testing.assert_array_equal(sampling.sample_latents(config, 4, 2, 3, 1), whole[4:, :3])
-    assert len(np.unique(whole)) == whole.size
-    assert abs(float(np.asarray(sampling.sample_latents(config, 0, 50, 40, 2)).std()) - 1) < 0.05
+    whole = np.asarray(sampling.sample_latents(config, 0, 50, 40, 1))
+    np.testing.assert_array_equal(sampling.sample_latents(config, 4, 2, 3, 1), whole[4:6, :3])
+    assert len(np.unique(whole)) > 0.99 * whole.size
+    assert abs(whole.std() - 1) < 0.05
 
 
 @pytest.mark.slow
