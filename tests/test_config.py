@@ -10,7 +10,6 @@ from psgn_jax.config.experiment import (
     Config,
     ConfigError,
     check_paths,
-    flatten,
     from_json,
     parse,
     to_dict,
@@ -18,18 +17,14 @@ from psgn_jax.config.experiment import (
 )
 
 
-def test_defaults_are_the_dataclasses():
+def test_defaults_and_round_trips():
     assert parse({}) == Config()
     assert parse(ml_collections.ConfigDict(to_dict(Config()))) == Config()
-
-
-def test_round_trip_through_json():
     config = parse({"data": {"image_size": [96, 128], "inputs": ["rgb", "depth", "mask"]}})
     assert from_json(to_json(config)) == config
     assert config.model.image_size == (96, 128)
     assert config.model.in_channels == 6
     assert "in_channels" not in to_dict(config)["model"]
-    assert flatten(config)["data.image_size"] == (96, 128)
 
 
 WRONG = [
@@ -38,12 +33,9 @@ WRONG = [
     ({"model": {"in_channels": 3}}, "model.in_channels follows from data"),
     ({"model": 3}, "model=3: accepted: a section with name"),
     ({"train": {"steps": 1.5}}, "train.steps=1.5: accepted: an integer"),
-    ({"train": {"steps": "many"}}, "train.steps='many': accepted: an integer"),
     ({"train": {"steps": True}}, "train.steps=True: accepted: an integer"),
-    ({"train": {"steps": 0}}, "train.steps=0: accepted: a number >= 1"),
     ({"optim": {"learning_rate": 0}}, "optim.learning_rate=0: accepted: a number > 0"),
     ({"optim": {"learning_rate": float("nan")}}, "accepted: a finite number"),
-    ({"optim": {"learning_rate": 10**400}}, "accepted: a finite number"),
     ({"optim": {"b1": 1.0}}, "optim.b1=1.0: accepted: a number >= 0 and < 1"),
     ({"optim": {"schedule": "cosin"}}, "did you mean 'cosine'? accepted: 'constant', 'cosine'"),
     ({"model": {"posterior": True}}, "model.random_size=0: accepted: at least 1 with model.post"),
@@ -51,72 +43,50 @@ WRONG = [
         {"model": {"posterior": True, "random_size": 2}, "loss": {"min_of_n": 2}},
         "loss.min_of_n=2: accepted: 1 with model.posterior=True",
     ),
-    (
-        {"model": {"posterior": True, "random_size": 2, "posterior_widths": ()}},
-        "model.posterior_widths=(): accepted: 1 to 5 widths",
-    ),
-    ({"loss": {"kl_weight": -1}}, "loss.kl_weight=-1: accepted: a number >= 0"),
     ({"optim": {"warmup_steps": 9}, "train": {"steps": 9}}, "fewer than train.steps=9"),
     ({"data": {"flip": 1}}, "data.flip=1: accepted: True or False"),
-    ({"data": {"path": None}}, "data.path=None: accepted: a string"),
-    ({"data": {"inputs": "rgb"}}, "data.inputs='rgb': accepted: a tuple"),
-    ({"data": {"inputs": ("rgb", "msk")}}, "data.inputs[1]='msk': did you mean 'mask'?"),
     ({"data": {"inputs": ("rgb", "rgb")}}, "each once"),
     ({"data": {"inputs": ("mask",)}}, "'rgb' and any of"),
     ({"data": {"image_size": (64,)}}, "data.image_size=(64,): accepted: a tuple of 2"),
     ({"data": {"image_size": (16, 256)}}, "data.image_size=(16, 256): accepted: (height, width)"),
-    ({"data": {"image_size": (192, -1)}}, "data.image_size[1]=-1: accepted: a number >= 1"),
     ({"model": {"widths": (8,)}}, "at least two resolution levels"),
     ({"model": {"deconv_level": 6}}, "model.deconv_level=6: accepted: 0 to 5"),
     ({"model": {"deconv_channels": 4}}, "a multiple of 3"),
-    ({"loss": {"min_of_n": 0}}, "loss.min_of_n=0: accepted: a number >= 1"),
     ({"loss": {"min_of_n": 2}}, "loss.min_of_n=2: accepted: 1, since without a random input"),
-    ({"task": "refin"}, "task='refin': did you mean 'refiner'?"),
     ({"task": "refiner"}, "voxels.from_cd='': accepted: the folder of a trained run"),
     ({"task": "volume", "data": {"stretch": 0.1}}, "data.stretch=0.1: accepted: 0 with task"),
     ({"task": "volume", "eval": {"refine": True}}, "eval.refine=True: accepted: False with task"),
     ({"task": "volume", "data": {"image_size": (100, 128)}}, "multiples of 64 for 'volume'"),
     ({"task": "views", "data": {"inputs": ("rgb", "depth")}}, "'rgb' and 'mask' with"),
-    ({"task": "views", "data": {"zoom": 0.1}}, "data.zoom=0.1: accepted: 0 with"),
     ({"task": "views", "voxels": {"eval_views": (1, 1)}}, "numbers of views, each once"),
     ({"task": "views", "loss": {"l2": "authors"}}, "loss.l2='authors': accepted: 'none' with"),
-    ({"voxels": {"widths": (4, 4)}}, "voxels.widths=(4, 4): accepted: a tuple of 5"),
-    ({"data": {"occupancy": True}}, "data.occupancy follows from"),
     ({"model": {"name": "vanilla", "fc_points": 0}}, "model.fc_points=0: accepted: at least 1"),
     ({"model": {"name": "lite0", "widths": (8,) * 3}}, "accepted: seven levels for 'lite0'"),
-    ({"model": {"name": "lite0", "deconv_level": 0}}, "accepted: 1 to 5 for 'lite0'"),
     ({"model": {"name": "lite0"}, "data": {"inputs": ("mask", "rgb")}}, "accepted: 'rgb' first"),
 ]
 
 
-@pytest.mark.parametrize(("tree", "message"), WRONG, ids=[m for _, m in WRONG])
-def test_mistakes_are_named(tree, message):
-    with pytest.raises(ConfigError) as caught:
-        parse(tree)
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
+def test_mistakes_are_named():
+    for tree, message in WRONG:
+        with pytest.raises(ConfigError) as caught:
+            parse(tree)
+        assert message in str(caught.value)
+        assert "\n" not in str(caught.value)
 
 
 def test_missing_and_wrong_paths(tmp_path):
-    with pytest.raises(ConfigError, match=r"data.path='/no/such' does not exist"):
-        check_paths(parse({"data": {"path": "/no/such"}}))
-    file = tmp_path / "file"
-    file.touch()
-    with pytest.raises(ConfigError, match="is not a folder"):
-        check_paths(parse({"data": {"path": str(file)}}))
-    with pytest.raises(ConfigError, match="'/no/such' does not exist"):
-        check_paths(parse({"data": {"path": f"{tmp_path},/no/such"}}))
+    (tmp_path / "file").touch()
+    for path, message in (
+        (f"{tmp_path},/no/such", "data.path='/no/such' does not exist"),
+        (str(tmp_path / "file"), "is not a folder"),
+    ):
+        with pytest.raises(ConfigError, match=message):
+            check_paths(parse({"data": {"path": path}}))
     check_paths(parse({}))
 
 
-FILES = sorted((pathlib.Path(__file__).resolve().parents[1] / "configs").glob("*.py"))
-
-
-@pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
-def test_every_configuration_file_is_valid_and_says_what_to_expect(path):
-    module = runpy.run_path(str(path))
-    parse(module["get_config"]())
-    text = module["__doc__"]
-    assert f"python -m psgn_jax.main --config=configs/{path.name}" in text
-    for word in ("Hardware", "ime", "xpect"):
-        assert word in text, word
+def test_every_configuration_file_is_valid_and_says_how_it_is_run():
+    for path in (pathlib.Path(__file__).resolve().parents[1] / "configs").glob("*.py"):
+        module = runpy.run_path(str(path))
+        parse(module["get_config"]())
+        assert f"python -m psgn_jax.main --config=configs/{path.name}" in module["__doc__"]

@@ -6,6 +6,8 @@ import pathlib
 import subprocess
 import warnings
 
+import nbclient
+import nbformat
 import pytest
 
 FOLDER = pathlib.Path(__file__).resolve().parents[1] / "notebooks"
@@ -13,9 +15,6 @@ FOLDER = pathlib.Path(__file__).resolve().parents[1] / "notebooks"
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.ipynb")), ids=lambda p: p.stem)
 def test_notebook_runs(path, monkeypatch):
-    import nbclient
-    import nbformat
-
     # The kernel is a process of its own: it imports the package from this checkout.
     monkeypatch.setenv("PYTHONPATH", str(FOLDER.parent))
     # A command that another test has called in this process may have set it. The kernel's launcher

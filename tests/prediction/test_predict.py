@@ -2,11 +2,9 @@
 
 import json
 
-import jax
 import numpy as np
 import pytest
 import trimesh
-from helpers import drawn_solids as solids
 from helpers import standin
 from helpers.commands import psgn_each
 from helpers.weights import random_params
@@ -14,29 +12,19 @@ from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError, to_dict, to_json
 from psgn_jax.data import camera
-from psgn_jax.data.dataset import write_dataset
 from psgn_jax.prediction import masks
 from psgn_jax.prediction.cloud import DECONV, FC, Prediction
 from psgn_jax.prediction.photos import predict_files
 from psgn_jax.prediction.predictor import Predictor
-from psgn_jax.training import loop
+from psgn_jax.viewing.predictions import read_prediction
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.leaves import named_leaves
-from psgn_jax.weights.opening import open_network
 from psgn_jax.weights.run_folder import Trained
 
 
 @pytest.fixture(scope="module")
 def config():
-    return standin.config(
-        model__name="two_branch",
-        model__widths=(4, 6, 8),
-        model__deconv_level=1,
-        model__fc_points=5,
-        model__fc_widths=(8,),
-        model__random_size=3,
-        data__image_size=(24, 32),
-    )
+    return standin.config(model__widths=(4, 6, 8), model__fc_points=5, data__image_size=(24, 32))
 
 
 @pytest.fixture(scope="module")
@@ -55,56 +43,25 @@ def photo_of_a_box(height=90, width=120):
     return image
 
 
-def test_arrays_in_arrays_out(predictor, config):
-    result = predictor(photo_of_a_box(), samples=3, seed=1)
+def test_arrays_in_arrays_out(predictor):
+    result = predictor(photo_of_a_box(), samples=2, seed=1)
     n = 5 + 12 * 16
-    assert result.points.shape == (3, n, 3)
-    assert result.points.dtype == np.float32
-    assert result.colours.shape == (3, n, 3)
+    assert result.points.shape == result.colours.shape == (2, n, 3)
     assert result.branch.tolist() == [FC] * 5 + [DECONV] * (n - 5)
     assert result.mask_from == "plain"
-    other = predictor(photo_of_a_box(), samples=3, seed=2)
+    other = predictor(photo_of_a_box(), samples=2, seed=2)
     assert np.abs(other.points - result.points).max() > 0
     assert np.abs(result.points[0] - result.points[1]).max() > 0
-    grey = predictor(photo_of_a_box()[..., 0], seed=1)
-    assert grey.points.shape == (1, n, 3)
     alpha = (photo_of_a_box()[..., :1] != 191) * np.uint8(255)
-    rgba = predictor(np.concatenate([photo_of_a_box(), alpha], axis=2), samples=3, seed=1)
+    rgba = predictor(np.concatenate([photo_of_a_box(), alpha], axis=2), samples=2, seed=1)
     assert rgba.mask_from == "alpha"
     np.testing.assert_array_equal(rgba.points, result.points)
-
-
-def test_known_cloud_lies_where_the_image_shows_it(predictor, monkeypatch):
-    """Points that are right, up or near project to the right, to the top, or to smaller depth."""
-    cloud = np.array([[0, 0.4, 0.2], [0, -0.4, 0.2], [0, 0, 0.9], [0.9, 0, 0.2]], np.float32)
-    cloud = np.concatenate([cloud, np.zeros((193, 3), np.float32)])
-    monkeypatch.setattr(predictor, "_network", lambda *_, **__: cloud[None])
-    result = predictor(photo_of_a_box(400, 300))
-    view = result.view
-    pixels, depth = camera.project(result.points[0], view.intrinsics, view.extrinsics)
-    assert pixels[0, 0] > 128 > pixels[1, 0]
-    assert pixels[2, 1] < pixels[:2, 1].min()  # rows grow downward
-    assert depth[3] < depth[:3].min()
-    # The same through the photo's own camera.
-    own, _ = camera.project(result.points[0], result.photo_intrinsics, view.extrinsics)
-    mapped = np.column_stack([own, np.ones(len(own))]) @ view.to_view.T
-    np.testing.assert_allclose(mapped[:, :2], pixels, atol=1e-4)
-
-
-def test_the_photos_camera_is_that_of_its_original_size(predictor):
-    small = photo_of_a_box(450, 600)
-    large = Image.fromarray(small).resize((4200, 3150), Image.Resampling.NEAREST)
-    assert predictor(large).mask.shape == (1575, 2100)
-    np.testing.assert_allclose(
-        predictor(large).photo_intrinsics[:2] / 7, predictor(small).photo_intrinsics[:2], atol=3
-    )
 
 
 def test_what_was_placed_has_normal_form_and_projects_as_before(predictor):
     image = photo_of_a_box()
     raw = predictor(image, frame="place", samples=2, normal_form="no")
     result = predictor(image, frame="place", samples=2)
-    assert (raw.scale, raw.shift.tolist()) == (1.0, [0, 0, 0])
     flat = result.points.reshape(-1, 3)
     assert flat[:, 2].min() == pytest.approx(0, abs=1e-6)
     assert np.linalg.norm(flat, axis=1).max() == pytest.approx(1, abs=1e-5)
@@ -116,46 +73,37 @@ def test_what_was_placed_has_normal_form_and_projects_as_before(predictor):
     np.testing.assert_array_equal(result.colours, raw.colours)
     assert predictor(image, frame="keep").scale == 1
     assert predictor(image, frame="keep", normal_form="yes").scale != 1
-    with pytest.raises(ConfigError, match="normal_form='x': accepted: auto, yes, no"):
-        predictor(image, normal_form="x")
 
 
 def test_an_inverted_mask_is_turned_and_that_is_said(predictor):
     image = photo_of_a_box()
     mask = (image != 191).any(axis=2)
-    right = predictor(image, mask)
-    assert right.warnings == ()
     turned = predictor(image, ~mask)
     assert turned.warnings == ("the mask covers the border but not the middle: it was inverted",)
-    given = predictor(image, ~mask, invert_mask=True)
-    assert given.warnings == ()
-    for cloud in turned, given:
-        np.testing.assert_array_equal(cloud.points, right.points)
+    for right in predictor(image, mask), predictor(image, ~mask, invert_mask=True):
+        assert right.warnings == ()
+        np.testing.assert_array_equal(right.points, turned.points)
     kept = predictor(image, ~mask, invert_mask=False)
     np.testing.assert_array_equal(kept.mask, ~mask)
-    with pytest.raises(ValueError, match="accepted only with a given mask"):
-        predictor(image, invert_mask=True)
 
 
-def test_wrong_arguments(predictor, config, params):
-    for samples in (0, 65):  # 65 clouds are more than `psgn view` reads
-        with pytest.raises(ConfigError, match=f"samples={samples}: accepted: 1 to 64"):
-            predictor(photo_of_a_box(), samples=samples)
-    with pytest.raises(ConfigError, match="seed=2147483648: accepted: an integer of 32"):
-        predictor(photo_of_a_box(), seed=2**31)
-    with pytest.raises(ConfigError, match="frame='x': accepted: auto, place, keep"):
-        predictor(photo_of_a_box(), frame="x")
-    with pytest.raises(ValueError, match="the mask is 5x5"):
-        predictor(photo_of_a_box(), np.ones((5, 5), bool))
+def test_wrong_arguments(predictor, params):
+    for options, message in (
+        ({"samples": 65}, "samples=65: accepted: 1 to 64"),  # `psgn view` reads no more
+        ({"seed": 2**31}, "seed=2147483648: accepted: an integer of 32"),
+        ({"frame": "x"}, "frame='x': accepted: auto, place, keep"),
+        ({"normal_form": "x"}, "normal_form='x': accepted: auto, yes, no"),
+        ({"invert_mask": True}, "accepted only with a given mask"),
+        ({"mask": np.ones((5, 5), bool)}, "the mask is 5x5"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            predictor(photo_of_a_box(), **options)
     depth = standin.config(data__inputs=("rgb", "mask", "depth"))
     with pytest.raises(ConfigError, match="from photos expects a network with the inputs 'rgb'"):
         Predictor(Trained(depth, 7, params, {}))
     fixed = standin.config(model__random_size=0)
     with pytest.raises(ConfigError, match="samples=2: accepted: 1, as this network has no random"):
         Predictor(Trained(fixed, 7, params, {}))(photo_of_a_box(), samples=2)
-    broken = Predictor(Trained(config, 7, jax.tree.map(lambda leaf: leaf * np.nan, params), {}))
-    with pytest.raises(ConfigError, match="not finite"):
-        broken(photo_of_a_box())
 
 
 def test_files_and_folders(predictor, tmp_path):
@@ -167,7 +115,6 @@ def test_files_and_folders(predictor, tmp_path):
     images = [folder, folder / "deep" / "a.png", folder / "a.png"]
     results = list(predict_files(lambda: predictor, images, out, samples=2, seed=5))
     assert [path.name for path, _ in results] == ["A.bmp", "a.png", "b.jpg", "a.png"]
-    assert all(isinstance(result, Prediction) for _, result in results)
     alone = predictor(photo_of_a_box(), samples=2, seed=5)
     # The clouds do not depend on the other images.
     np.testing.assert_array_equal(results[1][1].points, alone.points)
@@ -176,17 +123,11 @@ def test_files_and_folders(predictor, tmp_path):
     assert {"A.json", "a-2.json", "b.json", "a-3.json", "b_0.ply", "b_1.obj", "b.npz"} <= names
     document = json.loads((out / "b.json").read_text())
     assert document["checkpoint"]["sha256"] == predictor.checksum
-    assert document["checkpoint"]["step"] == 7
     assert (document["seed"], document["num_samples"], document["num_fc_points"]) == (5, 2, 5)
-    assert document["config"]["model"]["name"] == "two_branch"
     assert set(document["files"]) | {"b.json"} == {n for n in names if n.startswith("b")}
-    assert set(document["seconds"]) == {"read", "mask", "place", "network", "colours", "write"}
-    with np.load(out / "b.npz") as archive:
-        np.testing.assert_array_equal(archive["points"], results[2][1].points)
-        view = document["cameras"]["view"]
-        np.testing.assert_allclose(archive["intrinsics"], view["intrinsics"])
-        cloud = trimesh.load(out / "b_1.ply")
-        np.testing.assert_array_equal(cloud.vertices, archive["points"][1])
+    points = results[2][1].points
+    np.testing.assert_array_equal(read_prediction(out / "b.npz", ["points"])["points"], points)
+    np.testing.assert_array_equal(trimesh.load(out / "b_1.ply").vertices, points[1])
 
 
 def test_masks_by_name(predictor, tmp_path):
@@ -205,14 +146,8 @@ def test_masks_by_name(predictor, tmp_path):
     assert a.mask_from == b.mask_from == "given"
     assert "is empty: no pixel shows the object" in str(c)
     assert "expected a file named d_mask.*" in str(d)
-    # A network is opened only when an image and its mask are read.
-    ((_, wrong),) = predict_files(pytest.fail, [images / "c.png"], out, mask=str(folder))
-    assert "is empty" in str(wrong)
     with pytest.raises(ConfigError, match="accepted for 4 images: a folder"):
         next(predict_files(lambda: predictor, [images], out, mask=str(folder / "a.png")))
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(ConfigError, match="no image in"):
-        next(predict_files(lambda: predictor, [tmp_path / "empty"], out))
     # Beside the images: a mask is no image to predict, and an image is not its own mask.
     Image.fromarray(mask).save(images / "a_mask.png")
     results = dict(predict_files(lambda: predictor, [images], out, mask=str(images)))
@@ -222,9 +157,7 @@ def test_masks_by_name(predictor, tmp_path):
     # Without an argument, it is used too.
     results = dict(predict_files(lambda: predictor, [images], out))
     assert results[images / "a.png"].mask_from == "a_mask.png"
-    np.testing.assert_array_equal(results[images / "a.png"].mask, mask > 0)
     assert results[images / "b.png"].mask_from == "plain"
-    assert predictor(images / "a.png").mask_from == "a_mask.png"
     assert predictor(images / "a.png", mask_from="plain").mask_from == "plain"
 
 
@@ -241,7 +174,6 @@ def test_results_never_replace_photos_and_are_no_inputs(predictor, tmp_path):
         written = {path.stem for path in tmp_path.glob("*.json")}
         assert written == {"chair-2", "chair_view", "lamp"}
     listed = sorted([*tmp_path.glob("*.jpg"), *tmp_path.glob("*.png")])  # as a shell expands p/*
-    assert len(listed) > len(names)
     results = dict(predict_files(lambda: predictor, listed, tmp_path))
     assert sorted(path.name for path in results) == list(names)
 
@@ -269,8 +201,8 @@ def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch
     np.testing.assert_array_equal(accepted.mask, proposed)
     np.testing.assert_array_equal(predicted(mask=str(out)).points, accepted.points)
     # Beside the photo, a proposal is used only after it was mended, and then it is not replaced.
-    assert isinstance(predicted(tmp_path), masks.UncertainMaskError)
-    assert isinstance(predicted(tmp_path), masks.UncertainMaskError)
+    for _ in range(2):
+        assert isinstance(predicted(tmp_path), masks.UncertainMaskError)
     mended = proposed.copy()
     mended[40:60, 10:20] = True
     Image.fromarray(mended).save(tmp_path / "a_mask.png")
@@ -280,18 +212,17 @@ def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch
     np.testing.assert_array_equal(np.asarray(Image.open(out / "a_mask.png")), mended)
 
 
-@pytest.mark.parametrize("orientation", [2, 3, 4, 6])
-def test_a_mask_in_stored_orientation_is_turned(predictor, tmp_path, monkeypatch, orientation):
+def test_a_mask_in_stored_orientation_is_turned(predictor, tmp_path, monkeypatch):
     """Of a square photo, or one turned by 180 degrees, the proportions do not tell."""
     image = np.full((90, 90, 3), 191, np.uint8)
     image[10:40, 50:80] = (200, 60, 20)
     upright = (image != 191).any(axis=2)
     monkeypatch.setattr(masks, "probabilities", lambda image: upright.astype(np.float32))
-    undo = {2: 0, 3: 3, 4: 1, 6: 2}[orientation]
     exif = Image.Exif()
-    exif[0x0112] = orientation
-    Image.fromarray(image).transpose(undo).save(tmp_path / "a.png", exif=exif)
-    Image.fromarray(upright).transpose(undo).save(tmp_path / "stored.png")
+    exif[0x0112] = 6
+    turned = Image.Transpose.ROTATE_90
+    Image.fromarray(image).transpose(turned).save(tmp_path / "a.png", exif=exif)
+    Image.fromarray(upright).transpose(turned).save(tmp_path / "stored.png")
     stored = predictor(tmp_path / "a.png", tmp_path / "stored.png")
     assert "the mask was turned as EXIF turns the photo" in stored.warnings[0]
     Image.fromarray(upright).save(tmp_path / "upright.png")
@@ -301,31 +232,22 @@ def test_a_mask_in_stored_orientation_is_turned(predictor, tmp_path, monkeypatch
         np.testing.assert_array_equal(cloud.mask, upright)
 
 
-def hostile(folder):
-    folder.mkdir()
-    whole = photo_of_a_box()
-    Image.fromarray(whole).save(folder / "good.png")
-    noise = np.random.default_rng(0).integers(0, 255, (99, 99, 3), np.uint8)
-    Image.fromarray(noise).save(folder / "cut.png")
-    (folder / "cut.png").write_bytes((folder / "cut.png").read_bytes()[:9_000])
-    (folder / "text.png").write_text("no image")
-    Image.new("RGB", (1, 1)).save(folder / "one.png")
-    Image.new("RGB", (80, 80), "blue").save(folder / "blank.png")
-    Image.fromarray(whole).convert("CMYK").save(folder / "cmyk.jpg")
-    frames = [Image.fromarray(whole), Image.new("RGB", (120, 90))]
-    frames[0].save(folder / "moving.gif", save_all=True, append_images=frames[1:], duration=9)
-    Image.fromarray(whole).resize((640, 480)).convert("L").save(folder / "grey.png")
-    return {"good", "cmyk", "moving", "grey"}
-
-
-def test_the_command(config, params, tmp_path):
+def test_the_command_goes_on_after_a_bad_file(config, params, tmp_path):
     workdir, out = tmp_path / "run", tmp_path / "out"
     workdir.mkdir()
     (workdir / "config.json").write_text(to_json(config))
     checkpoints = Checkpoints(workdir / "checkpoints")
     checkpoints.save(3, named_leaves({"params": params}), {"config": to_dict(config)})
     checkpoints.close()
-    good = hostile(tmp_path / "in")
+    (tmp_path / "in").mkdir()
+    for name, image in {
+        "good.png": Image.fromarray(photo_of_a_box()),
+        "cmyk.jpg": Image.fromarray(photo_of_a_box()).convert("CMYK"),
+        "one.png": Image.new("RGB", (1, 1)),
+        "blank.png": Image.new("RGB", (80, 80), "blue"),
+    }.items():
+        image.save(tmp_path / "in" / name)
+    (tmp_path / "in" / "text.png").write_text("no image")
     flags = (f"--workdir={workdir}", f"--out={out}")
     some, nothing = psgn_each(
         ["predict", tmp_path / "in", *flags, "--samples=2"],
@@ -334,58 +256,12 @@ def test_the_command(config, params, tmp_path):
         PSGN_CACHE=str(tmp_path),
     )
     assert some.returncode == 1, some.stderr
-    assert {p.stem for p in out.glob("*.json")} == good
+    assert {p.stem for p in out.glob("*.json")} == {"good", "cmyk"}
     failed = [line for line in some.stderr.splitlines() if line.startswith("failed: ")]
-    assert len(failed) == 4
+    assert len(failed) == 3
     assert "Traceback" not in some.stderr
-    assert "4 of 8 images were processed" in some.stderr
-    *lines, last = some.stdout.splitlines()
-    assert len(lines) == 4
-    assert last == f"results: {out}"
+    assert "2 of 5 images were processed" in some.stderr
+    assert some.stdout.splitlines()[2:] == [f"results: {out}"]
     assert nothing.returncode == 2
     # Compiled programs are cached, so that later runs start quickly.
     assert list((tmp_path / "compiled").rglob("*"))
-
-
-def share(points, intrinsics, extrinsics, mask, pixels):
-    """The fraction of the points that project onto the mask, with a tolerance in pixels."""
-    seen, _ = camera.project(points, intrinsics, extrinsics)
-    return camera.inside_mask(seen, mask, pixels).mean()
-
-
-@pytest.mark.slow
-def test_a_trained_network_predicts_right_side_up(tmp_path):
-    """Over 90 % of the points project onto the mask; with a pasted object nearly as many."""
-    trained_on, new = (list(solids.samples(n, seed=n)) for n in (60, 20))
-    splits = {"train": trained_on, "validation": new}
-    write_dataset(tmp_path / "records", splits, source="solids")
-    steps = {"steps": 500, "eval_every": 500, "checkpoint_every": 500, "log_every": 100}
-    settings = {
-        "data": {"path": str(tmp_path / "records"), "image_size": (48, 64), "num_points": 512}
-        | {"zoom": 0.05, "shift": 0.04, "num_workers": 0},
-        "model": {"name": "two_branch", "widths": (8, 16, 32, 64), "deconv_level": 2}
-        | {"fc_points": 128, "fc_widths": (128,), "random_size": 0},
-        "loss": {"name": "chamfer_sq_mean", "l2": "none"},
-        "optim": {"learning_rate": 2e-3, "schedule": "cosine", "warmup_steps": 20},
-        "train": {"batch_size": 8, "images_every": 0} | steps,
-        "eval": {"emd_tolerance": 0},
-    }
-    loop.train(settings, tmp_path / "run")
-    predictor = Predictor(open_network(tmp_path / "run", checkpoint="last"))
-    kept, placed = [], []
-    for sample in new:
-        found = predictor(sample.image, sample.mask, frame="keep")
-        seen = (found.view.intrinsics, found.view.extrinsics, found.view.mask, 2)
-        kept.append(share(found.points[0], *seen))
-        # Pasted into a larger white photo, and measured with the camera of that photo.
-        image, mask = np.full((300, 500, 3), 255, np.uint8), np.zeros((300, 500), bool)
-        image[100:292, 5:261][sample.mask] = sample.image[sample.mask]
-        mask[100:292, 5:261] = sample.mask
-        found = predictor(image, mask)
-        assert found.view.placed
-        two = round(2 / found.view.to_view[0, 0])
-        own = (found.photo_intrinsics, found.view.extrinsics, mask, two)
-        placed.append(share(found.points[0], *own))
-    # Measured: at least .969 and .920. The margins allow for other processors' rounding.
-    assert np.mean(kept) > 0.93
-    assert np.mean(placed) > 0.88

@@ -8,9 +8,10 @@ from scipy.spatial import cKDTree
 
 from psgn_jax.data import camera
 from psgn_jax.losses.emd import emd_exact
-from psgn_jax.prediction.refine import into_silhouette, mean_of_matched, refined
+from psgn_jax.prediction.refine import into_silhouette, refined
 
 SIZE = (48, 64)
+INTRINSICS, EXTRINSICS = camera.default_camera(SIZE)
 MIRROR = np.array([1, -1, 1], np.float32)
 move = jax.jit(into_silhouette)
 
@@ -19,12 +20,11 @@ move = jax.jit(into_silhouette)
 def batch(rng):
     mask = np.zeros((2, *SIZE), bool)
     mask[:, 10:40, 15:45] = True
-    intrinsics, extrinsics = camera.default_camera(SIZE)
     return {
         "image": rng.integers(0, 255, (2, *SIZE, 3)).astype(np.uint8),
         "mask": mask,
-        "intrinsics": np.stack([intrinsics] * 2),
-        "extrinsics": np.stack([extrinsics] * 2),
+        "intrinsics": np.stack([INTRINSICS] * 2),
+        "extrinsics": np.stack([EXTRINSICS] * 2),
     }
 
 
@@ -34,12 +34,6 @@ def predict(batch, r):
     columns = batch["image"].astype(jnp.float32).mean(axis=(1, 3))[:, :40, None] / 255
     cloud = jnp.sin(columns * jnp.array([[[1.0, 2.0, 3.0]]]) * 9) * 0.3
     return cloud if r is None else cloud[:, None] + r[..., None]
-
-
-def test_matched_points_are_averaged(rng):
-    a = rng.normal(size=(40, 3)).astype(np.float32)
-    b = a[rng.permutation(40)] + rng.normal(size=(40, 3)).astype(np.float32) * 1e-3
-    np.testing.assert_allclose(jax.jit(mean_of_matched)(a, b), a, atol=3e-3)
 
 
 def test_a_mirrored_image_has_the_mirrored_cloud(batch):
@@ -67,9 +61,6 @@ def test_samples_of_a_random_input_are_not_averaged(batch, rng):
         for k in range(3):
             want = move(plain[i, k], *(x[i] for x in cameras(batch)))
             np.testing.assert_allclose(found[i, k], want, atol=1e-6)
-
-
-INTRINSICS, EXTRINSICS = camera.default_camera(SIZE)
 
 
 @pytest.fixture
@@ -103,22 +94,8 @@ def test_points_outside_move_at_their_depth_to_the_nearest_pixel(mask):
     assert (np.abs(after - before)[~inside] <= np.abs(cells) + 1).all()
 
 
-@pytest.mark.parametrize("outside", [9, 11])
-def test_a_limit_of_a_tenth(mask, outside):
-    rng = np.random.default_rng(2)
-    points = rng.uniform(-0.4, 0.4, (2000, 3)).astype("f4") + np.float32([0, 0, 0.3])
-    pixels, _ = camera.project(points, INTRINSICS, EXTRINSICS)
-    inside = camera.inside_mask(pixels, mask)
-    points = np.concatenate([points[~inside][:outside], points[inside][: 100 - outside]])
-    result = np.asarray(into_silhouette(points, mask, INTRINSICS, EXTRINSICS, 0.1))
-    assert (result != points).any(axis=1).sum() == (outside if outside < 10 else 0)
-
-
 def test_nothing_moves_if_the_mask_or_the_camera_is_wrong(mask):
-    points = np.random.default_rng(1).uniform(-1, 1, (50, 3)).astype("f4")
+    points = np.random.default_rng(1).uniform(-1, 1, (500, 3)).astype("f4")
     np.testing.assert_array_equal(moved(points, np.zeros_like(mask)), points)
-    corner = np.zeros_like(mask)
-    corner[0, 0] = True
-    np.testing.assert_array_equal(moved(points, corner), points)
     behind = points + np.array([9, 0, 4], "f4")
     np.testing.assert_array_equal(moved(behind, mask), behind)

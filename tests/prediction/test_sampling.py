@@ -1,7 +1,5 @@
 """Draws outside training depend on seed and sample, not on the batch; their spread is measured."""
 
-import functools
-
 import jax
 import numpy as np
 import pytest
@@ -9,7 +7,6 @@ from helpers import reference, standin
 from helpers.weights import random_params
 
 from psgn_jax import tasks
-from psgn_jax.config.experiment import ConfigError
 from psgn_jax.evaluation import table as table_lib
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.models import networks
@@ -25,17 +22,10 @@ def network(**changes):
 
 def test_a_draw_depends_on_seed_sample_and_number_alone():
     config, _, _ = network()
-    whole = np.asarray(sampling.sample_latents(config, 0, 6, 4, 1))
-    assert whole.shape == (6, 4, 3)
-    np.testing.assert_array_equal(sampling.sample_latents(config, 4, 2, 3, 1), whole[4:, :3])
-    assert len(np.unique(whole)) == whole.size
-    assert abs(float(np.asarray(sampling.sample_latents(config, 0, 50, 40, 2)).std()) - 1) < 0.05
-
-
-def test_a_network_without_random_input_gives_one_prediction():
-    config = standin.config(model__random_size=0)
-    with pytest.raises(ConfigError, match=r"model.random_size=0: this network gives one"):
-        sampling.sampler(config, networks.build(config.model), 2)
+    whole = np.asarray(sampling.sample_latents(config, 0, 50, 40, 1))
+    np.testing.assert_array_equal(sampling.sample_latents(config, 4, 2, 3, 1), whole[4:6, :3])
+    assert len(np.unique(whole)) > 0.99 * whole.size
+    assert abs(whole.std() - 1) < 0.05
 
 
 @pytest.mark.slow
@@ -64,29 +54,11 @@ def test_evaluation_with_draws(monkeypatch):
     assert "total mutual difference [radius^2]" in text
 
 
-quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
-
-
-@pytest.fixture(scope="module")
-def clouds():
-    rng = np.random.default_rng(0)
+def test_distances_and_differences_of_sets(rng):
     draws = rng.normal(size=(4, 12, 3)).astype(np.float32)
     truths = rng.normal(size=(3, 20, 3)).astype(np.float32)
-    return draws, truths
-
-
-@pytest.fixture(scope="module")
-def cross(clouds):
-    return quick_jit(lambda a, b: sampling.cross_distances(a, b, chamfer_sq_mean))(*clouds)
-
-
-def test_distances_of_sets(clouds, cross):
-    draws, truths = clouds
+    cross = jax.jit(lambda a, b: sampling.cross_distances(a, b, chamfer_sq_mean))(draws, truths)
     np.testing.assert_allclose(cross, reference.cross_chamfer(draws, truths), rtol=1e-5)
     assert float(sampling.coverage(cross)) == pytest.approx(reference.coverage(draws, truths))
-
-
-def test_mutual_difference(clouds):
-    draws, _ = clouds
-    found = quick_jit(sampling.total_mutual_difference)(draws)
+    found = jax.jit(sampling.total_mutual_difference)(draws)
     np.testing.assert_allclose(found, reference.total_mutual_difference(draws), rtol=1e-5)

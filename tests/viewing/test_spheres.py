@@ -50,22 +50,6 @@ def test_the_shadow_lies_on_the_ground_below():
     assert (with_shadow <= without).all()
 
 
-def test_nothing_to_see_is_white_and_odd_points_are_left_out():
-    assert (draw(np.zeros((0, 3)), np.zeros((0, 3))) == 255).all()
-    odd = [[np.nan, 0, 0], [50, 0, 0], [0, 0, np.inf]]
-    assert (draw(odd, [RED] * 3, shadow=False) == 255).all()
-
-
-def test_colours():
-    points = np.array([[0, 0, -1.0], [0, 0, 0], [0, 0, 1], [0, 0, np.nan]])
-    by_height = spheres.colours_by_height(points)
-    np.testing.assert_array_equal(by_height[0], by_height[1])
-    assert (by_height[1] != by_height[2]).any()
-    assert spheres.colours_by_branch(np.array([0, 1], np.uint8)).tolist() == [
-        list(c) for c in spheres.BRANCH_COLOURS
-    ]
-
-
 def test_the_command_on_predictions(rng, tmp_path, capsys):
     points = rng.uniform(-0.3, 0.3, (1, 50, 3)).astype(np.float32)
     arrays = {"image": np.full((*SIZE, 3), 191, np.uint8), "points": points}

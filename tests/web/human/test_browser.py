@@ -36,11 +36,8 @@ def add_box(page, middle, size):
         fill(page, f"Size, {axis}", extent)
 
 
-def drag_handle(page, view, axis, by, key=None):
-    """Drags the handle of an axis in a view; returns how a unit along the axis looks there.
-
-    `key` is pressed before the pointer moves.
-    """
+def drag_handle(page, view, axis, by):
+    """Drags the handle of an axis in a view; returns how a unit along the axis looks there."""
     handle = page.evaluate(
         """([view, axis]) => {
           const { canvas } = human.views[view], box = canvas.getBoundingClientRect();
@@ -51,8 +48,6 @@ def drag_handle(page, view, axis, by, key=None):
     )
     page.mouse.move(*handle[:2])
     page.mouse.down()
-    if key:
-        page.keyboard.press(key)
     page.mouse.move(handle[0] + by[0], handle[1] + by[1], steps=4)
     page.mouse.up()
     return np.array(handle[2:])
@@ -90,13 +85,9 @@ def test_a_table_is_modelled_saved_and_restored(page, study_folder, tmp_path):
     page.get_by_text(re.compile("2 box . 4")).wait_for()
     assert model_of(page) == model
     later = (tmp_path / "human.json").read_text().replace('"version":1', '"version":2')
-    for text, why in {
-        '{"format": "other"}': "it belongs to another study",
-        later: "its version is 2, this page reads 1",
-    }.items():
-        (tmp_path / "other.json").write_text(text)
-        page.set_input_files("#open", str(tmp_path / "other.json"))
-        page.get_by_text(f"This file cannot be used: {why}.").wait_for()
+    (tmp_path / "later.json").write_text(later)
+    page.set_input_files("#open", str(tmp_path / "later.json"))
+    page.get_by_text("This file cannot be used: its version is 2, this page reads 1.").wait_for()
 
 
 def test_handles_move_resize_and_turn(page):
@@ -122,11 +113,9 @@ def test_handles_move_resize_and_turn(page):
     assert abs(turn[2]) == pytest.approx(20, abs=2)
     page.keyboard.press("Control+d")
     assert len(model_of(page)["parts"]) == 2
-    drag_handle(page, 1, 0, (30, 0), key="Delete")  # what moved is no longer there
-    assert len(model_of(page)["parts"]) == 1
     page.keyboard.press("Control+z")
-    assert len(model_of(page)["parts"]) == 2
-    # A click selects the part that is nearest to the viewer; one beside it, none.
+    assert len(model_of(page)["parts"]) == 1
+    # A click selects the part there; one beside all parts, none.
     box = page.locator("#free-view").bounding_box()
     page.mouse.click(box["x"] + 5, box["y"] + 5)
     assert page.evaluate("human.state.selected") == -1
@@ -135,45 +124,27 @@ def test_handles_move_resize_and_turn(page):
           human.views[1].camera(), human.toWorld(human.model(), human.model().parts[0].at))"""
     )
     page.mouse.click(box["x"] + x, box["y"] + y)
-    chosen = page.evaluate("human.state.selected")
-    assert chosen in (0, 1)
-    # A number that is being typed is of the part that was selected.
-    page.get_by_label("Size, up", exact=True).fill("0.7")
-    page.mouse.click(box["x"] + 5, box["y"] + 5)
-    assert model_of(page)["parts"][chosen]["size"][2] == 0.7
+    assert page.evaluate("human.state.selected") == 0
 
 
 CIRCLE = 24 * np.sin(2 * np.pi / 24) / 8  # area of 24 corners in a circle of diameter 1
-VOLUMES = {
-    "box": ({}, 1),
-    "pyramid": ({"kind": "box", "taper": 0.25}, (1 + 0.25 + 0.25**2) / 3),
-    "cylinder": ({}, CIRCLE),
-    "cone": ({"taper": 0}, CIRCLE / 3),
-    "prism": ({"sides": 3}, 0.5),
-    "sphere": ({}, np.pi / 6),
-}
 
 
-def test_primitives_are_convex_solids_with_their_volumes(page):
-    for name, (fields, volume) in VOLUMES.items():
-        part = {
-            "kind": name, "size": [0.7, 0.4, 0.9], "at": [0.1, 0.2, 0.5], "turn": [30, -50, 110],
-            "mirror": "x", "taper": 1, "sides": 5, **fields,
-        }  # fmt: skip
-        page.evaluate(
-            "part => { human.model().parts = []; human.model().turn = 35; human.insert(part); }",
-            part,
-        )
+def test_primitives_have_their_volumes(page):
+    for fields, volume, error in (
+        ({"kind": "box"}, 1, 1e-6),
+        ({"kind": "box", "taper": 0.25}, (1 + 0.25 + 0.25**2) / 3, 1e-6),
+        ({"kind": "cylinder"}, CIRCLE, 1e-6),
+        ({"kind": "cone", "taper": 0}, CIRCLE / 3, 1e-6),
+        ({"kind": "prism", "sides": 3}, 0.5, 1e-6),
+        ({"kind": "sphere"}, np.pi / 6, 0.04),
+    ):
+        place = {"size": [0.7, 0.4, 0.9], "at": [0.1, 0.2, 0.5], "turn": [30, -50, 110]}
+        part = {"mirror": "x", "taper": 1, "sides": 5, **place, **fields}
+        page.evaluate("part => { human.model().parts = []; human.insert(part); }", part)
         for mesh in page.evaluate("human.meshesOf(human.model())"):
-            points = np.array(mesh["corners"])
-            expected = pytest.approx(
-                0.7 * 0.4 * 0.9 * volume, rel=0.04 if name == "sphere" else 1e-6
-            )
-            assert ConvexHull(points).volume == expected, name
-            centre = points.mean(axis=0)
-            for face in mesh["faces"]:
-                a, b, c = points[[face[0], face[len(face) // 3], face[2 * len(face) // 3]]]
-                assert np.dot(np.cross(b - a, c - a), a - centre) > -1e-9
+            found = ConvexHull(mesh["corners"]).volume
+            assert found == pytest.approx(0.7 * 0.4 * 0.9 * volume, rel=error), fields
 
 
 def test_every_control_has_a_name(page):

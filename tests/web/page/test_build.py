@@ -1,5 +1,6 @@
 """The page's folder, and the sources of its runtime."""
 
+import hashlib
 import io
 import subprocess
 import tarfile
@@ -9,24 +10,21 @@ from helpers.commands import psgn
 
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.web.page import browser_runtime as lib
-from psgn_jax.web.page import build
 
 
 @pytest.fixture
 def small_runtime(monkeypatch):
     """Replaces the runtime's files by files of a few bytes; returns these."""
-    import hashlib
-
     files = {name: name.encode() * 3 for name in lib.FILES}
     digests = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
     monkeypatch.setattr(lib, "FILES", digests)
     return files
 
 
-def archive(path, files, parent="package/dist"):
+def archive(path, files):
     with tarfile.open(path, "w:gz") as tar:
         for name, content in files.items():
-            member = tarfile.TarInfo(f"{parent}/{name}")
+            member = tarfile.TarInfo(f"package/dist/{name}")
             member.size = len(content)
             tar.addfile(member, io.BytesIO(content))
     return path
@@ -37,22 +35,15 @@ def test_a_folder_or_an_archive(tmp_path, small_runtime):
     for name, content in small_runtime.items():
         (tmp_path / "dist" / name).write_bytes(content)
     assert lib.runtime_files(tmp_path) == small_runtime
-    assert lib.runtime_files(tmp_path / "dist") == small_runtime
     assert lib.runtime_files(archive(tmp_path / "a.tgz", small_runtime)) == small_runtime
 
 
 def test_what_is_not_the_runtime_is_refused(tmp_path, small_runtime):
     with pytest.raises(ConfigError, match=r"ort\.wasm\.min\.mjs is missing; expected onnxruntime"):
         lib.runtime_files(tmp_path)
-    other = archive(tmp_path / "b.tgz", small_runtime, parent="package/other")
-    with pytest.raises(ConfigError, match="is missing; expected onnxruntime-web"):
-        lib.runtime_files(other)
     changed = {**small_runtime, "ort-wasm-simd-threaded.wasm": b"x"}
     with pytest.raises(ConfigError, match=r"threaded\.wasm has another checksum"):
         lib.runtime_files(archive(tmp_path / "c.tgz", changed))
-    (tmp_path / "d.tgz").write_bytes(b"no archive")
-    with pytest.raises(ConfigError, match=r"expected a folder or a \.tgz"):
-        lib.runtime_files(tmp_path / "d.tgz")
     with pytest.raises(ConfigError, match=r"expected a folder or a \.tgz"):
         lib.runtime_files(tmp_path / "none.tgz")
 
@@ -78,36 +69,16 @@ def test_without_npm_or_network_the_way_out_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(lib.shutil, "which", lambda _: None)
     with pytest.raises(ConfigError, match=r"npm is not installed; run `npm pack.*`runtime`"):
         lib.runtime_files()
-    monkeypatch.setattr(lib.shutil, "which", lambda _: "npm")
-
-    def fail(command, **_):
-        raise subprocess.CalledProcessError(1, command, "", "npm error network\n")
-
-    monkeypatch.setattr(lib.subprocess, "run", fail)
-    with pytest.raises(ConfigError, match=r"could not fetch it \(npm error network\); run `npm"):
+    monkeypatch.setattr(lib.shutil, "which", lambda _: "false")
+    with pytest.raises(ConfigError, match=r"could not fetch it .*; run `npm"):
         lib.runtime_files()
-
-
-def test_the_folder_is_complete_and_small(site):
-    names = {path.relative_to(site).as_posix() for path in site.rglob("*") if path.is_file()}
-    own = {p.relative_to(build.STATIC).as_posix() for p in build.STATIC.rglob("*") if p.is_file()}
-    runtime = {f"runtime/{name}{'.gz' * name.endswith('.wasm')}" for name in lib.FILES}
-    assert names == own | runtime | {
-        "network.json",
-        "network.onnx",
-        "mask.onnx",
-        "cloud.js",
-        "framing.js",
-        "resample.js",
-    }
-    without_network = [path for path in site.rglob("*") if path.suffix != ".onnx"]
-    assert sum(path.stat().st_size for path in without_network if path.is_file()) < 15_000_000
 
 
 def test_the_default_page_warns_of_nothing_and_stays_small(tmp_path, runtime):
     pytest.importorskip("onnx")
     pytest.importorskip("onnxruntime")
-    done = psgn("page", f"--out={tmp_path}", f"--runtime={runtime}")
+    quiet = {"TF_CPP_MIN_LOG_LEVEL": "3"}  # the command sets it, unless JAX did so in this process
+    done = psgn("page", f"--out={tmp_path}", f"--runtime={runtime}", **quiet)
     assert (done.returncode, done.stderr) == (0, "")
     size = sum(path.stat().st_size for path in tmp_path.rglob("*") if path.is_file())
     assert done.stdout == f"{tmp_path}: {size / 1e6:.1f} MB\n"
