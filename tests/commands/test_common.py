@@ -34,6 +34,11 @@ exec(compile("logging.info('own%sprogress', chr(10))", convert.__file__, "exec")
     ("error", "code", "line"),
     [
         (UserError("one\n two"), 2, "error: one two"),
+        (
+            UserError("weights=a/seed=1: accepted: none"),
+            2,
+            "error: --weights=a/seed=1: accepted: none",
+        ),
         (FileNotFoundError(2, "No such file", "/no/such"), 2, "error: /no/such: No such file"),
         (OSError(errno.ENOSPC, "No space left", "/a/b"), 5, "error: /a/b: No space left"),
         (MemoryError(), 2, "error: not enough memory"),
@@ -49,7 +54,9 @@ def test_errors_of_the_system_end_in_one_line(capsys, error, code, line):
     def body(_):
         raise error
 
-    assert Flags("psgn anything", "").run(body, []) == code
+    flags = Flags("psgn anything", "")
+    flags.string("weights", "", "A file.")
+    assert flags.run(body, []) == code
     assert capsys.readouterr().err == line + "\n"
 
 

@@ -111,3 +111,16 @@ def test_files_that_are_no_configurations(content, why, tmp_path):
         load_file(str(path))
     assert str(caught.value).startswith(f"--config={path} is not a configuration (")
     assert "a Python file with a function get_config()" in str(caught.value)
+
+
+def test_a_configuration_is_executed_once(tmp_path, capsys):
+    file, mark = tmp_path / "mine.py", tmp_path / "mark"
+    file.write_text(
+        f"with open({str(mark)!r}, 'a') as file:\n    file.write('x')\n"
+        "from psgn_jax.config import recipes\n\n\n"
+        "def get_config():\n    return recipes.load('debug')\n"
+    )
+    arguments = ["train", f"--config={file}", "--config.train.steps=0", "--config.seed=1"]
+    assert cli.main(arguments) == 2
+    assert capsys.readouterr().err.startswith("error: train.steps=0: accepted: a number >= 1")
+    assert mark.read_text() == "x"

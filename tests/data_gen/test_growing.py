@@ -11,11 +11,11 @@ import pytest
 from helpers import drawn_solids as solids
 from helpers.small_renders import contents
 
-from data_gen import job, settings
+from data_gen import job, pool, settings
 from data_gen.catalogues.choosing import Choice
 from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
 from data_gen.engine import Variant
-from data_gen.render_model import failure, model_seed
+from data_gen.render_model import Context, failure, model_seed
 from psgn_jax.data import shards
 from psgn_jax.data.codec import encode
 from psgn_jax.data.dataset import RecordReader
@@ -282,3 +282,14 @@ def test_what_has_changed_is_named(tmp_path):
     with pytest.raises(shards.OtherSettingsError, match=r"limit: 6 before, 2 now"):
         make(out, TEN, limit=2)
     assert models_of(out) == TEN[:6]
+
+
+def test_the_pool_runs_where_processes_have_no_affinity(monkeypatch):
+    """As on macOS."""
+    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
+    monkeypatch.setattr(
+        pool.Renderer, "render", lambda self, number, entry: shards.Result(number, {}, [])
+    )
+    context = Context(OPTIONS, "listed", Variant("none"), None)
+    found = pool.render_local(list(enumerate(listed(TEN).models)), context)
+    assert sorted(result.number for result in found) == list(range(10))

@@ -1,3 +1,5 @@
+import fcntl
+import os
 import signal
 import subprocess
 import sys
@@ -55,3 +57,11 @@ def test_a_lock_can_be_waited_for(tmp_path, caplog):
     thread.join()
     assert order == ["first", "second"]
     assert not path.exists()
+
+
+def test_a_lock_that_is_released_at_once_is_waited_for(tmp_path):
+    held = os.open(tmp_path / "a.lock", os.O_RDWR | os.O_CREAT)
+    fcntl.flock(held, fcntl.LOCK_EX)
+    threading.Timer(0.1, os.close, (held,)).start()
+    with locked(tmp_path / "a.lock") as is_held:
+        assert is_held

@@ -1,4 +1,5 @@
 import dataclasses
+import types
 
 import numpy as np
 import pytest
@@ -6,7 +7,7 @@ from helpers import shapenet_trees as trees
 from PIL import Image
 
 from psgn_jax.commands import convert
-from psgn_jax.data import camera
+from psgn_jax.data import camera, conversion
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.sources import r2n2, shapenet
 
@@ -155,3 +156,32 @@ def test_absurd_numbers_are_refused_before_anything_is_read(tmp_path, capsys):
         assert option in line
         assert accepted in line
     assert not (tmp_path / "out").exists()
+
+
+def test_a_layout_may_have_other_categories_views_and_sizes_of_pictures(tmp_path, monkeypatch):
+    image = np.full((64, 80, 3), 9, np.uint8)
+    Image.fromarray(image).save(tmp_path / "a.png")
+    eye, points = shapenet.orbit_camera(30, 20, 2), np.eye(3)
+    of_a_layout = shapenet.ShapeNetModel("mine", "cat0", "a", points, None, None, np.zeros(3), 1.0)
+
+    def view_of(view):
+        picture = shapenet.read_image(tmp_path / "a.png", "PNG", "RGB", (80, 64))
+        return of_a_layout.sample(view, eye, shapenet.intrinsics(), picture, picture[..., 0] == 9)
+
+    layout = types.SimpleNamespace(
+        NUM_VIEWS=30,
+        models=lambda source: ([("train", "cat0", "a")], []),
+        input_files=lambda source, *_: [source / "a.png"],
+        open_model=lambda *_: view_of,
+    )
+    monkeypatch.setitem(conversion.LAYOUTS, "mine", layout)
+    conversion.convert_models("mine", tmp_path, tmp_path / "out")
+    samples = list(RecordReader(tmp_path / "out", "train"))
+    assert [(s.category, s.model_id, s.view) for s in samples] == [
+        ("cat0", "cat0/a", view) for view in range(30)
+    ]
+    np.testing.assert_array_equal(samples[0].image, image)
+    with pytest.raises(ValueError, match=r"\(80, 64\) pixels, expected \(137, 137\)"):
+        shapenet.read_image(tmp_path / "a.png", "PNG", "RGB")
+    with pytest.raises(ValueError, match="views=31: accepted: 1 to 30, the views of mine"):
+        conversion.convert_models("mine", tmp_path, tmp_path / "more", views=31)
