@@ -65,7 +65,7 @@ def real_clouds(folder, pairs):
     return np.stack(whole[:pairs])
 
 
-@pytest.mark.parametrize(("n", "pairs"), [(384, 6), pytest.param(1024, 32, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("n", "pairs"), [(384, 6), pytest.param(1024, 8, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", KINDS)
 def test_real_pairs(authors_batches, rng, kind, n, pairs):
     a, b = pairs_of(real_clouds(authors_batches, pairs), kind, n, rng)
@@ -78,20 +78,14 @@ def test_any_tolerance_and_budget(rng):
     a, b = clouds(rng, 128)
     for tolerance in (0.1, 0.001):
         check(a, b, solve(a, b, tolerance=tolerance), tolerance)
-    for max_bids in (0, 1, 7, 50, 128, 200, 400):
+    gaps = {}
+    for max_bids in (0, 1, 64, 256, 1024):
         found = solve(a, b, tolerance=1e-4, max_bids=max_bids)
         check(a, b, found, 1e-4, converged=False)
-        assert int(found.iterations) <= max_bids
+        assert int(found.iterations) == max_bids  # the budget is used while the gap is too large
         assert not found.converged
-
-
-def test_more_budget_is_used_while_the_gap_is_too_large(rng):
-    a, b = clouds(rng, 128)
-    budgets = [64, 256, 1024]
-    found = [solve(a, b, tolerance=1e-3, max_bids=budget) for budget in budgets]
-    assert [int(x.iterations) for x in found] == budgets
-    gaps = [float(x.gap) for x in found]
-    assert gaps[0] > 2 * gaps[1] > 4 * gaps[2]
+        gaps[max_bids] = float(found.gap)
+    assert gaps[64] > 2 * gaps[256] > 4 * gaps[1024]
 
 
 def test_prices_prove_the_gap(rng):
@@ -105,14 +99,11 @@ def test_prices_prove_the_gap(rng):
     assert cost / lower - 1 > float(found.gap) - 2e-3
 
 
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
-@pytest.mark.parametrize("offset", [0.0, 1e3, -1e6])
-def test_any_scale_and_offset(rng, scale, offset):
+def test_any_scale_and_offset(rng):
     # A large offset leaves few significant digits: many points then coincide, or all of them.
-    a, b = clouds(rng, 128, scale, offset * scale)
-    check(a, b, solve(a, b))
-    a, b = clouds(rng, 128, scale, offset)
-    check(a, b, solve(a, b))
+    for scale, offset in ((1e-6, 0), (1e6, 0), (1, 1e3), (1, -1e6), (1e6, -1e12), (1e-6, 1e3)):
+        a, b = clouds(rng, 128, scale, offset)
+        check(a, b, solve(a, b))
 
 
 def lattice(rng, n):

@@ -31,14 +31,11 @@ def test_depth_counts_from_the_origin_and_says_where_it_is(sample):
     assert np.abs(x).max() <= 1
     moved = stack_channels(image, mask, depth + 2 * mask, channels=("depth",), distance=5.6)
     np.testing.assert_allclose(moved, x, atol=1e-6)
-
-
-def test_the_distance_is_that_of_each_sample(sample):
+    distances = np.array([3.6, 4.0], np.float32)  # one for each sample of a batch
     batch = [np.stack([a, a]) for a in sample]
-    x = stack_channels(*batch, channels=("depth",), distance=np.array([3.6, 4.0], np.float32))
-    mask = sample[1]
-    np.testing.assert_allclose((x[1] - x[0])[mask][:, 0], 0.4, atol=1e-6)
-    np.testing.assert_array_equal(x[1][~mask], 0)
+    both = stack_channels(*batch, channels=("depth",), distance=distances)
+    np.testing.assert_allclose((both[1] - both[0])[mask][:, 0], 0.4, atol=1e-6)
+    np.testing.assert_array_equal(both[1][~mask], 0)
 
 
 @pytest.mark.parametrize("hole", [0.0, -1.0, np.nan, np.inf])

@@ -11,23 +11,17 @@ splat = jax.jit(voxels.splat, static_argnames="size")
 
 def naive_splat(points, size=32):
     """`splat` by loops over points and cells: the intersections with each point's cube."""
-    grid = np.zeros((size,) * 3)
+    grid, cells = np.zeros((size,) * 3), np.arange(size)
     for u in np.add(points, [1, 1, 0], dtype=np.float64) * size / 2:
-        overlap = []
-        for axis in range(3):
-            cells = np.arange(size)
-            overlap.append(
-                np.clip(
-                    np.minimum(cells + 1, u[axis] + 0.5) - np.maximum(cells, u[axis] - 0.5), 0, 1
-                )
-            )
+        overlap = [
+            np.clip(np.minimum(cells + 1, x + 0.5) - np.maximum(cells, x - 0.5), 0, 1) for x in u
+        ]
         grid += np.einsum("i,j,k->ijk", *overlap)
     return np.minimum(grid, 1)
 
 
 def test_splat_is_the_intersection_volume(rng):
     points = rng.uniform([-0.6, -0.6, 0.1], [0.6, 0.6, 1.3], (300, 3)).astype(np.float32)
-    np.testing.assert_allclose(splat(points), naive_splat(points), atol=1e-5)
     np.testing.assert_allclose(splat(points, size=8), naive_splat(points, 8), atol=1e-5)
 
 
@@ -38,9 +32,6 @@ def test_splat_uses_the_schemas_frame():
     grid = np.asarray(splat(centre[None].astype(np.float32)))
     assert grid[3, 17, 30] == pytest.approx(1, abs=1e-5)
     assert grid.sum() == pytest.approx(1, abs=1e-5)
-    corner = cell / 16 - [1, 1, 0]
-    grid = np.asarray(splat(corner[None].astype(np.float32)))
-    np.testing.assert_allclose(grid[2:4, 16:18, 29:31], 1 / 8, atol=1e-5)
 
 
 def test_splat_at_and_beyond_the_border():
@@ -90,12 +81,11 @@ def test_six_layers_of_27_taps():
     assert out.shape == (2, 32, 32, 32)
 
 
-@pytest.mark.slow
-def test_local_and_of_any_size(rng):
-    """Each output depends on the cells up to a distance of 6 in every direction, and no others."""
-    module = VoxelRefiner(widths=(4,) * 5)
+def test_each_cell_depends_on_those_up_to_six_cells_away_and_no_others(rng):
+    module = VoxelRefiner(widths=(2,) * 5)
     x = rng.random((1, 16, 16, 16, 1)).astype(np.float32)
-    params = module.init(jax.random.key(0), x)
+    shapes = jax.eval_shape(module.init, jax.random.key(0), x)
+    params = jax.tree.map(lambda leaf: rng.normal(size=leaf.shape).astype(np.float32), shapes)
     apply = jax.jit(module.apply)
     moved = x.copy()
     moved[0, 0, 8, 8] += 1

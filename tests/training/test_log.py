@@ -37,9 +37,8 @@ def test_lines_and_tensorboard(tmp_path):
 
 def test_resume_drops_what_comes_again(tmp_path):
     path = tmp_path / "metrics.jsonl"
-    entries = [
-        {"step": s, "kind": k} for s, k in [(1, "train"), (2, "train"), (2, "eval"), (3, "train")]
-    ]
+    kinds = [(1, "train"), (2, "train"), (2, "eval"), (3, "train")]
+    entries = [{"step": step, "kind": kind} for step, kind in kinds]
     text = "".join(json.dumps(e) + "\n" for e in entries)
     path.write_text(text + '{"step": 4, "ki')
     MetricsWriter(tmp_path, 2).close()
