@@ -57,13 +57,8 @@ def test_two_runs_share_the_viewer(tmp_path):
     assert len(case["samples"]) == 2
     assert case["metrics"][1].startswith("second: CD squared")
     assert len(data_of(tmp_path / "index.html")["table"][0]) == 2 + 2 * 3
-
-
-def test_refusals(tmp_path):
-    run = made()
-    other = made(count=12, label="other")
     with pytest.raises(ValueError, match="'other' has other samples"):
-        report.write_report(tmp_path, [run, other])
+        report.write_report(tmp_path, [first, made(count=12, label="other")])
 
 
 def test_what_is_collected_is_read_from_disk(tmp_path):

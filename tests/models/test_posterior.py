@@ -1,7 +1,5 @@
 """The posterior network, its divergence, and the volume that it reads."""
 
-import functools
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,8 +7,6 @@ import pytest
 
 from psgn_jax.config.experiment import ModelConfig
 from psgn_jax.models import networks, posterior
-
-quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
 
 
 def test_volume_marks_the_cells_of_the_points_and_the_cells_nearest_to_points_outside():
@@ -46,23 +42,15 @@ def test_draws_have_the_mean_and_the_variance(rng):
     np.testing.assert_allclose(z.std(axis=0), [0.5, 2], rtol=0.03)
 
 
-def test_shapes_start_and_gradients(rng):
+def test_it_starts_near_the_prior_but_differs_for_different_shapes(rng):
     config = ModelConfig(random_size=5, posterior=True, posterior_widths=(4, 6), posterior_hidden=8)
     net = networks.build_posterior(config)
-    points = rng.uniform(-0.9, 0.9, (3, 200, 3)).astype(np.float32)
-    volumes = jax.jit(jax.vmap(posterior.occupied))(points + np.array([[[0, 0, 0.95]]], np.float32))
-    params = quick_jit(net.init)(jax.random.key(0), volumes)["params"]
+    volumes = (rng.random((3, 32, 32, 32)) < 0.01).astype(np.float32)
+    q, variables = jax.jit(net.init_with_output)(jax.random.key(0), volumes)
+    params = variables["params"]
     assert params["conv0"]["kernel"].shape == (5, 5, 5, 1, 4)
     assert params["conv1"]["kernel"].shape == (3, 3, 3, 4, 6)
     assert params["hidden"]["kernel"].shape == (8**3 * 6, 8)
-
-    def total(params):
-        q = net.apply({"params": params}, volumes)
-        noise = jnp.ones((3, 5))
-        return jnp.sum(jnp.square(posterior.reparameterise(q, noise) - 1)), q
-
-    (_, q), grads = quick_jit(jax.value_and_grad(total, has_aux=True))(params)
     assert q.mean.shape == q.log_variance.shape == (3, 5)
-    assert float(posterior.kl_of_dims(q).max()) < 0.1  # near the prior
-    assert np.abs(q.mean[0] - q.mean[1]).max() > 0  # but different for different shapes
-    assert all(np.abs(g).max() > 0 for g in jax.tree.leaves(grads))
+    assert float(posterior.kl_of_dims(q).max()) < 0.1
+    assert np.abs(q.mean[0] - q.mean[1]).max() > 0

@@ -79,30 +79,13 @@ def test_cell_against_the_equations(rng):
 
 
 @pytest.mark.slow
-def test_every_view_counts_and_gradients_flow(rng):
+def test_every_view_counts(rng):
     module = build(1 / 16)
     views = rng.random((1, 2, 16, 16, 3)).astype(np.float32)
-    gt = rng.random((32, 32, 32)) < 0.1
-    # Parameters are drawn with NumPy, because the initialisation takes longer than the rest of the
-    # test.
     shapes = jax.eval_shape(module.init, jax.random.key(0), views)
-    params = jax.tree.map(
-        lambda leaf: (0.3 * rng.normal(size=leaf.shape)).astype(np.float32), shapes
-    )
-
-    @jax.jit
-    def both(params, views):
-        def loss(params):
-            logits = module.apply(params, views)
-            return voxel_cross_entropy(logits[0], gt), logits
-
-        (value, logits), gradient = jax.value_and_grad(loss, has_aux=True)(params)
-        return value, logits, gradient
-
-    value, logits, gradient = both(params, views)
-    assert jnp.isfinite(value)
-    assert all(jnp.abs(leaf).max() > 0 for leaf in jax.tree.leaves(gradient))
+    params = jax.tree.map(lambda leaf: 0.3 * rng.normal(size=leaf.shape).astype("f4"), shapes)
+    apply = jax.jit(module.apply)
     for view in range(2):
         other = views.copy()
         other[:, view] = 1 - other[:, view]
-        assert np.abs(both(params, other)[1] - logits).max() > 1e-4
+        assert np.abs(apply(params, other) - apply(params, views)).max() > 1e-4
