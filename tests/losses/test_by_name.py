@@ -7,17 +7,7 @@ import pytest
 
 from psgn_jax import losses
 from psgn_jax.config.experiment import ConfigError, LossConfig
-from psgn_jax.losses.by_name import LOSSES, chosen_points, configured_loss
-
-
-def test_every_loss_is_a_number_of_one_pair():
-    for name in LOSSES:
-        others = 4 if name.startswith("emd") else 5  # the EMD needs clouds of equal size
-        loss = configured_loss(LossConfig(name=name))
-        value, terms = loss(jnp.zeros((4, 3)), jnp.ones((others, 3)))
-        assert terms == {}
-        assert value.shape == ()
-        assert float(value) > 0
+from psgn_jax.losses.by_name import chosen_points, configured_loss
 
 
 def test_the_tolerance_reaches_the_loss(rng):

@@ -51,7 +51,7 @@ def test_exact(rng):
 @pytest.mark.usefixtures("unchecked_annotations")
 def test_wrong_sizes(rng):
     a, b = clouds(rng)
-    for call in (losses.emd_mean, losses.emd_sum, losses.emd_exact):
+    for call in (losses.emd_mean, losses.emd_exact):
         with pytest.raises(ValueError, match=r"gt: got 90 points, expected as many as pred"):
             call(a, b[:90])
     with pytest.raises(ValueError, match=r"gt: got 90 points, expected at least as many"):
@@ -122,13 +122,7 @@ def test_with_64_bits(rng, dtype):
         assert best * (1 - 1e-6) <= value <= best * 1.0101
 
 
-def test_metrics(rng):
+def test_a_larger_truth_is_thinned_at_random(rng):
     a, b = clouds(rng)
-    more = np.concatenate([b, b + 100])
-    found = metrics_lib.evaluate_pair(a, b, emd_tolerance=0.01)
-    np.testing.assert_allclose(found["emd_radius"], mean(a, b), rtol=1e-6)
-    assert 0 <= found["emd_gap"] <= 0.01
-    assert "emd_radius" not in metrics_lib.evaluate_pair(a, b)
-    subset = metrics_lib.emd(a, more)
+    subset = metrics_lib.emd(a, np.concatenate([b, b + 100]))
     assert subset.emd > 10  # about half of the chosen points are from the distant copy
-    np.testing.assert_allclose(metrics_lib.emd(a, more).emd, subset.emd)

@@ -23,9 +23,7 @@ def test_ties_go_to_the_lowest_index():
 
 def test_coinciding_points_never_repeat_an_index():
     points = np.repeat(np.eye(3, dtype=np.float32), 60, axis=0)
-    got = np.asarray(losses.farthest_point_indices(points, 180))
-    assert sorted(got) == list(range(180))
-    assert {tuple(p) for p in points[got[:3]]} == {tuple(p) for p in np.eye(3)}
+    assert sorted(losses.farthest_point_indices(points, 180).tolist()) == list(range(180))
 
 
 def test_gradient_reaches_the_chosen_points(rng):
@@ -37,25 +35,19 @@ def test_gradient_reaches_the_chosen_points(rng):
     np.testing.assert_array_equal(pulled, want)
 
 
-def test_not_finite_is_never_a_sample(rng):
+def test_wrong_points_and_numbers(rng):
     points = rng.normal(size=(50, 3)).astype(np.float32)
+    for count in (0, 51):
+        with pytest.raises(ValueError, match=f"num_samples: got {count}"):
+            losses.farthest_point_indices(points, count)
     points[3, 1] = np.nan
     with pytest.raises(ValueError, match="points: point 3 of 50"):
         losses.farthest_points(points, 5)
     assert jnp.isnan(jax.jit(losses.farthest_points, static_argnums=1)(points, 5)).all()
 
 
-def test_wrong_numbers(rng):
-    for count in (0, 11):
-        with pytest.raises(ValueError, match=f"num_samples: got {count}"):
-            losses.farthest_point_indices(rng.normal(size=(10, 3)).astype(np.float32), count)
-
-
 def test_memory_is_linear():
     """No [n, k] matrix is stored; for 16,384 points and 1,024 samples it would take 67 MB."""
-    compiled = (
-        jax.jit(lambda p: losses.farthest_point_indices(p, 1024))
-        .lower(jax.ShapeDtypeStruct((16384, 3), jnp.float32))
-        .compile()
-    )
+    points = jax.ShapeDtypeStruct((16384, 3), jnp.float32)
+    compiled = jax.jit(lambda p: losses.farthest_point_indices(p, 1024)).lower(points).compile()
     assert compiled.memory_analysis().temp_size_in_bytes < 2_000_000

@@ -52,10 +52,3 @@ def test_a_hole_is_neither_background_nor_a_surface_at_the_origin(sample, hole):
     assert background.tolist() == [1, 0, 0]
     assert missing.tolist() == [0, 0, 0]
     np.testing.assert_allclose(surface, [0, 0, 1], atol=1e-6)
-
-
-def test_channels_keep_the_given_order(sample):
-    x = stack_channels(*sample, channels=("rgb", "mask", "depth"))
-    y = stack_channels(*sample, channels=("depth", "mask", "rgb"))
-    assert x.shape[-1] == y.shape[-1] == 6
-    np.testing.assert_array_equal(x, y[..., [3, 4, 5, 2, 0, 1]])

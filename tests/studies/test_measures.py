@@ -1,7 +1,6 @@
 """What each study measures, on arrays whose answer is known, and its figure."""
 
 import dataclasses
-import json
 
 import jax
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 
 from data_gen.catalogues import cabinets
 from data_gen.surface import sample_surface
-from psgn_jax.config.experiment import ConfigError, parse, to_json
+from psgn_jax.config.experiment import ConfigError, parse
 from psgn_jax.evaluation.results import SampleName
 from psgn_jax.models.networks import build
 from psgn_jax.studies import ambiguity, branches, comparison, losses, mean_shape, networks
@@ -197,22 +196,3 @@ def test_a_row_for_each_category():
     assert rows["box"]["EMD: 3D-R2N2 [u]"] == "0.050"
     published = [row for name, row in comparison.PAPER.items() if name != "mean"]
     np.testing.assert_allclose(np.mean(published, axis=0), comparison.PAPER["mean"], atol=1.5e-3)
-
-
-def test_3d_r2n2_trains_for_as_long_as_the_head_and_its_networks(tmp_path, monkeypatch):
-    runs = {run.name: run for run in comparison.STUDY.runs(tmp_path)}
-    for name, rate in {"cd": 40.0, "emd": 20.0, "volume": 80.0, comparison.OURS: 10.0}.items():
-        run = runs[name]
-        run.folder.mkdir()
-        (run.folder / "config.json").write_text(to_json(run.config))
-        line = {"step": 100, "kind": "train", "samples_per_second": rate}
-        (run.folder / "metrics.jsonl").write_text(json.dumps(line) + "\n")
-    trained = []
-    monkeypatch.setattr(comparison, "step_seconds", lambda _: 0.5)
-    monkeypatch.setattr(comparison.runner, "train_network", trained.append)
-    comparison.train(runs[comparison.PEER])
-    size = {name: run.config.train.batch_size for name, run in runs.items()}
-    assert size["cd"] != size[comparison.PEER]
-    seconds = 100 * (size["cd"] / 40 + size["emd"] / 20 + size["volume"] / 80)
-    seconds += 100 * size[comparison.OURS] / 10
-    assert trained[0].config.train.steps == round(seconds / 0.5)

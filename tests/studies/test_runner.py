@@ -2,7 +2,6 @@
 
 import csv
 import dataclasses
-import json
 import math
 import pathlib
 import types
@@ -126,39 +125,18 @@ def test_a_study_trains_and_measures_on_other_records(records, tmp_path):
             lib.run(STUDY, tmp_path, data=records, measure=measure)
 
 
-@pytest.mark.parametrize(("split", "measured"), [("train", "train"), ("test", "validation")])
-def test_the_split_of_a_study_is_measured_if_there_is_one(split, measured, records, tmp_path):
+def test_the_split_of_a_study_is_measured_if_there_is_one(records, tmp_path):
     study = dataclasses.replace(
         STUDY,
-        split=split,
         metrics={},
         pairs=(),
         train=lambda run: None,
         figure=lambda results: figures.blank(90, 90),
         measure=lambda run: lib.Measured([], {"n": np.ones(1)}, None, run.config.data.eval_split),
     )
-    assert f"{measured}. +-:" in lib.run(study, tmp_path, data=records)
-
-
-def test_learning_curves_are_read_from_the_logs_of_the_runs(tmp_path):
-    runs = []
-    for name, seed, offset in (("rgb", 0, 0.0), ("rgb", 1, 0.2), ("rgbd", 0, 0.5)):
-        (run,) = (r for r in STUDY.runs(tmp_path, seed=seed) if r.name == name)
-        scores = {step: 1 / (1 + step) + offset for step in range(4)}
-        lines = [{"step": s, "kind": "eval", "cd_sq_radius2": cd} for s, cd in scores.items()]
-        run.folder.mkdir()
-        (run.folder / "metrics.jsonl").write_text("".join(json.dumps(x) + "\n" for x in lines))
-        runs.append(run)
-    assert runs[0].config.train.eval_every == 1
-    titles = {"cd_sq_radius2": "CD squared [radius^2]", "emd_radius": "EMD [radius]"}
-    charts = lib.learning_curves(runs, titles)
-    assert charts.keys() == {"CD squared [radius^2]"}
-    curves = charts["CD squared [radius^2]"]
-    batch = TINY["train.batch_size"]
-    samples, values = curves["rgb"]
-    np.testing.assert_array_equal(samples, [batch, 2 * batch, 3 * batch])
-    np.testing.assert_allclose(values, [[1 / 2, 1 / 3, 1 / 4], [0.7, 1 / 3 + 0.2, 0.45]])
-    assert curves["rgbd"][1].shape == (1, 3)
+    for split, measured in (("train", "train"), ("test", "validation")):
+        own = dataclasses.replace(study, split=split)
+        assert f"{measured}. +-:" in lib.run(own, tmp_path / split, data=records)
 
 
 def measured(metrics, models="aabb"):
