@@ -34,17 +34,9 @@ def test_value_and_gradient_are_those_of_the_nearest(rng, distance, draws):
 
 def test_of_equally_near_draws_the_first_wins(rng):
     preds, gt = case(rng, 1)
-    far = preds + 3
-    preds = np.concatenate([far, preds, preds, far])
-
-    def value(preds):
-        best = losses.min_of_n(CD)(preds, gt)
-        return best.value, best.winner
-
-    grads, winner = jax.jit(jax.grad(value, has_aux=True))(preds)
-    assert winner == 1
-    assert np.abs(grads[1]).max() > 0
-    assert not np.delete(grads, 1, axis=0).any()
+    preds = np.concatenate([preds + 3, preds, preds])
+    grads = jax.jit(jax.grad(lambda preds: losses.min_of_n(CD)(preds, gt).value))(preds)
+    assert np.abs(grads).max(axis=(1, 2)).astype(bool).tolist() == [False, True, False]
 
 
 def test_a_nan_of_any_draw_shows(rng):

@@ -147,17 +147,6 @@ def test_environment_refuses(value, message, monkeypatch):
 
 
 @NEEDS_ONEDNN
-def test_an_error_of_the_library_reaches_the_caller(monkeypatch):
-    def fails(_):
-        raise onednn.OneDNNError("dnnl_primitive_execute", 1)
-
-    x, kernel, _ = make(*CASES["strided"])
-    monkeypatch.setattr(onednn._Step, "run", fails)
-    with pytest.raises(Exception, match="dnnl_primitive_execute returned status 1"):
-        convolve(x, kernel).block_until_ready()
-
-
-@NEEDS_ONEDNN
 def test_threads():
     x, kernel, _ = make((24, 32), 8, 8, 3, 1, False)
 

@@ -2,7 +2,6 @@
 
 import json
 import pathlib
-import struct
 import time
 
 import numpy as np
@@ -26,13 +25,8 @@ def test_lines_and_tensorboard(tmp_path):
         {"step": 3, "kind": "eval", "cd": None},
     ]
     (events,) = (tmp_path / "tensorboard").iterdir()
-    data = events.read_bytes()
-    records = 0
-    while data:  # a record: length, its checksum, payload, its checksum
-        (length,) = struct.unpack("<Q", data[:8])
-        data = data[16 + length :]
-        records += 1
-    assert records == 5
+    for tag in (b"train/loss", b"eval/cd", b"eval/clouds"):
+        assert tag in events.read_bytes()
 
 
 def test_resume_drops_what_comes_again(tmp_path):

@@ -66,28 +66,25 @@ def test_golden_metrics(trained):
     assert final.step == 4
     assert step.eval_params(final) is final.ema
     have = [(h["loss_step"], h["l2"], h["grad_norm"]) for h in history[:2]]
-    np.testing.assert_allclose(
-        have,
-        GOLDEN,
-        rtol=2e-4,
-        err_msg="The first steps of a tiny run changed. If the change of network, loss, "
-        "initial values, input or optimiser was meant, put the new numbers into GOLDEN of this "
-        "file and say in CHANGELOG that trainings are no longer comparable.",
+    meant = (
+        "The first steps of a tiny run changed. If the change of network, loss, initial values, "
+        "input or optimiser was meant, put the new numbers into GOLDEN of this file and say in "
+        "CHANGELOG that trainings are no longer comparable."
     )
+    np.testing.assert_allclose(have, GOLDEN, rtol=2e-4, err_msg=meant)
 
 
 def test_random_input_depends_on_seed_step_and_purpose(tiny):
-    def draw(s, train):
-        return np.asarray(networks.random_input(tiny, s, 4, train=train))
+    def draw(step, train, **changes):
+        return networks.random_input(standin.config(**changes), step, 4, train=train)
 
-    assert draw(0, True).shape == (4, tiny.model.random_size)
+    size = tiny.model.random_size
     np.testing.assert_array_equal(draw(7, True), draw(7, True))
-    for other in (draw(8, True), draw(7, False)):
+    for other in (draw(8, True), draw(7, False), draw(7, True, seed=4)):
         assert not np.array_equal(draw(7, True), other)
-    assert networks.random_input(standin.config(model__random_size=0), 0, 4, train=True) is None
-    several, size = standin.config(loss__min_of_n=2), tiny.model.random_size
-    assert networks.random_input(several, 0, 4, train=True).shape == (4, 2, size)
-    assert networks.random_input(several, 0, 4, train=False).shape == (4, size)
+    assert draw(0, True, model__random_size=0) is None
+    assert draw(0, True, loss__min_of_n=2).shape == (4, 2, size)
+    assert draw(0, False, loss__min_of_n=2).shape == (4, size)
 
 
 def test_training_on_a_sum_logs_its_terms(trained):
@@ -166,15 +163,10 @@ def test_training_with_a_posterior():
 
 
 def test_l2_of_the_authors_by_layer_type():
-    params = {
-        "conv": {"kernel": jnp.full((3, 3, 2, 2), 2.0), "bias": jnp.ones(2)},
-        "fc": {
-            "dense": {"kernel": jnp.full((4, 5), 3.0)},
-            "carry": {"kernel": jnp.full((2, 2), 1.0)},
-        },
-    }
+    conv = {"kernel": jnp.full((3, 3, 2, 2), 2.0), "bias": jnp.ones(2)}
+    fc = {"dense": {"kernel": jnp.full((4, 5), 3.0)}, "carry": {"kernel": jnp.full((2, 2), 1.0)}}
     want = 1e-5 * 36 * 4 / 2 + 1e-3 * 20 * 9 / 2 + 1e-4 * 4 / 2
-    np.testing.assert_allclose(points.l2_authors(params), want, rtol=1e-6)
+    np.testing.assert_allclose(points.l2_authors({"conv": conv, "fc": fc}), want, rtol=1e-6)
 
 
 def test_schedules():
