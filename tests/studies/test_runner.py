@@ -99,30 +99,25 @@ def test_a_study_is_shared_stopped_resumed_and_repeated(records, tmp_path, monke
     assert "11 samples of 'validation'" in text
 
 
-def test_data_without_depth_are_refused_before_anything_is_trained(tmp_path):
+def test_what_does_not_fit_is_refused_before_anything_is_trained(records, tmp_path):
     drawn = drawn_solids.samples(2, seed=0, image_size=(12, 16))
     flat = [dataclasses.replace(s, depth=None) for s in drawn]
-    write_dataset(tmp_path / "data", {"train": flat, "validation": flat}, source="")
-    with pytest.raises(ConfigError, match="remove 'depth' from"):
-        lib.run(STUDY, tmp_path / "work", data=str(tmp_path / "data"))
+    write_dataset(tmp_path / "flat", {"train": flat, "validation": flat}, source="")
+    for options, message in (
+        ({"data": str(tmp_path / "flat")}, "remove 'depth' from"),
+        ({"only": "rgb"}, "^only=rgb: accepted: "),
+        ({"only": "depth:0"}, "^only=depth:0: accepted: "),
+        ({"measure": ["records"]}, r"^measure=records: accepted: FOLDER:SPLIT"),
+        ({"measure": ["a/x:test", "b/x:test"]}, "accepted: folders with different names"),
+    ):
+        with pytest.raises(ConfigError, match=message):
+            lib.run(STUDY, tmp_path / "work", **{"data": records, **options})
     assert not (tmp_path / "work").exists()
 
 
-def test_only_names_a_run(tmp_path):
-    for only in ("rgb", "rgb:x", "depth:0"):
-        with pytest.raises(ConfigError, match=f"^only={only}: accepted: "):
-            lib.run(STUDY, tmp_path, only=only)
-
-
-def test_a_study_trains_and_measures_on_other_records(records, tmp_path):
+def test_a_study_trains_and_measures_on_other_records(tmp_path):
     (run, _) = STUDY.runs(tmp_path, data="here", eval_data="there")
     assert (run.config.data.path, run.config.data.eval_path) == ("here", "there")
-    for measure, message in (
-        (["records"], r"^measure=records: accepted: FOLDER:SPLIT"),
-        (["a/records:test", "b/records:test"], "accepted: folders with different names"),
-    ):
-        with pytest.raises(ConfigError, match=message):
-            lib.run(STUDY, tmp_path, data=records, measure=measure)
 
 
 def test_the_split_of_a_study_is_measured_if_there_is_one(records, tmp_path):
