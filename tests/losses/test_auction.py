@@ -172,16 +172,6 @@ def test_wrong_arguments():
             losses.assign(good, good, **{name: -5})
 
 
-def test_vmap_map_and_shard_map_agree(rng):
-    a, b = rng.normal(size=(2, 3, 17, 3)).astype(np.float32)
-    want = np.stack([solve(x, y).index for x, y in zip(a, b, strict=True)])
-    mesh = jax.make_mesh((1,), ("data",), axis_types=(jax.sharding.AxisType.Auto,))
-    spec = jax.sharding.PartitionSpec("data")
-    for local in (losses.map_pairs(losses.assign), jax.vmap(losses.assign)):
-        version = jax.shard_map(local, mesh=mesh, in_specs=(spec, spec), out_specs=spec)
-        np.testing.assert_array_equal(jax.jit(version)(a, b).index, want)
-
-
 def test_memory_is_linear():
     a = jnp.zeros((16384, 3))
     memory = jax.jit(losses.assign).lower(a, a).compile().memory_analysis()

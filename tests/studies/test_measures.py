@@ -1,27 +1,14 @@
 """What each study measures, on arrays whose answer is known, and its figure."""
 
-import dataclasses
-
 import jax
 import numpy as np
 import pytest
 
 from data_gen.catalogues import cabinets
 from data_gen.surface import sample_surface
-from psgn_jax.config.experiment import ConfigError, parse
+from psgn_jax.config.experiment import parse
 from psgn_jax.models.networks import build
-from psgn_jax.studies import ambiguity, branches, comparison, losses, mean_shape, networks
-from psgn_jax.studies.runner import Run
-
-
-def test_networks_differ_in_their_network_and_loss_alone(tmp_path):
-    runs = {run.name: run.config for run in networks.STUDY.runs(tmp_path)}
-    base = runs["two_branch_cd"]
-    for name, config in runs.items():
-        model = {"name", "fc_points", "fc_widths"}
-        same = {field: getattr(config.model, field) for field in model}
-        assert dataclasses.replace(base.model, **same) == config.model, name
-        assert dataclasses.replace(base, model=config.model, loss=config.loss) == config, name
+from psgn_jax.studies import ambiguity, branches, comparison, losses, mean_shape
 
 
 def test_stray_missed_and_uneven_points():
@@ -35,8 +22,6 @@ def test_stray_missed_and_uneven_points():
     even = losses.measure_sample({"pred": gt[::10], "points": gt})
     assert even["unevenness"] == pytest.approx(0, abs=1e-6)
 
-
-# --- Branches -----------------------------------------------------------------------------------
 
 CONFIG = parse(
     {
@@ -72,21 +57,11 @@ def test_a_sheet_with_rods_is_told_from_the_rods(rng):
     assert found["by_surface_change"] > 0
 
 
-def test_a_network_with_one_branch_is_refused(tmp_path):
-    alone = parse({"model": {"name": "vanilla"}})
-    with pytest.raises(ConfigError, match="expected a network with both branches"):
-        branches.measure(Run("a", 0, tmp_path, alone))
-
-
-# --- Mean shapes --------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", list(mean_shape.DISTRIBUTIONS))
 def test_random_shapes_lie_where_the_measures_expect_them(name):
     draw, measure = mean_shape.DISTRIBUTIONS[name]
-    clouds = np.asarray(
-        jax.jit(jax.vmap(lambda k: draw(k, 200)))(jax.random.split(jax.random.key(0), 40))
-    )
+    keys = jax.random.split(jax.random.key(0), 40)
+    clouds = np.asarray(jax.jit(jax.vmap(lambda key: draw(key, 200)))(keys))
     assert np.abs(clouds).max() < 0.6
     assert len(np.unique(clouds[:, 0], axis=0)) == 40
     measured = [measure(cloud) for cloud in clouds]
@@ -110,9 +85,6 @@ def test_emd_keeps_the_circle_and_cd_blurs_it(tmp_path, monkeypatch):
     for metrics in (emd, cd):
         assert metrics[radius] == pytest.approx(np.mean(mean_shape.RADII), abs=0.03)
     assert emd[spread] < 0.3 * cd[spread]
-
-
-# --- Ambiguity ----------------------------------------------------------------------------------
 
 
 def test_depth_is_read_off_the_true_points():
@@ -148,9 +120,6 @@ def test_exact_draws_have_the_spread_of_the_truth(rng):
     assert mean[key] == pytest.approx(0.048, rel=0.2)
     assert mean["front: depth: coverage of the range"] > 0.8
     assert mean["front: depth: standard deviation"] == pytest.approx(0.245, abs=0.02)
-
-
-# --- Volumes ------------------------------------------------------------------------------------
 
 
 def test_surfaces_thin_cells_and_empty_predictions(monkeypatch):

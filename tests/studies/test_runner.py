@@ -14,7 +14,7 @@ from helpers.small_runs import write_solids
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.evaluation.results import SampleName
-from psgn_jax.studies import branches, completion, figures
+from psgn_jax.studies import branches, completion
 from psgn_jax.studies import runner as lib
 from psgn_jax.system.errors import UserError
 
@@ -118,20 +118,6 @@ def test_what_does_not_fit_is_refused_before_anything_is_trained(records, tmp_pa
 def test_a_study_trains_and_measures_on_other_records(tmp_path):
     (run, _) = STUDY.runs(tmp_path, data="here", eval_data="there")
     assert (run.config.data.path, run.config.data.eval_path) == ("here", "there")
-
-
-def test_the_split_of_a_study_is_measured_if_there_is_one(records, tmp_path):
-    study = dataclasses.replace(
-        STUDY,
-        metrics={},
-        pairs=(),
-        train=lambda run: None,
-        figure=lambda results: figures.blank(90, 90),
-        measure=lambda run: lib.Measured([], {"n": np.ones(1)}, None, run.config.data.eval_split),
-    )
-    for split, measured in (("train", "train"), ("test", "validation")):
-        own = dataclasses.replace(study, split=split)
-        assert f"{measured}. +-:" in lib.run(own, tmp_path / split, data=records)
 
 
 def measured(metrics, models="aabb"):

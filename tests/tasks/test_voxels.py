@@ -83,9 +83,6 @@ def entries(workdir, kind):
     return [entry for line in lines if (entry := json.loads(line))["kind"] == kind]
 
 
-# --- Views of a model ---------------------------------------------------------------------------
-
-
 def number_and_view(image):
     return divmod(int(image[0, 0, 0]), 10)
 
@@ -146,9 +143,6 @@ def test_too_few_views_or_no_volumes_are_named(data, tmp_path):
     with pytest.raises(ConfigError, match=r"a solid volume \(occupancy\), which the task"):
         train(config(str(tmp_path / "bare"), task="volume"), tmp_path / "run")
     assert not (tmp_path / "run").exists()
-
-
-# --- Training -----------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -231,9 +225,6 @@ def test_3d_r2n2_on_one_to_three_views(data, tmp_path):
     assert {"iou_1_views", "iou_3_views", "threshold_of_iou_3_views"} <= set(found)
     result = evaluate_run(open_run(tmp_path / "run"), tasks.create)
     assert result.means["iou_3_views"] == pytest.approx(found["iou_3_views"], rel=1e-6)
-
-
-# --- Thresholds ---------------------------------------------------------------------------------
 
 
 def test_thresholds_are_chosen_or_taken():

@@ -12,15 +12,13 @@ import sys
 
 import numpy as np
 import pytest
-from helpers import drawn_solids as solids
 from helpers import standin
 from helpers.processes import wait_until
-from helpers.small_runs import quick_environment, write_config
+from helpers.small_runs import quick_environment, write_config, write_solids
 
 from psgn_jax import tasks
 from psgn_jax.config.experiment import ConfigError, from_json
 from psgn_jax.data import loader
-from psgn_jax.data.dataset import write_dataset
 from psgn_jax.evaluation.run import evaluate_run
 from psgn_jax.training.log import NonFiniteError
 from psgn_jax.training.loop import train
@@ -147,9 +145,6 @@ def test_what_does_not_fit_is_named_before_anything_is_written(tmp_path):
     assert not (tmp_path / "run").exists()
 
 
-# --- Killed and stopped processes ---------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def command(config, tmp_path_factory):
     """A function that starts `psgn_jax.main` on the tiny configuration in a workdir."""
@@ -223,11 +218,7 @@ def test_killed_stopped_and_out_of_space_a_run_ends_with_the_same_bits(command, 
 def test_resuming_on_records_with_augmentation_and_a_posterior(tmp_path, monkeypatch):
     """Decoding, augmentation, the choice of points and random inputs are resumed too."""
     monkeypatch.undo()  # the real loader
-    splits = {
-        "train": solids.samples(20, seed=0, image_size=(48, 64)),
-        "validation": solids.samples(5, seed=1, image_size=(48, 64)),
-    }
-    write_dataset(tmp_path / "records", splits, source="solids", records_per_shard=7)
+    records = write_solids(tmp_path / "records")
     config = standin.config(
         **TINY,
         model__posterior=True,
@@ -235,7 +226,7 @@ def test_resuming_on_records_with_augmentation_and_a_posterior(tmp_path, monkeyp
         model__posterior_hidden=4,
         loss__kl_weight=0.01,
         train__eval_every=0,
-        data__path=str(tmp_path / "records"),
+        data__path=str(records),
         data__flip=True,
         data__stretch=0.2,
         data__colour_jitter=0.3,
@@ -245,9 +236,6 @@ def test_resuming_on_records_with_augmentation_and_a_posterior(tmp_path, monkeyp
     train(config, tmp_path / "run")
     assert_same_leaves(newest(tmp_path / "run"), newest(tmp_path / "whole"))
     assert {"kl", "active_dims", "kl_weight", "kl_dim_max"} <= lines(tmp_path / "run")[-1].keys()
-
-
-# --- Several processes (gloo) -------------------------------------------------------------------
 
 
 @pytest.mark.slow
