@@ -28,11 +28,8 @@ def test_equals_reference_within_the_gap(rng):
     matched = losses.matched_distances(a, b)
     total = float(matched.distance.sum())
     assert best * (1 - 1e-6) <= total <= best * (1 + float(matched.assignment.gap)) * (1 + 1e-6)
-    np.testing.assert_allclose(
-        matched.distance,
-        np.linalg.norm(a - b[np.asarray(matched.assignment.index)], axis=1),
-        rtol=1e-6,
-    )
+    by_index = np.linalg.norm(a - b[np.asarray(matched.assignment.index)], axis=1)
+    np.testing.assert_allclose(matched.distance, by_index, rtol=1e-6)
     np.testing.assert_allclose(losses.emd_sum(a, b), total, rtol=1e-6)
     np.testing.assert_allclose(mean(a, b), total / N, rtol=1e-6)
 
@@ -62,9 +59,7 @@ def test_gradient_equals_directional_difference(rng):
     # The points of a are far apart and those of b near them. Small changes therefore do not change
     # the optimal bijection, and the auction finds it.
     a = 10 * np.stack(np.meshgrid(*[np.arange(5)] * 3), -1).reshape(-1, 3)[:N].astype(np.float64)
-    b = a + rng.normal(size=a.shape)
-    order = rng.permutation(N)
-    b = b[order]
+    b = (a + rng.normal(size=a.shape))[rng.permutation(N)]
     _, grads = mean_and_grad(a.astype(np.float32), b.astype(np.float32))
     u, v = rng.normal(size=(2, N, 3))
     h = 1e-5

@@ -298,7 +298,6 @@ def test_scaled_widths():
 def test_wrong_arrays():
     plain, random = tiny_config(), tiny_config(random_size=4)
     x, r = arguments(random)
-
     for config, arrays, message in (
         (plain, (x[:, :16],), r"x has the shape.*accepted: \(batch, \*\(32, 48, 4\)"),
         (plain, (x, r), r"r is of the shape .*None"),

@@ -1,7 +1,6 @@
 """Metrics after kills: no line is lost or duplicated."""
 
 import json
-import pathlib
 import time
 
 import numpy as np
@@ -10,8 +9,6 @@ from helpers.disk import without_room
 
 from psgn_jax.config.experiment import TrainConfig
 from psgn_jax.training.log import MetricsWriter, TrainingLog, read_metrics
-
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
 def test_lines_and_tensorboard(tmp_path):

@@ -16,14 +16,12 @@ from helpers import standin
 from helpers.processes import wait_until
 from helpers.small_runs import quick_environment, write_config, write_solids
 
-from psgn_jax import tasks
 from psgn_jax.config.experiment import ConfigError, from_json
 from psgn_jax.data import loader
-from psgn_jax.evaluation.run import evaluate_run
 from psgn_jax.training.log import NonFiniteError
 from psgn_jax.training.loop import train
 from psgn_jax.weights.checkpoint import Checkpoints
-from psgn_jax.weights.run_folder import locked, open_run
+from psgn_jax.weights.run_folder import locked
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 TINY = {"model__name": "vanilla", "model__widths": (4, 6, 8)}
@@ -84,18 +82,6 @@ def test_a_run_leaves_everything_behind(run, config):
     assert checkpoints.best_step() in (6, 12)
 
 
-def test_evaluating_the_run_repeats_the_evaluation_of_training(run):
-    workdir, _ = run
-    result = evaluate_run(open_run(workdir, "last"), tasks.create, out=workdir / "again")
-    scores = json.loads((workdir / "checkpoints" / "scores.json").read_text())["12"]
-    first = {name: float(np.mean(values[:6])) for name, values in result.metrics.items()}
-    # Unlike training, the command also measures aligned predictions.
-    own = {name: first.pop(name) for name in list(first) if name.startswith("aligned_")}
-    assert set(own) >= {"aligned_cd_sq_radius2", "aligned_scale"}
-    assert first == pytest.approx(scores, rel=1e-6)
-    assert len(result.names) == standin.SIZES["validation"]
-
-
 def test_a_run_in_parts_ends_with_the_same_bits(run, config, tmp_path):
     """The parts end between two lines of metrics and two evaluations; they draw no images."""
     plain = dataclasses.replace(config, train=dataclasses.replace(config.train, images_every=0))
@@ -112,11 +98,9 @@ def test_a_finished_run_has_nothing_to_do_and_another_is_refused(run, config):
     kept = dataclasses.replace(config.train, keep_checkpoints=3)  # a harmless change
     train(dataclasses.replace(config, train=kept), run[0])
     assert lines(run[0]) == before
-    other = dataclasses.replace(
-        config,
-        model=dataclasses.replace(config.model, fc_points=16),
-        optim=dataclasses.replace(config.optim, b1=0.8),
-    )
+    model = dataclasses.replace(config.model, fc_points=16)
+    optim = dataclasses.replace(config.optim, b1=0.8)
+    other = dataclasses.replace(config, model=model, optim=optim)
     message = r"model.fc_points=8 \(now 16\), optim.b1=0.9 \(now 0.8\)"
     with pytest.raises(ConfigError, match=message):
         train(other, run[0])

@@ -124,11 +124,8 @@ def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws():
     np.testing.assert_array_equal(best.winner, want_best.winner)
     assert len(np.unique(best.winner)) > 1
     scale = max(float(np.abs(g).max()) for g in jax.tree.leaves(want_grads))
-    jax.tree.map(
-        lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-3, atol=1e-5 * scale),
-        grads,
-        want_grads,
-    )
+    for have, want in zip(*map(jax.tree.leaves, (grads, want_grads)), strict=True):
+        np.testing.assert_allclose(have, want, rtol=1e-3, atol=1e-5 * scale)
 
 
 VAE = TINY | {
