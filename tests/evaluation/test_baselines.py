@@ -13,7 +13,7 @@ from psgn_jax.evaluation import baselines
 def case(tmp_path_factory):
     """A configuration, random parameters, and records of drawn solids."""
     folder = tmp_path_factory.mktemp("baselines")
-    config = weights.config(model__name="vanilla")
+    config = weights.config(model__fc_points=136)
     data = dataclasses.replace(config.data, path=str(small_runs.write_solids(folder / "records")))
     config = dataclasses.replace(config, data=data)
     return config, weights.random_params(config)

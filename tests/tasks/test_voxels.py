@@ -65,6 +65,7 @@ def config(data, **changes):
         "model__name": "vanilla",
         "model__widths": (4, 4),
         "model__random_size": 0,
+        "loss__l2": "none",
         "optim__learning_rate": 1e-2,
         "voxels__widths": (2,) * 5,
         "voxels__width_multiplier": 1e-3,

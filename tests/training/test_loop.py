@@ -122,6 +122,7 @@ def test_non_finite_loss_stops_naming_metric_and_step(config, tmp_path, monkeypa
     assert Checkpoints(tmp_path / "run" / "checkpoints", read_only=True).steps() == [3]
 
 
+@pytest.mark.usefixtures("unchecked_annotations")
 def test_what_does_not_fit_is_named_before_anything_is_written(tmp_path):
     config = standin.config(**TINY, loss__name="chamfer_sq_mean + emd_mean@33", data__num_points=40)
     with pytest.raises(ConfigError, match=r"the term 'emd_mean@33', with data.num_points=40"):
