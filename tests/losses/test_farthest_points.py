@@ -15,13 +15,10 @@ def test_equals_the_naive_version(rng, n, k):
     np.testing.assert_array_equal(losses.farthest_points(points, k), points[np.asarray(got)])
 
 
-def test_ties_go_to_the_lowest_index():
+def test_ties_go_to_the_lowest_index_and_no_index_repeats():
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
     # The corner opposite to corner 0 is chosen first; all others are then equally far.
     np.testing.assert_array_equal(losses.farthest_point_indices(corners, 8)[:3], [0, 7, 1])
-
-
-def test_coinciding_points_never_repeat_an_index():
     points = np.repeat(np.eye(3, dtype=np.float32), 60, axis=0)
     assert sorted(losses.farthest_point_indices(points, 180).tolist()) == list(range(180))
 

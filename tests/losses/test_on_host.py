@@ -71,8 +71,6 @@ except (jax.errors.JaxRuntimeError, ValueError) as error:  # JAX's type differs 
 else:
     raise AssertionError("no error")
 """
-
-
 TWO_DEVICES = """
 mesh = jax.make_mesh((2,), ("d",), axis_types=(jax.sharding.AxisType.Auto,))
 def split(function):
