@@ -42,9 +42,10 @@ def records(tmp_path_factory):
 
 
 def logs(folder):
-    """Contents, and times of the last change."""
+    """Their contents, and when a checkpoint was last written."""
     paths = sorted(folder.rglob("metrics.jsonl"))
-    return [(path, path.read_bytes(), path.stat().st_mtime_ns) for path in paths]
+    checkpoints = [path.with_name("checkpoints").stat().st_mtime_ns for path in paths]
+    return list(zip(paths, map(pathlib.Path.read_bytes, paths), checkpoints, strict=True))
 
 
 @pytest.mark.slow
