@@ -16,20 +16,14 @@ from psgn_jax.weights.run_folder import Trained
 @pytest.mark.parametrize(("asked", "want"), [(None, True), (False, False), (True, True)])
 def test_the_runs_own_setting_decides_whether_clouds_are_refined(tmp_path, asked, want):
     config = tiny.config(eval__refine=True)
+    names, metrics = [SampleName(0, "chair", "a", 0)], {"cd_sq_radius2": np.ones(1)}
+    result = Evaluation("validation", names, metrics, 0.01, (8, 64))
     seen = []
 
-    def evaluate(params, **options):
-        names = [SampleName(0, "chair", "a", 0)]
-        return Evaluation("validation", names, {"cd_sq_radius2": np.ones(1)}, 0.01, (8, 64))
-
     def create(config, workdir):
-        seen.append(config)
-        return types.SimpleNamespace(evaluate=evaluate)
+        seen.append(config.eval)
+        return types.SimpleNamespace(evaluate=lambda params, **options: result)
 
     evaluate_run(Trained(config, 1, {}, {}, "tiny", "weights"), create, out=tmp_path, refine=asked)
-    assert seen == [
-        dataclasses.replace(
-            config, eval=dataclasses.replace(config.eval, aligned=True, refine=want)
-        )
-    ]
+    assert seen == [dataclasses.replace(config.eval, aligned=True, refine=want)]
     assert json.loads((tmp_path / "table.json").read_text())["refine"] is want

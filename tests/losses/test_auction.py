@@ -1,4 +1,5 @@
 import functools
+import itertools
 
 import jax
 import jax.numpy as jnp
@@ -26,7 +27,6 @@ def check(a, b, found, tolerance=0.01, *, converged=True):
     if converged:
         assert gap <= tolerance
     assert np.all(np.asarray(found.prices) >= 0)
-    return cost / best - 1 if best else 0.0
 
 
 def clouds(rng, n, scale=1.0, offset=0.0):
@@ -57,15 +57,12 @@ def pairs_of(whole, kind, n, rng):
 
 @functools.cache
 def real_clouds(folder, pairs):
-    whole = []
-    for path in sorted(folder.glob("*.gz")):
-        whole.extend(entry.sample.points for entry in authors.read_batch(path))
-        if len(whole) >= pairs:
-            break
-    return np.stack(whole[:pairs])
+    batches = map(authors.read_batch, sorted(folder.glob("*.gz")))
+    entries = itertools.islice(itertools.chain.from_iterable(batches), pairs)
+    return np.stack([entry.sample.points for entry in entries])
 
 
-@pytest.mark.parametrize(("n", "pairs"), [(384, 6), pytest.param(1024, 32, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("n", "pairs"), [(384, 6), pytest.param(1024, 8, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", KINDS)
 def test_real_pairs(authors_batches, rng, kind, n, pairs):
     a, b = pairs_of(real_clouds(authors_batches, pairs), kind, n, rng)
@@ -78,20 +75,14 @@ def test_any_tolerance_and_budget(rng):
     a, b = clouds(rng, 128)
     for tolerance in (0.1, 0.001):
         check(a, b, solve(a, b, tolerance=tolerance), tolerance)
-    for max_bids in (0, 1, 7, 50, 128, 200, 400):
+    gaps = {}
+    for max_bids in (0, 1, 64, 256, 1024):
         found = solve(a, b, tolerance=1e-4, max_bids=max_bids)
         check(a, b, found, 1e-4, converged=False)
-        assert int(found.iterations) <= max_bids
+        assert int(found.iterations) == max_bids  # the budget is used while the gap is too large
         assert not found.converged
-
-
-def test_more_budget_is_used_while_the_gap_is_too_large(rng):
-    a, b = clouds(rng, 128)
-    budgets = [64, 256, 1024]
-    found = [solve(a, b, tolerance=1e-3, max_bids=budget) for budget in budgets]
-    assert [int(x.iterations) for x in found] == budgets
-    gaps = [float(x.gap) for x in found]
-    assert gaps[0] > 2 * gaps[1] > 4 * gaps[2]
+        gaps[max_bids] = float(found.gap)
+    assert gaps[64] > 2 * gaps[256] > 4 * gaps[1024]
 
 
 def test_prices_prove_the_gap(rng):
@@ -105,14 +96,11 @@ def test_prices_prove_the_gap(rng):
     assert cost / lower - 1 > float(found.gap) - 2e-3
 
 
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
-@pytest.mark.parametrize("offset", [0.0, 1e3, -1e6])
-def test_any_scale_and_offset(rng, scale, offset):
+def test_any_scale_and_offset(rng):
     # A large offset leaves few significant digits: many points then coincide, or all of them.
-    a, b = clouds(rng, 128, scale, offset * scale)
-    check(a, b, solve(a, b))
-    a, b = clouds(rng, 128, scale, offset)
-    check(a, b, solve(a, b))
+    for scale, offset in ((1e-6, 0), (1e6, 0), (1, 1e3), (1, -1e6), (1e6, -1e12), (1e-6, 1e3)):
+        a, b = clouds(rng, 128, scale, offset)
+        check(a, b, solve(a, b))
 
 
 def lattice(rng, n):
@@ -122,17 +110,11 @@ def lattice(rng, n):
 
 def degenerate(rng):
     a, b = clouds(rng, 128)
-    line = np.float32([1, 2, 3])
     ends = np.float32([[0, 0, 0], [1, 0, 0]])
     return {
-        "equal points": (0 * a + 1, 0 * b + 1),
         "two points": (0 * a, 0 * b + 1),
         "two places": (ends[rng.integers(0, 2, 128)], ends[rng.integers(0, 2, 128)]),
-        "collinear": (a[:, :1] * line, b[:, :1] * line),
-        "collinear lattice": (
-            rng.integers(0, 50, (128, 1)) * line,
-            rng.integers(0, 50, (128, 1)) * line,
-        ),
+        "collinear lattice": tuple(rng.integers(0, 50, (128, 1)) * [1, 2, 3] for _ in range(2)),
         "planar": (a * [1, 1, 0], b * [1, 1, 0]),
         "same": (a, a),
         "permuted": (a, rng.permutation(a)),
@@ -153,13 +135,6 @@ def test_degenerate_clouds(rng):
         check(a, b, solve(a, b))
 
 
-def test_an_extent_that_underflows_proves_nothing():
-    a = np.array([[1.2e-38, 0, 0], [1.3e-38, 0, 0]], np.float32)
-    found = solve(a, a[::-1].copy())
-    assert not found.converged
-    assert np.isnan(found.gap)
-
-
 @pytest.mark.parametrize(("argument", "bad"), [("pred", np.inf), ("gt", np.nan)])
 def test_non_finite(rng, bad, argument):
     pair = dict(zip(("pred", "gt"), clouds(rng, 128), strict=True))
@@ -176,26 +151,13 @@ def test_non_finite(rng, bad, argument):
 def test_wrong_arguments():
     good = np.ones((4, 3), np.float32)
     for call in (losses.assign, jax.jit(losses.assign)):
-        with pytest.raises(
-            ValueError, match=r"gt: got 3 points, expected as many as pred has \(4\)"
-        ):
+        with pytest.raises(ValueError, match=r"gt: got 3 points, expected as many as pred has"):
             call(good, good[:3])
         with pytest.raises(ValueError, match=r"pred: got float32\[0, 3\], expected an array"):
             call(good[:0], good)
-    with pytest.raises(ValueError, match="tolerance: got -1, expected >= 0"):
-        losses.assign(good, good, tolerance=-1)
-    with pytest.raises(ValueError, match="max_bids: got -5, expected >= 0"):
-        losses.assign(good, good, max_bids=-5)
-
-
-def test_vmap_map_and_shard_map_agree(rng):
-    a, b = rng.normal(size=(2, 3, 17, 3)).astype(np.float32)
-    want = np.stack([solve(x, y).index for x, y in zip(a, b, strict=True)])
-    mesh = jax.make_mesh((1,), ("data",), axis_types=(jax.sharding.AxisType.Auto,))
-    spec = jax.sharding.PartitionSpec("data")
-    for local in (losses.map_pairs(losses.assign), jax.vmap(losses.assign)):
-        version = jax.shard_map(local, mesh=mesh, in_specs=(spec, spec), out_specs=spec)
-        np.testing.assert_array_equal(jax.jit(version)(a, b).index, want)
+    for name in ("tolerance", "max_bids"):
+        with pytest.raises(ValueError, match=f"{name}: got -5, expected >= 0"):
+            losses.assign(good, good, **{name: -5})
 
 
 def test_memory_is_linear():

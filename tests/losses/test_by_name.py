@@ -7,17 +7,7 @@ import pytest
 
 from psgn_jax import losses
 from psgn_jax.config.experiment import ConfigError, LossConfig
-from psgn_jax.losses.by_name import LOSSES, chosen_points, configured_loss, parse_terms
-
-
-@pytest.mark.parametrize("name", list(LOSSES))
-def test_every_loss_is_a_number_of_one_pair(name):
-    # The EMD needs clouds of equal size.
-    others = 4 if name.startswith("emd") else 5
-    value, terms = configured_loss(LossConfig(name=name))(jnp.zeros((4, 3)), jnp.ones((others, 3)))
-    assert terms == {}
-    assert value.shape == ()
-    assert float(value) > 0
+from psgn_jax.losses.by_name import chosen_points, configured_loss
 
 
 def test_the_tolerance_reaches_the_loss(rng):
@@ -26,26 +16,27 @@ def test_the_tolerance_reaches_the_loss(rng):
     assert rough == losses.emd_mean(pred, gt, tolerance=1e3) > losses.emd_mean(pred, gt)
 
 
-SUM = "emd_mean@4 + 5*chamfer_sq_mean + .5 * chamfer_l1_mean@12"
-
-
-def by_hand(pred, gt):
-    return (
-        losses.emd_mean(pred, chosen_points(gt, 4), tolerance=0.01)
-        + 5 * losses.chamfer_sq_mean(pred, gt)
-        + 0.5 * losses.chamfer_l1_mean(pred, chosen_points(gt, 12))
-    )
-
-
 def test_a_sum_and_its_gradient_are_those_written_by_hand(rng):
     pred, gt = rng.normal(size=(4, 3)).astype("f4"), rng.normal(size=(20, 3)).astype("f4")
-    loss = configured_loss(LossConfig(name=SUM))
+
+    def by_hand(pred, gt):
+        return (
+            losses.emd_mean(pred, chosen_points(gt, 4), tolerance=0.01)
+            + 5 * losses.chamfer_sq_mean(pred, gt)
+            + 0.5 * losses.chamfer_l1_mean(pred, chosen_points(gt, 12))
+        )
+
+    text = "emd_mean@4 + 5*chamfer_sq_mean + .5 * chamfer_l1_mean@12"
+    loss = configured_loss(LossConfig(name=text))
     (value, terms), grad = jax.value_and_grad(loss, has_aux=True)(pred, gt)
     want, want_grad = jax.value_and_grad(by_hand)(pred, gt)
     np.testing.assert_allclose(value, want, rtol=1e-6)
     np.testing.assert_allclose(grad, want_grad, rtol=1e-5, atol=1e-7)
     assert set(terms) == {"chamfer_l1_mean", "chamfer_sq_mean", "emd_mean"}
     np.testing.assert_allclose(terms["chamfer_sq_mean"], losses.chamfer_sq_mean(pred, gt), 1e-6)
+    alone = configured_loss(LossConfig(name="2e-1*chamfer_sq@12"))(pred, gt)[0]
+    want = 0.2 * losses.chamfer_sq(pred, chosen_points(gt, 12))
+    np.testing.assert_allclose(alone, want, rtol=1e-6)
 
 
 def test_chosen_points_are_spread_over_a_sorted_cloud():
@@ -56,25 +47,13 @@ def test_chosen_points_are_spread_over_a_sorted_cloud():
     np.testing.assert_array_equal(chosen_points(gt, 100), gt)
 
 
-def test_a_weight_alone_and_points_alone(rng):
-    pred, gt = rng.normal(size=(4, 3)).astype("f4"), rng.normal(size=(20, 3)).astype("f4")
-    twice = configured_loss(LossConfig(name="2*chamfer_sq@12"))(pred, gt)[0]
-    want = 2 * losses.chamfer_sq(pred, chosen_points(gt, 12))
-    np.testing.assert_allclose(twice, want, rtol=1e-6)
-    assert parse_terms(LossConfig(name="1e-2*emd_mean@7"))[0].weight == 0.01
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("hausdorff", "loss.name='hausdorff' is unknown; accepted: chamf"),
         ("emd_mean + 5*chamfer", "the term '5*chamfer' is unknown; did you mean 'chamfer_"),
         ("emd_mean + ", "the term '' is not understood"),
-        ("emd_mean*5", "loss.name='emd_mean*5' is not understood; accepted: a loss, or a sum"),
-        ("-1*emd_mean", "is not understood"),
         ("emd_mean@0 + chamfer_sq", "the term 'emd_mean@0': accepted: a weight above 0"),
-        ("0*emd_mean", "accepted: a weight above 0"),
-        ("9e999*emd_mean", "accepted: a weight above 0"),
         ("", "is not understood"),
         ("emd_mean@4 + emd_mean@8", "the term 'emd_mean@8': emd_mean occurs twice"),
     ],

@@ -9,7 +9,7 @@ from psgn_jax.losses import chamfer
 
 NAMES = ["chamfer_sq", "chamfer_sq_mean", "chamfer_l1_mean", "chamfer_authors"]
 # Sizes on both sides of the search's block (32) and tile boundaries.
-SIZES = [(1, 1), (1, 40), (40, 1), (31, 32), (63, 65), (129, 127), (300, 1025)]
+SIZES = [(1, 1), (40, 1), (31, 32), (63, 65), (300, 1025)]
 
 
 def clouds(rng, n, m, scale=1.0, offset=0.0):
@@ -32,11 +32,10 @@ def test_nearest_equals_reference(rng, n, m):
     check_nearest(*clouds(rng, n, m))
 
 
-@pytest.mark.parametrize("scale", [1e-6, 1e-3, 1.0, 1e6])
-@pytest.mark.parametrize("offset", [0.0, 1e3, -1e6])
-def test_nearest_at_any_scale_and_offset(rng, scale, offset):
+def test_nearest_at_any_scale_and_offset(rng):
     # At the largest offsets few significant digits are left, and many points coincide.
-    check_nearest(*clouds(rng, 100, 210, scale, offset))
+    for scale, offset in ((1e-6, 0), (1e6, 0), (1, 1e3), (1, -1e6), (1e-3, 1e3)):
+        check_nearest(*clouds(rng, 100, 210, scale, offset))
 
 
 def test_near_points_keep_their_digits(rng):
@@ -62,13 +61,12 @@ def test_loss_and_gradient_equal_the_reference(rng, name):
     value, grads = jax.value_and_grad(getattr(losses, name), argnums=(0, 1))(a, b)
     assert (value.shape, value.dtype) == ((), jnp.float32)
     np.testing.assert_allclose(value, slow(a, b), rtol=1e-5)
-    for _ in range(3):
-        u, v = clouds(rng, 70, 33)
-        h = 1e-6  # so small that no point gets another neighbour
-        a64, b64 = a.astype(np.float64), b.astype(np.float64)
-        want = (slow(a64 + h * u, b64 + h * v) - slow(a64 - h * u, b64 - h * v)) / (2 * h)
-        got = np.vdot(grads[0], u) + np.vdot(grads[1], v)
-        np.testing.assert_allclose(got, want, rtol=1e-4, atol=1e-4 * abs(want))
+    u, v = clouds(rng, 70, 33)
+    h = 1e-6  # so small that no point gets another neighbour
+    a64, b64 = a.astype(np.float64), b.astype(np.float64)
+    want = (slow(a64 + h * u, b64 + h * v) - slow(a64 - h * u, b64 - h * v)) / (2 * h)
+    got = np.vdot(grads[0], u) + np.vdot(grads[1], v)
+    np.testing.assert_allclose(got, want, rtol=1e-4, atol=1e-4 * abs(want))
 
 
 def test_is_the_definition(rng):
@@ -87,8 +85,6 @@ def test_tiles_of_an_accelerator(rng, monkeypatch):
     for found, expected in zip(losses.nearest_both(a, b), want, strict=True):
         np.testing.assert_allclose(found.distance_sq, expected.distance_sq, rtol=1e-6)
         np.testing.assert_array_equal(found.index, expected.index)
-    program = jax.make_jaxpr(losses.nearest_both)(jnp.zeros((16384, 3)), jnp.zeros((1024, 3)))
-    assert "length=16\n" in str(program)  # one step for 1,024 rows
 
 
 def test_forward_mode_is_refused(rng):
@@ -103,22 +99,6 @@ def test_coincident_points_have_zero_gradient(rng, name):
     value, grads = jax.value_and_grad(getattr(losses, name), argnums=(0, 1))(a, a[::-1])
     assert value == 0
     assert not np.any(grads)
-
-
-def test_vmap_map_and_shard_map_agree(rng):
-    a = rng.normal(size=(3, 70, 3)).astype(np.float32)
-    b = rng.normal(size=(3, 33, 3)).astype(np.float32)
-    mesh = jax.make_mesh((1,), ("data",), axis_types=(jax.sharding.AxisType.Auto,))
-    spec = jax.sharding.PartitionSpec("data")
-    single = [jax.value_and_grad(losses.chamfer_sq_mean)(x, y) for x, y in zip(a, b, strict=True)]
-    want, want_grads = zip(*single, strict=True)
-    both = jax.value_and_grad(losses.chamfer_sq_mean)
-    local = losses.map_pairs(both, platform="cpu")
-    sharded = jax.shard_map(local, mesh=mesh, in_specs=(spec, spec), out_specs=spec)
-    for version in (jax.vmap(both), local, sharded):
-        values, grads = jax.jit(version)(a, b)
-        np.testing.assert_allclose(values, want, rtol=1e-5)
-        np.testing.assert_allclose(grads, want_grads, rtol=1e-4, atol=1e-7)
 
 
 @pytest.mark.filterwarnings("error")
@@ -136,9 +116,8 @@ def test_bfloat16_is_computed_in_float32(rng):
     np.testing.assert_allclose(value, reference.chamfer_sq_mean(a, b), rtol=1e-5)
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-@pytest.mark.parametrize("argument", ["pred", "gt"])
-def test_non_finite(rng, bad, argument):
+@pytest.mark.parametrize(("argument", "bad"), [("pred", np.inf), ("gt", np.nan)])
+def test_non_finite(rng, argument, bad):
     pair = dict(zip(("pred", "gt"), clouds(rng, 70, 33), strict=True))
     pair[argument][22, 1] = bad
     with pytest.raises(ValueError, match=f"{argument}: point 22 of .* finite"):
@@ -150,21 +129,17 @@ def test_non_finite(rng, bad, argument):
         assert np.isnan(grad).all()
 
 
-@pytest.mark.parametrize("shape", [(0, 3), (5, 2), (3,), (2, 5, 3)])
 @pytest.mark.usefixtures("unchecked_annotations")
-def test_wrong_shape_and_type(shape):
+def test_wrong_shape_and_type():
     good = np.ones((4, 3), np.float32)
-    for call in (losses.chamfer_sq_mean, jax.jit(losses.chamfer_sq_mean)):
-        with pytest.raises(
-            ValueError, match=r"pred: got float32\[.*\], expected an array \[n, 3\]"
-        ):
-            call(np.ones(shape, np.float32), good)
-        with pytest.raises(ValueError, match=r"gt: got float32\[.*\], expected an array \[n, 3\]"):
-            call(good, np.ones(shape, np.float32))
+    for shape in ((0, 3), (5, 2), (3,), (2, 5, 3)):
+        wrong = np.ones(shape, np.float32)
+        for call in (losses.chamfer_sq_mean, jax.jit(losses.chamfer_sq_mean)):
+            for name, pair in {"pred": (wrong, good), "gt": (good, wrong)}.items():
+                with pytest.raises(ValueError, match=rf"{name}: got float32\[.*\], expected an"):
+                    call(*pair)
     for wrong, got in ((good.astype(np.uint8), r"uint8\[4, 3\]"), (good.tolist(), "list")):
-        with pytest.raises(
-            ValueError, match=rf"gt: got {got}, expected an array \[n, 3\] of floats"
-        ):
+        with pytest.raises(ValueError, match=rf"gt: got {got}, expected an array \[n, 3\] of fl"):
             losses.chamfer_sq(good, wrong)
 
 

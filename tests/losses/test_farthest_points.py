@@ -7,7 +7,7 @@ from helpers import reference
 from psgn_jax import losses
 
 
-@pytest.mark.parametrize(("n", "k"), [(1, 1), (7, 7), (128, 20), (300, 300), (1000, 64)])
+@pytest.mark.parametrize(("n", "k"), [(1, 1), (128, 20), (300, 300)])
 def test_equals_the_naive_version(rng, n, k):
     points = rng.normal(size=(n, 3)).astype(np.float32)
     got = losses.farthest_point_indices(points, k)
@@ -15,20 +15,12 @@ def test_equals_the_naive_version(rng, n, k):
     np.testing.assert_array_equal(losses.farthest_points(points, k), points[np.asarray(got)])
 
 
-def test_ties_go_to_the_lowest_index():
+def test_ties_go_to_the_lowest_index_and_no_index_repeats():
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
     # The corner opposite to corner 0 is chosen first; all others are then equally far.
-    np.testing.assert_array_equal(losses.farthest_point_indices(corners, 4)[:3], [0, 7, 1])
-    np.testing.assert_array_equal(
-        losses.farthest_point_indices(corners, 8), reference.farthest_points(corners, 8)
-    )
-
-
-def test_coinciding_points_never_repeat_an_index():
+    np.testing.assert_array_equal(losses.farthest_point_indices(corners, 8)[:3], [0, 7, 1])
     points = np.repeat(np.eye(3, dtype=np.float32), 60, axis=0)
-    got = np.asarray(losses.farthest_point_indices(points, 180))
-    assert sorted(got) == list(range(180))
-    assert {tuple(p) for p in points[got[:3]]} == {tuple(p) for p in np.eye(3)}
+    assert sorted(losses.farthest_point_indices(points, 180).tolist()) == list(range(180))
 
 
 def test_gradient_reaches_the_chosen_points(rng):
@@ -40,25 +32,19 @@ def test_gradient_reaches_the_chosen_points(rng):
     np.testing.assert_array_equal(pulled, want)
 
 
-def test_not_finite_is_never_a_sample(rng):
+def test_wrong_points_and_numbers(rng):
     points = rng.normal(size=(50, 3)).astype(np.float32)
+    for count in (0, 51):
+        with pytest.raises(ValueError, match=f"num_samples: got {count}"):
+            losses.farthest_point_indices(points, count)
     points[3, 1] = np.nan
     with pytest.raises(ValueError, match="points: point 3 of 50"):
         losses.farthest_points(points, 5)
     assert jnp.isnan(jax.jit(losses.farthest_points, static_argnums=1)(points, 5)).all()
 
 
-@pytest.mark.parametrize("count", [0, 11])
-def test_wrong_numbers(rng, count):
-    with pytest.raises(ValueError, match=f"num_samples: got {count}"):
-        losses.farthest_point_indices(rng.normal(size=(10, 3)).astype(np.float32), count)
-
-
 def test_memory_is_linear():
     """No [n, k] matrix is stored; for 16,384 points and 1,024 samples it would take 67 MB."""
-    compiled = (
-        jax.jit(lambda p: losses.farthest_point_indices(p, 1024))
-        .lower(jax.ShapeDtypeStruct((16384, 3), jnp.float32))
-        .compile()
-    )
+    points = jax.ShapeDtypeStruct((16384, 3), jnp.float32)
+    compiled = jax.jit(lambda p: losses.farthest_point_indices(p, 1024)).lower(points).compile()
     assert compiled.memory_analysis().temp_size_in_bytes < 2_000_000

@@ -16,11 +16,8 @@ def test_iou_counts_cells(rng):
         np.testing.assert_allclose(iou(pred, gt, threshold), want, rtol=1e-6)
     sweep = losses.iou_sweep(pred, gt)
     assert sweep.shape == (19,)
+    assert iou(np.full(3, 0.5, np.float32), np.ones(3, bool), 0.5) == 1  # 0.5 is inside
     np.testing.assert_allclose(sweep[9], iou(pred, gt), rtol=1e-6)
-
-
-def test_a_value_at_the_threshold_is_inside():
-    assert iou(np.full(3, 0.5, np.float32), np.ones(3, bool), 0.5) == 1
 
 
 def test_soft_equals_hard_on_bits(rng):
@@ -55,20 +52,15 @@ def test_nan_is_never_a_score():
 
 
 @pytest.mark.usefixtures("unchecked_annotations")
-def test_grids_that_differ():
-    for function in (losses.soft_iou, losses.iou):
-        with pytest.raises(ValueError, match=r"pred has the shape \(3,\), gt \(4,\)"):
-            function(jnp.zeros(3), jnp.zeros(4))
-
-
-@pytest.mark.usefixtures("unchecked_annotations")
-def test_dtypes(rng):
+def test_shapes_and_dtypes(rng):
     solid = rng.random((4, 4, 4)) > 0.3
     assert iou(solid, solid) == 1
     assert soft_iou(solid, solid) == 1
     for function in (losses.soft_iou, losses.iou):
         with pytest.raises(ValueError, match="pred: got uint8, expected floats"):
             function(solid.astype(np.uint8), solid)
+        with pytest.raises(ValueError, match=r"pred has the shape \(3,\), gt \(4,\)"):
+            function(jnp.zeros(3), jnp.zeros(4))
     with pytest.raises(ValueError, match="gt: got int32, expected"):
         iou(solid, solid.astype(np.int32))
     with pytest.raises(ValueError, match="gt: got float32, expected bool"):

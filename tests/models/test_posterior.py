@@ -1,45 +1,26 @@
 """The posterior network, its divergence, and the volume that it reads."""
 
-import functools
-
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from psgn_jax.config.experiment import ModelConfig
 from psgn_jax.models import networks, posterior
 
-quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
-occupied = jax.jit(posterior.occupied)
 
-
-def test_volume_marks_the_cells_of_the_points():
+def test_volume_marks_the_cells_of_the_points_and_the_cells_nearest_to_points_outside():
     points = np.array(
-        [[-1, -1, 0], [0.999, 0.999, 1.999], [0.01, -0.01, 0.0626], [0.01, -0.01, 0.0626]], "f4"
-    )
-    volume = np.asarray(occupied(points))
+        [[-1, -1, 0], [0.999, 0.999, 1.999], [0.01, -0.01, 0.0626], [0.01, -0.01, 0.0626],
+         [-1.3, 0.01, -1e-3], [1.0, 1.2, 2.0]], np.float32
+    )  # fmt: skip
+    volume = np.asarray(jax.jit(posterior.occupied)(points))
     assert volume.shape == (32, 32, 32)
-    want = {(0, 0, 0), (31, 31, 31), (16, 15, 1)}
-    assert {tuple(map(int, c)) for c in np.argwhere(volume)} == want
-    assert volume.sum() == 3
+    cells = {tuple(map(int, cell)) for cell in np.argwhere(volume)}
+    assert cells == {(0, 0, 0), (31, 31, 31), (16, 15, 1), (0, 16, 0)}
+    assert volume.sum() == 4
 
 
-def test_points_outside_count_for_the_nearest_cell():
-    points = np.array([[-1.3, 0.01, -1e-3], [1.0, 1.2, 2.0]], np.float32)
-    volume = np.asarray(occupied(points))
-    assert {tuple(map(int, c)) for c in np.argwhere(volume)} == {(0, 16, 0), (31, 31, 31)}
-
-
-def test_volume_is_mirrored_with_the_points_and_ignores_their_order(rng):
-    points = rng.uniform(-1, 1, (300, 3)).astype(np.float32) + np.array([0, 0, 1], np.float32)
-    volume = np.asarray(occupied(points))
-    flipped = np.asarray(occupied(points * np.array([1, -1, 1], np.float32)))
-    np.testing.assert_array_equal(flipped, volume[:, ::-1])
-    np.testing.assert_array_equal(np.asarray(occupied(points[::-1].copy())), volume)
-
-
-@pytest.mark.parametrize(("mean", "log_variance"), [(0.0, 0.0), (1.5, -1.0), (-0.3, 0.7)])
+@pytest.mark.parametrize(("mean", "log_variance"), [(0.0, 0.0), (1.5, -1.0)])
 def test_divergence_is_the_integral(mean, log_variance):
     q = posterior.Gaussian(np.full((1, 1), mean, "f4"), np.full((1, 1), log_variance, "f4"))
     z = np.linspace(-30, 30, 200_001)
@@ -49,34 +30,22 @@ def test_divergence_is_the_integral(mean, log_variance):
     np.testing.assert_allclose(posterior.kl_of_dims(q)[0, 0], integral, rtol=1e-5, atol=1e-7)
 
 
-def test_draws_have_the_mean_and_the_variance(rng):
-    q = posterior.Gaussian(
-        np.array([[2.0, -1.0]], np.float32), np.log(np.array([[0.25, 4.0]], np.float32))
-    )
-    noise = rng.normal(size=(20_000, 2)).astype(np.float32)
-    repeated = jax.tree.map(lambda a: jnp.repeat(a, 20_000, axis=0), q)
-    z = np.asarray(posterior.reparameterise(repeated, noise))
-    np.testing.assert_allclose(z.mean(axis=0), [2, -1], atol=0.05)
-    np.testing.assert_allclose(z.std(axis=0), [0.5, 2], rtol=0.03)
+def test_a_draw_has_the_mean_and_the_variance():
+    q = posterior.Gaussian(np.float32([[2, -1]]), np.log(np.float32([[0.25, 4]])))
+    for noise, want in ((0, [[2, -1]]), (1, [[2.5, 1]])):
+        drawn = posterior.reparameterise(q, np.full((1, 2), noise, np.float32))
+        np.testing.assert_allclose(drawn, want, rtol=1e-6)
 
 
-def test_shapes_start_and_gradients(rng):
+def test_it_starts_near_the_prior_but_differs_for_different_shapes(rng):
     config = ModelConfig(random_size=5, posterior=True, posterior_widths=(4, 6), posterior_hidden=8)
     net = networks.build_posterior(config)
-    points = rng.uniform(-0.9, 0.9, (3, 200, 3)).astype(np.float32)
-    volumes = jax.jit(jax.vmap(posterior.occupied))(points + np.array([[[0, 0, 0.95]]], np.float32))
-    params = quick_jit(net.init)(jax.random.key(0), volumes)["params"]
+    volumes = (rng.random((3, 32, 32, 32)) < 0.01).astype(np.float32)
+    q, variables = jax.jit(net.init_with_output)(jax.random.key(0), volumes)
+    params = variables["params"]
     assert params["conv0"]["kernel"].shape == (5, 5, 5, 1, 4)
     assert params["conv1"]["kernel"].shape == (3, 3, 3, 4, 6)
     assert params["hidden"]["kernel"].shape == (8**3 * 6, 8)
-
-    def total(params):
-        q = net.apply({"params": params}, volumes)
-        noise = jnp.ones((3, 5))
-        return jnp.sum(jnp.square(posterior.reparameterise(q, noise) - 1)), q
-
-    (_, q), grads = quick_jit(jax.value_and_grad(total, has_aux=True))(params)
     assert q.mean.shape == q.log_variance.shape == (3, 5)
-    assert float(posterior.kl_of_dims(q).max()) < 0.1  # near the prior
-    assert np.abs(q.mean[0] - q.mean[1]).max() > 0  # but different for different shapes
-    assert all(np.abs(g).max() > 0 for g in jax.tree.leaves(grads))
+    assert float(posterior.kl_of_dims(q).max()) < 0.1
+    assert np.abs(q.mean[0] - q.mean[1]).max() > 0

@@ -13,53 +13,25 @@ def build(width_multiplier=1.0):
     return networks.build_r2n2(ModelConfig(), VoxelConfig(width_multiplier=width_multiplier))
 
 
-def shapes(module, size, views=2, batch=3):
-    x = jax.ShapeDtypeStruct((batch, views, size, size, 3), jnp.float32)
-    params = jax.eval_shape(module.init, jax.random.key(0), x)
-    return params["params"], jax.eval_shape(module.apply, params, x)
-
-
-def count(tree):
-    return sum(int(np.prod(leaf.shape)) for leaf in jax.tree.leaves(tree))
-
-
 @pytest.mark.parametrize("size", [127, 128])
 def test_sizes_of_the_published_network(size):
-    params, out = shapes(build(), size)
+    views = jnp.zeros((3, 2, size, size, 3))
+    out, variables = jax.eval_shape(build().init_with_output, jax.random.key(0), views)
     assert out.shape == (3, 32, 32, 32, 2)
+    params = variables["params"]
     encoder, cell, decoder = params["encoder"], params["cell"], params["decoder"]
     # After six poolings, 127 and 128 pixels become 3x3 cells with 256 channels.
     assert encoder["dense"]["kernel"].shape == (3 * 3 * 256, 1024)
     assert encoder["level1_conv0"]["kernel"].shape == (7, 7, 3, 96)
     assert {n for n in encoder if "shortcut" in n} == {f"level{i}_shortcut" for i in (2, 3, 5)}
     assert cell["update"]["grid"]["kernel"].shape == (3, 3, 3, 128, 128)
-    assert cell["update"]["view"]["kernel"].shape == (1024, 4**3 * 128)
     assert decoder["level2_shortcut"]["kernel"].shape == (1, 1, 1, 128, 64)
-    assert "level1_shortcut" not in decoder
-    # (kernel size, input channels, output channels) of the layers, in the order of their code.
-    convs = [
-        (7, 3, 96), (3, 96, 96),
-        (3, 96, 128), (3, 128, 128), (1, 96, 128),
-        (3, 128, 256), (3, 256, 256), (1, 128, 256),
-        (3, 256, 256), (3, 256, 256),
-        (3, 256, 256), (3, 256, 256), (1, 256, 256),
-        (3, 256, 256), (3, 256, 256),
-    ]  # fmt: skip
-    assert count(encoder) == sum(k * k * i * o + o for k, i, o in convs) + 2304 * 1024 + 1024
-    assert count(cell) == 3 * (27 * 128 * 128 + 1024 * 8192 + 128)
-    volumes = [
-        (3, 128, 128), (3, 128, 128), (3, 128, 128), (3, 128, 128),
-        (3, 128, 64), (3, 64, 64), (1, 128, 64),
-        (3, 64, 32), (3, 32, 32), (3, 32, 32), (3, 32, 2),
-    ]  # fmt: skip
-    assert count(decoder) == sum(k**3 * i * o + o for k, i, o in volumes)
-    assert count(params) == 35_968_706
+    assert sum(leaf.size for leaf in jax.tree.leaves(params)) == 35_968_706
 
 
 def test_unpooling_puts_numbers_in_the_corner(rng):
     x = rng.normal(size=(2, 2, 2, 2, 3)).astype(np.float32)
     got = np.asarray(unpool(x))
-    assert got.shape == (2, 4, 4, 4, 3)
     np.testing.assert_array_equal(got[:, ::2, ::2, ::2], x)
     assert np.count_nonzero(got) == np.count_nonzero(x)
 
@@ -100,30 +72,13 @@ def test_cell_against_the_equations(rng):
 
 
 @pytest.mark.slow
-def test_every_view_counts_and_gradients_flow(rng):
+def test_every_view_counts(rng):
     module = build(1 / 16)
     views = rng.random((1, 2, 16, 16, 3)).astype(np.float32)
-    gt = rng.random((32, 32, 32)) < 0.1
-    # Parameters are drawn with NumPy, because the initialisation takes longer than the rest of the
-    # test.
     shapes = jax.eval_shape(module.init, jax.random.key(0), views)
-    params = jax.tree.map(
-        lambda leaf: (0.3 * rng.normal(size=leaf.shape)).astype(np.float32), shapes
-    )
-
-    @jax.jit
-    def both(params, views):
-        def loss(params):
-            logits = module.apply(params, views)
-            return voxel_cross_entropy(logits[0], gt), logits
-
-        (value, logits), gradient = jax.value_and_grad(loss, has_aux=True)(params)
-        return value, logits, gradient
-
-    value, logits, gradient = both(params, views)
-    assert jnp.isfinite(value)
-    assert all(jnp.abs(leaf).max() > 0 for leaf in jax.tree.leaves(gradient))
+    params = jax.tree.map(lambda leaf: 0.3 * rng.normal(size=leaf.shape).astype("f4"), shapes)
+    apply = jax.jit(module.apply)
     for view in range(2):
         other = views.copy()
         other[:, view] = 1 - other[:, view]
-        assert np.abs(both(params, other)[1] - logits).max() > 1e-4
+        assert np.abs(apply(params, other) - apply(params, views)).max() > 1e-4

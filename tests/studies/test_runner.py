@@ -2,7 +2,6 @@
 
 import csv
 import dataclasses
-import json
 import math
 import pathlib
 import types
@@ -15,7 +14,7 @@ from helpers.small_runs import write_solids
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.evaluation.results import SampleName
-from psgn_jax.studies import branches, completion, figures
+from psgn_jax.studies import branches, completion
 from psgn_jax.studies import runner as lib
 from psgn_jax.system.errors import UserError
 
@@ -42,16 +41,19 @@ def records(tmp_path_factory):
     return str(write_solids(tmp_path_factory.mktemp("records")))
 
 
-def files(folder):
-    return {p.relative_to(folder): p.read_bytes() for p in sorted(folder.rglob("metrics.jsonl"))}
+def logs(folder):
+    """Their contents, and when a checkpoint was last written."""
+    paths = sorted(folder.rglob("metrics.jsonl"))
+    checkpoints = [path.with_name("checkpoints").stat().st_mtime_ns for path in paths]
+    return list(zip(paths, map(pathlib.Path.read_bytes, paths), checkpoints, strict=True))
 
 
 @pytest.mark.slow
 def test_a_study_is_shared_stopped_resumed_and_repeated(records, tmp_path, monkeypatch):
-    options = {"data": records, "seeds": 2}
-    assert lib.run(STUDY, tmp_path / "a", data=records, only="rgbd:1") == ""
-    assert [p.name for p in (tmp_path / "a").iterdir()] == ["rgbd-1"]
-    alone = (tmp_path / "a" / "rgbd-1" / "checkpoints").stat().st_mtime_ns
+    folder, options = tmp_path / "a", {"data": records, "seeds": 2}
+    assert lib.run(STUDY, folder, data=records, only="rgbd:1") == ""
+    assert [p.name for p in folder.iterdir()] == ["rgbd-1"]
+    (alone,) = logs(folder)
 
     train, started = lib.loop.train, []
 
@@ -63,18 +65,13 @@ def test_a_study_is_shared_stopped_resumed_and_repeated(records, tmp_path, monke
 
     monkeypatch.setattr(lib.loop, "train", stopped_at_the_second)
     with pytest.raises(UserError, match="the same command continues") as caught:
-        lib.run(STUDY, tmp_path / "a", **options)
+        lib.run(STUDY, folder, **options)
     assert caught.value.exit_code == 143
-    text = lib.run(STUDY, tmp_path / "a", **options)
+    text = lib.run(STUDY, folder, **options)
     assert started == ["rgb-0", "rgbd-0", "rgb-0", "rgbd-0", "rgb-1", "rgbd-1"]
-    assert (tmp_path / "a" / "rgbd-1" / "checkpoints").stat().st_mtime_ns == alone
-
-    numbers = (tmp_path / "a" / "completion.csv").read_text()
-    logs = files(tmp_path / "a")
-    assert len(logs) == 4
-    assert lib.run(STUDY, tmp_path / "a", **options) == text
-    assert (tmp_path / "a" / "completion.csv").read_text() == numbers
-    assert files(tmp_path / "a") == logs
+    finished, numbers = logs(folder), (folder / "completion.csv").read_text()
+    assert len(finished) == 4
+    assert alone in finished
 
     rows = list(csv.DictReader(numbers.splitlines()))
     by_key = {(r["configuration"], r["minus"], r["metric"]): r for r in rows}
@@ -84,85 +81,44 @@ def test_a_study_is_shared_stopped_resumed_and_repeated(records, tmp_path, monke
     assert (change["samples"], change["seeds"]) == ("11", "2")
     assert float(change["error_samples"]) > 0
     assert float(change["error_seeds"]) > 0
-    assert "rgbd - rgb" in (tmp_path / "a" / "completion.md").read_text()
-    assert (tmp_path / "a" / "completion.png").read_bytes().startswith(b"\x89PNG")
+    assert "rgbd - rgb" in (folder / "completion.md").read_text()
+    for name in ("completion.png", "completion_curves.png"):
+        assert (folder / name).read_bytes().startswith(b"\x89PNG")
 
-    # On another split, without a further training.
-    text = lib.run(STUDY, tmp_path / "a", **options, measure=[f"{records}:train"])
-    assert "samples of 'validation' of" in text
-    assert f"samples of 'train' of {records}" in text
-    assert (tmp_path / "a" / f"completion-{pathlib.Path(records).name}-train.md").is_file()
-    assert files(tmp_path / "a") == logs
+    # Again, also on another split, without a further training.
+    again = lib.run(STUDY, folder, **options, measure=[f"{records}:train"])
+    assert again.startswith(text)
+    assert (folder / "completion.csv").read_text() == numbers
+    assert f"samples of 'train' of {records}" in again
+    assert (folder / f"completion-{pathlib.Path(records).name}-train.md").is_file()
+    assert logs(folder) == finished
 
     # Finished runs are measured by another study.
-    runs = [str(tmp_path / "a" / name) for name in ("rgb-0", "rgb-1")]
+    runs = [str(folder / name) for name in ("rgb-0", "rgb-1")]
     text = lib.run(branches.STUDY, tmp_path / "b", finished=runs)
     assert f"{runs[1]} - {runs[0]}" in text
     assert "11 samples of 'validation'" in text
 
 
-def test_data_without_depth_are_refused_before_anything_is_trained(tmp_path):
+def test_what_does_not_fit_is_refused_before_anything_is_trained(records, tmp_path):
     drawn = drawn_solids.samples(2, seed=0, image_size=(12, 16))
     flat = [dataclasses.replace(s, depth=None) for s in drawn]
-    write_dataset(tmp_path / "data", {"train": flat, "validation": flat}, source="")
-    with pytest.raises(ConfigError, match="remove 'depth' from"):
-        lib.run(STUDY, tmp_path / "work", data=str(tmp_path / "data"))
+    write_dataset(tmp_path / "flat", {"train": flat, "validation": flat}, source="")
+    for options, message in (
+        ({"data": str(tmp_path / "flat")}, "remove 'depth' from"),
+        ({"only": "rgb"}, "^only=rgb: accepted: "),
+        ({"only": "depth:0"}, "^only=depth:0: accepted: "),
+        ({"measure": ["records"]}, r"^measure=records: accepted: FOLDER:SPLIT"),
+        ({"measure": ["a/x:test", "b/x:test"]}, "accepted: folders with different names"),
+    ):
+        with pytest.raises(ConfigError, match=message):
+            lib.run(STUDY, tmp_path / "work", **{"data": records, **options})
     assert not (tmp_path / "work").exists()
 
 
-@pytest.mark.parametrize("only", ["rgb", "rgb:x", "depth:0"])
-def test_only_names_a_run(only, tmp_path):
-    with pytest.raises(ConfigError, match=f"^only={only}: accepted: "):
-        lib.run(STUDY, tmp_path, only=only)
-
-
-def test_a_study_trains_and_measures_on_other_records(records, tmp_path):
+def test_a_study_trains_and_measures_on_other_records(tmp_path):
     (run, _) = STUDY.runs(tmp_path, data="here", eval_data="there")
     assert (run.config.data.path, run.config.data.eval_path) == ("here", "there")
-    for measure, message in (
-        (["records"], r"^measure=records: accepted: FOLDER:SPLIT"),
-        (["a/records:test", "b/records:test"], "accepted: folders with different names"),
-    ):
-        with pytest.raises(ConfigError, match=message):
-            lib.run(STUDY, tmp_path, data=records, measure=measure)
-
-
-@pytest.mark.parametrize(("split", "measured"), [("train", "train"), ("test", "validation")])
-def test_the_split_of_a_study_is_measured_if_there_is_one(split, measured, records, tmp_path):
-    study = dataclasses.replace(
-        STUDY,
-        split=split,
-        metrics={},
-        pairs=(),
-        train=lambda run: None,
-        figure=lambda results: figures.blank(90, 90),
-        measure=lambda run: lib.Measured([], {"n": np.ones(1)}, None, run.config.data.eval_split),
-    )
-    assert f"{measured}. +-:" in lib.run(study, tmp_path, data=records)
-
-
-def test_learning_curves_are_read_from_the_logs_of_the_runs(tmp_path):
-    runs = []
-    for name, seed, offset in (("rgb", 0, 0.0), ("rgb", 1, 0.2), ("rgbd", 0, 0.5)):
-        (run,) = (r for r in STUDY.runs(tmp_path, seed=seed) if r.name == name)
-        lines = [
-            {"step": s, "kind": "eval", "cd_sq_radius2": 1 / (1 + s) + offset} for s in range(4)
-        ]
-        lines += [{"step": 1, "kind": "train", "loss": 1.0}]
-        run.folder.mkdir()
-        (run.folder / "metrics.jsonl").write_text("".join(json.dumps(x) + "\n" for x in lines))
-        runs.append(run)
-    assert runs[0].config.train.eval_every == 1
-    titles = {"cd_sq_radius2": "CD squared [radius^2]", "emd_radius": "EMD [radius]"}
-    charts = lib.learning_curves(runs, titles)
-    assert charts.keys() == {"CD squared [radius^2]"}
-    curves = charts["CD squared [radius^2]"]
-    batch = TINY["train.batch_size"]
-    samples, values = curves["rgb"]
-    np.testing.assert_array_equal(samples, [batch, 2 * batch, 3 * batch])
-    np.testing.assert_allclose(values, [[1 / 2, 1 / 3, 1 / 4], [0.7, 1 / 3 + 0.2, 0.45]])
-    assert curves["rgbd"][1].shape == (1, 3)
-    assert figures.png(figures.curves(charts)).startswith(b"\x89PNG")
 
 
 def measured(metrics, models="aabb"):
@@ -198,9 +154,3 @@ def test_means_differences_and_their_errors():
     by_model = dataclasses.replace(study, by_model=True, metrics={"cd": "CD [radius^2]"})
     *_, change = lib.summarise(results, by_model)
     assert (change.mean, change.error_samples) == (pytest.approx(0.5), pytest.approx(0.5))
-    means, changes = lib._tables(lib.summarise(results, study), study)
-    assert means[1:] == [
-        ["CD [radius^2]", "2.333 +- 0.33 +- 0.33", "3 +- 0.58 +- 0"],
-        ["IoU [%]", "", "50 +- 0"],
-    ]
-    assert changes[1] == ["b - a", "CD [radius^2]", "+0.6667 +- 0.67 +- 0.33", "0%"]

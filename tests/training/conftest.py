@@ -1,5 +1,3 @@
-import socket
-
 import jax
 import pytest
 from jax.experimental.compilation_cache import compilation_cache
@@ -22,14 +20,3 @@ def keep_compiled(tmp_path_factory):
     for name, value in before.items():
         jax.config.update(name, value)
     compilation_cache.reset_cache()
-
-
-@pytest.fixture
-def free_port():
-    """A function that returns a port on which nothing listens."""
-
-    def choose():
-        with socket.create_server(("127.0.0.1", 0)) as server:
-            return server.getsockname()[1]
-
-    return choose

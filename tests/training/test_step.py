@@ -24,6 +24,7 @@ from psgn_jax.training import from_config, step
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 # Loss, L2 term and gradient norm of the first two steps.
 GOLDEN = [(0.1786264, 0.01409594, 2.0352976), (0.15414756, 0.01406848, 1.7432686)]
+TINY = {"model__name": "vanilla", "model__widths": (4, 6, 8)}
 QUICK = {"xla_backend_optimization_level": 0}
 
 
@@ -65,34 +66,31 @@ def test_golden_metrics(trained):
     assert final.step == 4
     assert step.eval_params(final) is final.ema
     have = [(h["loss_step"], h["l2"], h["grad_norm"]) for h in history[:2]]
-    np.testing.assert_allclose(
-        have,
-        GOLDEN,
-        rtol=2e-4,
-        err_msg="The first steps of a tiny run changed. If the change of network, loss, "
-        "initial values, input or optimiser was meant, put the new numbers into GOLDEN of this "
-        "file and say in CHANGELOG that trainings are no longer comparable.",
+    meant = (
+        "The first steps of a tiny run changed. If the change of network, loss, initial values, "
+        "input or optimiser was meant, put the new numbers into GOLDEN of this file and say in "
+        "CHANGELOG that trainings are no longer comparable."
     )
+    np.testing.assert_allclose(have, GOLDEN, rtol=2e-4, err_msg=meant)
 
 
 def test_random_input_depends_on_seed_step_and_purpose(tiny):
-    def draw(s, train):
-        return np.asarray(networks.random_input(tiny, s, 4, train=train))
+    def draw(step, train, **changes):
+        return networks.random_input(standin.config(**changes), step, 4, train=train)
 
-    assert draw(0, True).shape == (4, tiny.model.random_size)
+    size = tiny.model.random_size
     np.testing.assert_array_equal(draw(7, True), draw(7, True))
-    for other in (draw(8, True), draw(7, False)):
+    for other in (draw(8, True), draw(7, False), draw(7, True, seed=4)):
         assert not np.array_equal(draw(7, True), other)
-    assert networks.random_input(standin.config(model__random_size=0), 0, 4, train=True) is None
-    several, size = standin.config(loss__min_of_n=2), tiny.model.random_size
-    assert networks.random_input(several, 0, 4, train=True).shape == (4, 2, size)
-    assert networks.random_input(several, 0, 4, train=False).shape == (4, size)
+    assert draw(0, True, model__random_size=0) is None
+    assert draw(0, True, loss__min_of_n=2).shape == (4, 2, size)
+    assert draw(0, False, loss__min_of_n=2).shape == (4, size)
 
 
 def test_training_on_a_sum_logs_its_terms(trained):
     name = "chamfer_l1_mean@20 + 5*chamfer_sq_mean"
-    sizes = {"model__name": "vanilla", "model__widths": (4, 6, 8), "loss__l2": "none"}
-    _, history = run(standin.config(loss__name=name, loss__min_of_n=2, **sizes), 2)
+    config = standin.config(**TINY, loss__name=name, loss__min_of_n=2, loss__l2="none")
+    _, history = run(config, 2)
     for entry in history:
         total = entry["loss_chamfer_l1_mean"] + 5 * entry["loss_chamfer_sq_mean"]
         assert entry["loss_step"] == pytest.approx(total, rel=1e-5)
@@ -100,27 +98,17 @@ def test_training_on_a_sum_logs_its_terms(trained):
     assert "loss_of_draws" not in trained[1][0]
 
 
-@pytest.mark.parametrize(
-    ("version", "loss"),
-    [
-        pytest.param("two_branch", "emd_mean@136 + 5*chamfer_sq_mean", marks=pytest.mark.slow),
-        ("vanilla", "chamfer_sq"),
-    ],
-)
-def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws(version, loss):
-    config = standin.config(
-        model__name=version,
-        model__widths=(4, 6, 8),
-        loss__name=loss,
-        loss__min_of_n=3,
-        data__num_points=136,
-    )
+def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws():
+    config = standin.config(**TINY, loss__name="chamfer_sq", loss__min_of_n=3)
     model = networks.build(config.model)
     params = random_params(config)
     batch = next(standin.train_batches(config.data, batch_size=4, seed=0, start_step=0))
     batch = {key: batch[key] for key in networks.input_keys(config)}
     r = networks.random_input(config, 0, 4, train=True)
     distance = configured_loss(config.loss)
+
+    def value_and_grad(loss, params):
+        return jax.jit(jax.value_and_grad(loss, has_aux=True), compiler_options=QUICK)(params)
 
     def plain(params):
         preds = networks.predict(config, model, params, batch, r)
@@ -130,25 +118,17 @@ def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws(vers
     def quick(params):
         return points.min_of_n_loss(config, model, distance, params, batch, r)
 
-    (want, want_best), want_grads = jax.jit(
-        jax.value_and_grad(plain, has_aux=True), compiler_options=QUICK
-    )(params)
-    (have, best), grads = jax.jit(jax.value_and_grad(quick, has_aux=True), compiler_options=QUICK)(
-        params
-    )
+    (want, want_best), want_grads = value_and_grad(plain, params)
+    (have, best), grads = value_and_grad(quick, params)
     np.testing.assert_allclose(have, want, rtol=1e-6)
     np.testing.assert_array_equal(best.winner, want_best.winner)
     assert len(np.unique(best.winner)) > 1
     scale = max(float(np.abs(g).max()) for g in jax.tree.leaves(want_grads))
-    jax.tree.map(
-        lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-3, atol=1e-5 * scale),
-        grads,
-        want_grads,
-    )
+    for have, want in zip(*map(jax.tree.leaves, (grads, want_grads)), strict=True):
+        np.testing.assert_allclose(have, want, rtol=1e-3, atol=1e-5 * scale)
 
 
-VAE = {
-    "model__widths": (4, 6, 8),
+VAE = TINY | {
     "model__posterior": True,
     "model__posterior_widths": (3, 4, 5),
     "model__posterior_hidden": 6,
@@ -167,8 +147,7 @@ def test_training_with_a_posterior():
     np.testing.assert_allclose(weights, 1e-2 * np.array([0, 0.25, 0.5, 0.75, 1, 1, 1, 1]))
     assert history[-1]["loss_step"] < history[0]["loss_step"]
     assert all(h["kl"] > 0 for h in history)
-    create, _, _ = compiled(config, None)
-    started = create()
+    started = compiled(config, None)[0]()
     moved = jax.tree.map(lambda a, b: not np.array_equal(a, b), started.params, final.params)
     assert all(jax.tree.leaves(moved))  # gradients reach the generator and the posterior
     # An evaluation takes z from the prior: the generator uses it, the posterior is not read.
@@ -181,15 +160,10 @@ def test_training_with_a_posterior():
 
 
 def test_l2_of_the_authors_by_layer_type():
-    params = {
-        "conv": {"kernel": jnp.full((3, 3, 2, 2), 2.0), "bias": jnp.ones(2)},
-        "fc": {
-            "dense": {"kernel": jnp.full((4, 5), 3.0)},
-            "carry": {"kernel": jnp.full((2, 2), 1.0)},
-        },
-    }
+    conv = {"kernel": jnp.full((3, 3, 2, 2), 2.0), "bias": jnp.ones(2)}
+    fc = {"dense": {"kernel": jnp.full((4, 5), 3.0)}, "carry": {"kernel": jnp.full((2, 2), 1.0)}}
     want = 1e-5 * 36 * 4 / 2 + 1e-3 * 20 * 9 / 2 + 1e-4 * 4 / 2
-    np.testing.assert_allclose(points.l2_authors(params), want, rtol=1e-6)
+    np.testing.assert_allclose(points.l2_authors({"conv": conv, "fc": fc}), want, rtol=1e-6)
 
 
 def test_schedules():
@@ -201,40 +175,36 @@ def test_schedules():
     np.testing.assert_allclose([cosine(5), cosine(10), cosine(60), cosine(110)], [1, 2, 1.1, 0.2])
 
 
-@pytest.mark.slow
-def test_eight_devices_give_the_same_numbers_as_one(tmp_path):
-    """Training refuses a batch that they do not divide; an evaluation then uses one device."""
-    code = f"""
-import sys
-sys.path.insert(0, {str(ROOT / "tests")!r})
-import jax, pytest, runpy, numpy as np
+EIGHT_DEVICES = """
+import jax, numpy as np, pytest, runpy, sys
+sys.path.insert(0, "tests")
+from helpers import standin
 from psgn_jax import tasks
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.training.loop import train
 jax.config.update("jax_num_cpu_devices", 8)
-here = runpy.run_path({str(ROOT / "tests/training/test_step.py")!r})
+here = runpy.run_path("tests/training/test_step.py")
 assert len(jax.devices()) == 8
-here["standin"].install(pytest.MonkeyPatch())
-for kind in ({{}}, {{"loss__min_of_n": 2}}, here["VAE"]):
-    kind = {{"model__widths": (4, 6, 8), "optim__eps": 1e-3}} | kind
-    config = here["standin"].config(**kind)
-    one, one_history = here["run"](config, 4, jax.devices()[:1])
-    all_, all_history = here["run"](config, 4, jax.devices())
-    for a, b in zip(one_history, all_history):
-        for name in a:
-            np.testing.assert_allclose(a[name], b[name], rtol=1e-5, atol=1e-9, err_msg=name)
-    jax.tree.map(
-        lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-6), one.params, all_.params
-    )
-few = here["standin"].config(**kind, train__batch_size=3, eval__batch_size=3)
+standin.install(pytest.MonkeyPatch())
+for kind in (here["TINY"] | {"loss__min_of_n": 2}, here["VAE"]):
+    config = standin.config(**kind, optim__eps=1e-3)
+    one, one_history = here["run"](config, 3, jax.devices()[:1])
+    all_, all_history = here["run"](config, 3, jax.devices())
+    for a, b, atol in (one_history, all_history, 1e-9), (one.params, all_.params, 1e-6):
+        jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5, atol=atol), a, b)
+few = standin.config(**kind, train__batch_size=3, eval__batch_size=3)
 assert len(tasks.create(few).evaluate(all_.params).names) == 11
 with pytest.raises(ConfigError, match="train.batch_size=3: accepted: a multiple of the 8 devices"):
-    train(few, {str(tmp_path / "refused")!r})
+    train(few, sys.argv[1])
 """
+
+
+@pytest.mark.slow
+def test_eight_devices_give_the_same_numbers_as_one(tmp_path):
+    """Training refuses a batch that they do not divide; an evaluation then uses one device."""
     environment = {"JAX_PLATFORMS": "cpu", "PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin"}
     environment["XLA_FLAGS"] = "--xla_backend_optimization_level=0"
-    result = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd=ROOT
-    )
+    command = [sys.executable, "-c", EIGHT_DEVICES, str(tmp_path / "refused")]
+    result = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=ROOT)
     assert result.returncode == 0, result.stderr[-3000:]
     assert not (tmp_path / "refused").exists()
