@@ -262,3 +262,18 @@ def test_two_processes_train_and_evaluate_as_one_and_a_signal_stops_both(command
     assert [process.wait(120) for process in both] == [2, 2]
     message = "processes 0 and 1 have optim.b1=0.9 and 0.5; expected the same configuration"
     assert log_of(tmp_path / "wrong").count(message) == 2
+
+
+@pytest.mark.slow
+def test_a_shard_that_changes_during_training_ends_it_in_one_line(command, tmp_path):
+    records, workdir = write_solids(tmp_path / "records"), tmp_path / "run"
+    fields = ("data.cache_gb=0", "train.steps=100000", "train.eval_every=0")
+    flags = [f"--config.{field}" for field in (*fields, f"data.path={records}")]
+    process = command(workdir, *flags)
+    wait_for(lambda: newest_step(workdir) >= 6, process, workdir)
+    for shard in records.glob("train*"):
+        with shard.open("r+b") as file:
+            file.write(bytes(shard.stat().st_size // 2))
+    assert process.wait(120) == 2, log_of(workdir)
+    assert log_of(workdir).splitlines()[-1].startswith("error: "), log_of(workdir)
+    assert "Fatal" not in log_of(workdir)
