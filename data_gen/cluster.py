@@ -59,7 +59,7 @@ def render_on(
     except ImportError as error:
         raise RuntimeError("Dask is not installed: `pip install 'psgn-jax[cluster]'`") from error
     try:
-        client = distributed.Client(address, timeout=30, set_as_default=False)
+        client = distributed.Client(address, set_as_default=False)
     except (OSError, ValueError) as error:
         raise RuntimeError(f"scheduler={address}: no scheduler answers: {error}") from error
     job = uuid.uuid4().hex

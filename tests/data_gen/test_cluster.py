@@ -64,34 +64,27 @@ def test_same_bytes_as_the_local_job_though_a_worker_is_killed_and_the_job_broke
     assert contents(tmp_path / "out") == contents(tmp_path / "local")
 
 
-# The command with a client that tries for two seconds, not 30, to connect.
-IMPATIENT = """
-import runpy, distributed
-real = distributed.Client
-distributed.Client = lambda address, **options: real(address, **{**options, "timeout": 2})
-runpy.run_module("data_gen.render", run_name="__main__", alter_sys=True)
-"""
-
-
 @pytest.mark.slow
 def test_a_scheduler_that_is_killed_ends_the_command_in_one_line(tmp_path):
     place, log = tmp_path / "scheduler.json", tmp_path / "log"
     started = []
 
     def start(*command, log=os.devnull):
-        environment = os.environ | {"PYTHONPATH": str(ROOT)}
+        # The command tries to connect again for this time.
+        wait = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "2s"}
         with open(log, "w") as file:
-            started.append(subprocess.Popen([sys.executable, *command], env=environment,
-                                            cwd=tmp_path, stdout=file, stderr=file))  # fmt: skip
+            started.append(subprocess.Popen([sys.executable, "-m", *command], cwd=tmp_path,
+                                            env=os.environ | wait | {"PYTHONPATH": str(ROOT)},
+                                            stdout=file, stderr=file))  # fmt: skip
         return started[-1]
 
     dask = ["--no-dashboard", f"--scheduler-file={place}"]
-    scheduler = start("-m", "distributed.cli.dask_scheduler", "--port=0", *dask)
+    scheduler = start("distributed.cli.dask_scheduler", "--port=0", *dask)
     try:
-        start("-m", "distributed.cli.dask_worker", "--nworkers=1", "--nthreads=1", *dask)
+        start("distributed.cli.dask_worker", "--nworkers=1", "--nthreads=1", *dask)
         assert processes.wait_until(place.exists)
         address = json.loads(place.read_text())["address"]
-        command = start("-c", IMPATIENT, "--catalogue=procedural", "--source=chair=400",
+        command = start("data_gen.render", "--catalogue=procedural", "--source=chair=400",
                         "--out=out", "--config.views=1", "--config.job.variant=scalar",
                         "--scheduler", address, log=log)  # fmt: skip
         assert processes.wait_until(lambda: list(tmp_path.glob("out/.work/*.input")))
@@ -109,10 +102,7 @@ def test_a_scheduler_that_is_killed_ends_the_command_in_one_line(tmp_path):
             process.wait(60)
 
 
-def test_a_scheduler_that_is_not_there_is_told(monkeypatch):
-    real = distributed.Client
-    monkeypatch.setattr(
-        distributed, "Client", lambda address, **options: real(address, **{**options, "timeout": 1})
-    )
-    with pytest.raises(RuntimeError, match="no scheduler answers"):
+def test_a_scheduler_that_is_not_there_is_told():
+    wait = distributed.client.dask.config.set({"distributed.comm.timeouts.connect": "1s"})
+    with wait, pytest.raises(RuntimeError, match="no scheduler answers"):
         list(cluster.render_on("tcp://127.0.0.1:9", [], None))
