@@ -32,7 +32,7 @@ import tempfile
 import numpy as np
 from PIL import Image
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import psgn_jax
 from psgn_jax import tasks
 from psgn_jax.commands.evaluate import open_with_records
@@ -49,7 +49,7 @@ from psgn_jax.viewing import spheres
 from psgn_jax.weights.file import read_weights
 from psgn_jax.weights.opening import weights_path
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
+ROOT = pathlib.Path(__file__).resolve().parents[1]
 
 
 def small_png(picture, largest):

@@ -1,6 +1,6 @@
 """Compares a network on photo-like images with the same network on plain renders.
 
-    python tests/bench/photo_like.py --packages FOLDER --work FOLDER [--weights NAME|FILE]
+    python recipes/photo_like.py --packages FOLDER --work FOLDER [--weights NAME|FILE]
 
 Renders the test models of the sources `furniture` and `collections` of `psgn free-set` twice: with
 the preset `authors`, and with the preset `photo`, whose cameras, light and surroundings vary more.
@@ -22,7 +22,7 @@ import jax
 import numpy as np
 from absl import logging
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import psgn_jax
 from data_gen import free_set, job
 from data_gen.catalogues.entry import Catalogue
