@@ -8,12 +8,14 @@ import zlib
 import numpy as np
 import pytest
 from helpers import drawn_solids as solids
+from scipy.spatial.transform import Rotation
 
 from psgn_jax.data import camera, schema
 from psgn_jax.data.dataset import write_dataset
 
 
-def random_sample(rng, *, size=(24, 32), num_points=200, optional=True, **changes):
+def random_sample(rng, *, num_points=200, **changes):
+    size = 24, 32
     mask = rng.random(size) < 0.4
     normals = rng.normal(size=(num_points, 3))
     intrinsics, extrinsics = camera.default_camera(size)
@@ -31,8 +33,6 @@ def random_sample(rng, *, size=(24, 32), num_points=200, optional=True, **change
         "view": 3,
         "source": "test",
     }
-    if not optional:
-        fields |= dict.fromkeys(schema.OPTIONAL_FIELDS)
     return schema.Sample(**(fields | changes))
 
 
@@ -65,19 +65,14 @@ def authors_content(seed=0, validation=False):
     The tube is thicker in validation files, so that their shapes are not those of training files.
     """
     rng = np.random.default_rng(seed)
-    angle, cosine, sine = 0.3 + seed, np.cos(np.deg2rad(20)), np.sin(np.deg2rad(20))
-    tilt = np.array([[cosine, 0, -sine], [0, 1, 0], [sine, 0, cosine]])
-    turn = np.array(
-        [[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]]
-    )
-    rotation = (turn @ tilt).astype(np.float32)
+    rotation = Rotation.from_euler("x", 0.3 + seed) * Rotation.from_euler("y", -np.deg2rad(20))
+    rotation = rotation.as_matrix().astype(np.float32)
     # In the model's frame axis 0 points down. Its value is 0 on the ground (points / 255 = 0.7).
     points, _ = solids.torus(0.7, 0.3 if validation else 0.2).sample(rng, 16384)
     model = np.stack([-0.2 - points[:, 2], points[:, 0], points[:, 1]], axis=1)
     codes = np.clip(np.rint((model * 0.4 + [0.7, 0.5, 0.5]) * 255), 0, 255).astype(np.uint8)
     # Draw the exact points, by the formulas of the reference instead of the package's functions.
-    p = (codes / 255 - [0.7, 0.5, 0.5]) / 0.4 @ rotation @ np.linalg.inv(tilt) + [1, 0, 0]
-    q = (p - [1, 0, 0]) @ tilt
+    q = (codes / 255 - [0.7, 0.5, 0.5]) / 0.4 @ rotation
     z = 3.6 - q[:, 2]
     column = np.floor(128 + 400 * q[:, 1] / z).astype(int)
     row = np.floor(96 + 400 * (q[:, 0] + 0.252) / z).astype(int)
@@ -88,11 +83,8 @@ def authors_content(seed=0, validation=False):
     colour = np.full((192, 256, 3), 191, np.uint8)
     colour[depth > 0] = [10, 20, 200]  # BGR: red
     names = [f"{'f' if validation else 'a'}{seed:03d}{i:028x}" for i in range(32)]
-    return {
-        "colour": np.repeat(colour[None], 32, 0),
-        "depth": np.repeat(depth[None], 32, 0),
-        "rotation": np.repeat(rotation[None], 32, 0),
-        "points": np.repeat(codes[None], 32, 0),
+    views = {"colour": colour, "depth": depth, "rotation": rotation, "points": codes}
+    return {name: np.repeat(value[None], 32, axis=0) for name, value in views.items()} | {
         "other": np.zeros((32, 1024, 4), np.uint16),
         "names": "\n".join(names).encode(),
     }

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import scipy.ndimage
 from helpers import drawn_solids as solids
+from scipy.spatial.transform import Rotation
 
 from psgn_jax.config.data import DataConfig, PhotoEffects
 from psgn_jax.data import augment, camera, framing, schema
@@ -13,8 +14,7 @@ SIZE = 96, 128
 
 def rolled(view):
     """A view by a camera in general position (its image is not redrawn)."""
-    a = np.deg2rad(30)
-    roll = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
+    roll = Rotation.from_euler("z", 30, degrees=True).as_matrix()
     extrinsics = (roll @ view.extrinsics).astype(np.float32)
     extrinsics[:, 3] += np.float32([0.1, 0.2, 0])
     intrinsics = view.intrinsics.copy()

@@ -1,4 +1,5 @@
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from psgn_jax.data import camera, schema
 
@@ -8,10 +9,8 @@ def test_default_camera_is_the_authors(rng):
     intrinsics, extrinsics = camera.default_camera()
     schema.check_camera(intrinsics, extrinsics)
     points = rng.uniform(-1, 1, (50, 3))
-    target = np.stack([1 - points[:, 2], points[:, 1], points[:, 0]], axis=1)
-    b = np.deg2rad(20)
-    tilt = np.array([[np.cos(b), 0, -np.sin(b)], [0, 1, 0], [np.sin(b), 0, np.cos(b)]])
-    q = (target - [1, 0, 0]) @ tilt
+    tilt = Rotation.from_euler("y", -20, degrees=True).as_matrix()
+    q = np.stack([-points[:, 2], points[:, 1], points[:, 0]], axis=1) @ tilt
     pixels, depth = camera.project(points, intrinsics, extrinsics)
     np.testing.assert_allclose(depth, 3.6 - q[:, 2], atol=1e-6)
     np.testing.assert_allclose(pixels[:, 0], 128 + 400 * q[:, 1] / depth, atol=1e-4)

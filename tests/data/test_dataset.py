@@ -101,8 +101,6 @@ def test_a_changed_manifest_is_refused_by_its_checksum(copied):
         (lambda c: c["shards"][0].update(count=10**30), "damaged .*count"),
         (lambda c: c["shards"][0].update(split="train\nfake"), "damaged .*split"),
         (lambda c: c["shards"][0].update(file="../train-00000.arrayrecord"), "damaged .*file"),
-        (lambda c: c["shards"][0].update(file="a\nb"), "damaged .*file"),
-        (lambda c: c["shards"][0].update(size="5"), "damaged .*size"),
     ],
 )
 def test_wrong_manifests(copied, change, message):
@@ -125,10 +123,8 @@ def test_folders_without_the_data_are_refused_by_name(dataset, tmp_path):
         RecordReader(tmp_path / "missing", "train")
     with pytest.raises(RecordError, match="not a data set of this project"):
         RecordReader(tmp_path, "train")
-    with pytest.raises(
-        RecordError,
-        match=r"no split 'test'.*'train', 'validation'.*data.eval_split.*fractions=",
-    ):
+    remedies = r"'train', 'validation'.*data.eval_split.*fractions="
+    with pytest.raises(RecordError, match=rf"no split 'test'.*{remedies}"):
         RecordReader(dataset, "test")
 
 
@@ -151,9 +147,7 @@ def test_damage_names_file_and_record_and_spares_the_others(make, copied):
     shard = copied / "train-00001.arrayrecord"
     make.damage(shard, RecordReader(copied, "train").read(13))
     reader = RecordReader(copied, "train")
-    with pytest.raises(
-        RecordError, match=r"record 3 of .*train-00001\.arrayrecord is damaged.*again"
-    ):
+    with pytest.raises(RecordError, match=rf"record 3 of .*{shard.name} is damaged.*again"):
         reader[13]
     with pytest.raises(RecordError, match="checksum does not match"):
         reader.verify()
@@ -176,16 +170,13 @@ def test_no_damage_goes_unseen_or_ends_the_process(copied):
             bad[at : at + 4096] = choose.randbytes(len(bad[at : at + 4096]))
         shard.write_bytes(bad)
         reader = RecordReader(copied, "train")
-        for i in range(30, 37):
-            message = ""
+        for i, record in enumerate(want, 30):
             try:
                 reader.stored(i)
+                good = reader.read(i) == record
             except RecordError as error:
-                message = str(error)
-            if message:
-                assert "train-00003.arrayrecord" in message
-            else:
-                assert reader.read(i) == want[i - 30]
+                good = shard.name in str(error)
+            assert good, (trial, i)
 
 
 def test_failed_writing_leaves_nothing_under_the_name(tmp_path, sample):
@@ -237,14 +228,12 @@ def test_fields_out_of_range_are_refused_before_they_take_memory(sample):
         ({"mask": bomb}, "'mask' does not inflate to its"),
         ({"points": points | {"steps": bomb}}, "'points' does not inflate to its"),
         ({"points": points | {"count": 1 << 40}}, "number of points"),
-        ({"points": points | {"planes": 99}}, "planes"),
         ({"points": points | {"matrix": huge}}, "points: the matrix"),
         ({"points": points | {"bits": "a\nb"}}, r"points of 'a\\nb' bits"),
         ({"points": 5}, "not as expected"),
         ({"depth": depth | {"offset": -100.0}}, "depth from"),
         ({"depth": depth | {"scale": float("nan")}}, "depth from"),
         ({"image": image | {"size": [1 << 30, 1 << 30]}}, "height of the image"),
-        ({"image": image | {"size": ["a\nb", 32]}}, r"height of the image: 'a\\nb',"),
         ({"image": image | {"size": [32, 24]}}, "image is RGB"),
         ({"image": image | {"webp": b"no image"}}, "image"),
     ):

@@ -11,12 +11,9 @@ from psgn_jax.data import augment, camera, framing
 
 def about_the_middle(size, scale, right, down):
     """A move in pixels of 192x256 that scales about the image's middle."""
-    pixel = size[0] / 192
-    return framing.Move(
-        scale,
-        (1 - scale) * size[1] / 2 + right * pixel,
-        (1 - scale) * size[0] / 2 + down * pixel,
-    )
+    middle, pixel = np.array(size) / 2, size[0] / 192
+    down, right = (1 - scale) * middle + np.array([down, right]) * pixel
+    return framing.Move(scale, right, down)
 
 
 MOVES = [(0.88, 0, 0), (1, 14, 0), (0.9, -11, 14), (1.1, 8, 5)]
@@ -48,9 +45,8 @@ def test_the_error_of_the_projection_is_the_one_stated(numbers, rng):
     points = rng.uniform([-0.5, -0.6, 0], [0.5, 0.6, 0.7], (500, 3)).astype(np.float32)
     move = about_the_middle((192, 256), *numbers)
     before, depth = camera.project(points, intrinsics, extrinsics)
-    after, _ = camera.project(
-        framing.move_points(points, move, intrinsics, extrinsics), intrinsics, extrinsics
-    )
+    moved = framing.move_points(points, move, intrinsics, extrinsics)
+    after, _ = camera.project(moved, intrinsics, extrinsics)
     error = after - (move.scale * before + [move.right, move.down])
     z0 = depth.mean()
     rays = (before - intrinsics[:2, 2]) / 400
@@ -67,11 +63,9 @@ def test_a_sample_is_placed_as_a_photo_is(size):
     view = solids.view_of("torus", size)
     placed = augment.place(view)
     want = framing.place(view.image, view.mask)
-    np.testing.assert_allclose(
-        np.array(framing.box_of(placed.mask)) * 192 / size[0],
-        framing.box_of(want.mask),
-        atol=1.01 * 192 / size[0],
-    )
+    pixel = 192 / size[0]
+    box = np.array(framing.box_of(placed.mask)) * pixel
+    np.testing.assert_allclose(box, framing.box_of(want.mask), atol=1.01 * pixel)
     if size == (192, 256):
         np.testing.assert_array_equal(placed.image, want.image)
         np.testing.assert_array_equal(placed.mask, want.mask)
@@ -117,19 +111,15 @@ def test_reframe_places_other_angles_as_if_seen_by_the_authors_camera():
     # No share of placed views: other angles keep their image and points too.
     for view in views:
         assert augment.reframe(view, np.random.default_rng(0), place_share=0.0) is view
-    results = []
-    for view in views:
-        moved = augment.reframe(view, np.random.default_rng(2), place_share=1e-9)
-        assert framing.has_authors_angle(moved.extrinsics)
-        results.append(moved)
+    results = [augment.reframe(v, np.random.default_rng(2), place_share=1e-9) for v in views]
+    assert all(framing.has_authors_angle(moved.extrinsics) for moved in results)
     assert results[0] is views[0]
     for view, moved in zip(views[1:], results[1:], strict=True):
         # The image is placed by its mask, the points by their own projection.
         np.testing.assert_array_equal(moved.mask, augment.place(view).mask)
         top, bottom, left, right = framing.box_from_authors_angle(moved.points)
-        assert ((right - left) / 223) ** 4 + ((bottom - top) / 124) ** 4 == pytest.approx(
-            1, abs=0.15
-        )
+        rule = ((right - left) / 223) ** 4 + ((bottom - top) / 124) ** 4
+        assert rule == pytest.approx(1, abs=0.15)
         assert (left + right) / 2 == pytest.approx(128, abs=3)
         pixels, _ = camera.project(moved.points, moved.intrinsics, moved.extrinsics)
         assert pixels.min() >= 0

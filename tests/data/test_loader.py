@@ -39,13 +39,6 @@ def take(count, cfg, **options):
         batches.close()
 
 
-def assert_same(got, want):
-    for one, other in zip(got, want, strict=True):
-        assert one.keys() == other.keys()
-        for key in one:
-            np.testing.assert_array_equal(one[key], other[key], err_msg=key)
-
-
 @pytest.fixture(scope="module")
 def whole(cfg):
     """The first batches of a training."""
@@ -66,12 +59,10 @@ def test_batches_are_as_described_and_consistent(cfg, whole):
         pixels, _ = camera.project(points, *cameras)
         assert camera.inside_mask(pixels, whole[0]["mask"][row], 1).mean() > 0.97
         assert (whole[0]["depth"][row] > 0).tolist() == whole[0]["mask"][row].tolist()
-    (batch,) = take(1, dataclasses.replace(cfg, inputs=("rgb", "mask")))
-    assert "depth" not in batch
 
 
 def test_resume_replays_nothing_and_changes_nothing(cfg, whole):
-    assert_same(take(5, cfg, start_step=7), whole[7:])
+    np.testing.assert_equal(take(5, cfg, start_step=7), whole[7:])
     # Even far into a run this is immediate, because nothing is replayed.
     take(1, cfg, start_step=10**7)
 
@@ -87,7 +78,9 @@ def test_each_epoch_holds_every_sample_once_in_a_new_order(cfg):
 
 def test_processes_get_parts_of_the_same_batch(cfg, whole):
     parts = [take(1, cfg, start_step=8, process_index=i, process_count=3)[0] for i in range(3)]
-    assert_same([{k: np.concatenate([p[k] for p in parts]) for k in parts[0]}], [whole[8]])
+    np.testing.assert_equal(
+        [{k: np.concatenate([p[k] for p in parts]) for k in parts[0]}], [whole[8]]
+    )
 
 
 @pytest.mark.parametrize(("cache_gb", "kept"), [(0.0, 0), (1e-4, 3), (0.01, 37)])
@@ -98,14 +91,14 @@ def test_a_training_keeps_samples_up_to_a_size_and_they_change_nothing(cfg, whol
     same = [item for i, item in enumerate(first) if items[i] is item]
     assert len(same) == kept
     assert sum(item.nbytes() for item in same) <= 1e9 * cache_gb
-    assert_same(take(12, cfg), whole)
+    np.testing.assert_equal(take(12, cfg), whole)
 
 
 def test_worker_processes_equal_threads_and_their_end_is_an_error_that_says_why(cfg, whole):
     cfg = dataclasses.replace(cfg, num_workers=2)
     batches = loader.train_batches(cfg, batch_size=6, seed=7, start_step=4)
     got = list(itertools.islice(batches, 5))
-    assert_same(got, whole[4:9])
+    np.testing.assert_equal(got, whole[4:9])
     for batch in got:
         assert all(type(v) is np.ndarray for v in batch.values())  # no shared memory is handed out
     for worker in multiprocessing.active_children():
@@ -151,7 +144,7 @@ def test_missing_data_fail_at_the_call(cfg, make, rng, tmp_path):
         take(1, cfg, batch_size=7, process_count=2)
     with pytest.raises(RecordError, match="no split 'test'"):
         loader.eval_batches(cfg, split="test", batch_size=2)
-    write_dataset(tmp_path, {"train": [make.sample(rng, optional=False)]}, source="test")
+    write_dataset(tmp_path, {"train": [make.sample(rng, depth=None)]}, source="test")
     with pytest.raises(RecordError, match=r"remove 'depth' from data\.inputs"):
         take(1, dataclasses.replace(cfg, path=str(tmp_path)))
 

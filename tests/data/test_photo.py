@@ -73,15 +73,14 @@ def test_exif_orientation_is_honoured_for_image_and_mask(tmp_path, orientation):
 @pytest.mark.parametrize("mode", ["L", "1", "P", "CMYK", "LA", "RGBA", "PA", "YCbCr", "I;16", "F"])
 def test_modes(tmp_path, mode):
     image, _ = scene(back=(255, 255, 255), colour=(0, 0, 0))
-    picture = Image.fromarray(image)
-    if mode == "I;16":
-        picture = Image.fromarray(np.asarray(picture.convert("L")).astype(np.uint16) * 257)
-    elif mode == "PA":
-        picture = picture.convert("RGBA").quantize()
-    elif mode != "F":
-        picture = picture.convert(mode)
-    else:
-        picture = Image.fromarray(np.asarray(picture.convert("L")).astype(np.float32) / 255)
+    rgb = Image.fromarray(image)
+    grey = np.asarray(rgb.convert("L"))
+    not_convertible = {
+        "I;16": Image.fromarray(grey.astype(np.uint16) * 257),
+        "F": Image.fromarray(grey.astype(np.float32) / 255),
+        "PA": rgb.convert("RGBA").quantize(),
+    }
+    picture = not_convertible.get(mode) or rgb.convert(mode)
     name = {"CMYK": "a.jpg", "YCbCr": "a.jpg", "F": "a.tif"}.get(mode, "a.png")
     read = photo.read_photo(saved(tmp_path, picture, name))
     assert read.image.dtype == np.uint8
@@ -182,10 +181,8 @@ def test_masks_of_mode_1_are_masks():
     want, got = framing.place(image, mask), framing.place(image, of_pillow)
     np.testing.assert_array_equal(got.mask, want.mask)
     np.testing.assert_array_equal(got.image, want.image)
-    half = (55, 70)
-    np.testing.assert_array_equal(
-        resize.resize_mask(of_pillow, half), resize.resize_mask(mask, half)
-    )
+    small, other = (resize.resize_mask(each, (55, 70)) for each in (mask, of_pillow))
+    np.testing.assert_array_equal(other, small)
 
 
 @pytest.mark.parametrize("size", [(20, 90), (300, 150)])

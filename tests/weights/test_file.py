@@ -125,7 +125,6 @@ def test_parameters_that_are_not_the_networks_are_refused(weights, tmp_path):
     for figures in (
         [1],
         good | {"step": -1},
-        good | {"parameters": 10**400},
         good | {"metrics": {"emd_radius": 10**400}},
         good | {"data": [{"samples": [3]}]},
     ):

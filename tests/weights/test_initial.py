@@ -16,8 +16,8 @@ from psgn_jax.weights.opening import initial_params, open_initial
 
 
 def with_init(config, init, **fields):
-    fields = {"init": str(init), **fields}
-    return dataclasses.replace(config, train=dataclasses.replace(config.train, **fields))
+    train = dataclasses.replace(config.train, init=str(init), **fields)
+    return dataclasses.replace(config, train=train)
 
 
 def test_a_training_begins_with_the_trained_network(tmp_path, monkeypatch):

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import scipy.ndimage
 from helpers import shapenet_trees as trees
 
 from psgn_jax.commands import convert
@@ -45,11 +46,9 @@ def test_volume_fits_the_points(samples):
     for sample in samples:
         cells, matrix = trees.grid_of_extra(sample.extra)
         index = (sample.points - matrix[:, 3]) @ np.linalg.inv(matrix[:, :3]).T
-        padded = np.pad(cells, 2)
-        near = np.zeros(len(index), bool)
-        for step in np.ndindex(3, 3, 3):
-            near |= padded[tuple((np.floor(index).astype(int) + step + 1).clip(0, 35).T)]
-        assert near.mean() > 0.999
+        near = scipy.ndimage.binary_dilation(np.pad(cells, 2), np.ones((3, 3, 3)))
+        places = (np.floor(index).astype(int) + 2).clip(0, 35)
+        assert near[tuple(places.T)].mean() > 0.999
         assert sample.occupancy.any()
 
 
