@@ -2,6 +2,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from helpers.solid_models import view
 
 from data_gen import cameras
 from data_gen.cameras import CameraSettings
@@ -24,10 +25,7 @@ def test_default_is_the_authors_camera(rng):
 
 
 def test_azimuth_turns_the_object_toward_the_camera():
-    made = cameras.make(
-        image_size=(192, 256), azimuth=30.0, elevation=20.0, distance=3.6, focal=400.0, roll=0.0,
-        aim=0.268,
-    )  # fmt: skip
+    made = view(30.0, size=(192, 256))
     toward = np.array([np.cos(np.deg2rad(30)), np.sin(np.deg2rad(30)), 0])
     np.testing.assert_allclose(made.rotation @ toward, [1, 0, 0], atol=1e-12)
     # In the view-aligned frame, the camera is in the plane y = 0.

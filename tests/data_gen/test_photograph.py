@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 import scipy.spatial
-from helpers.solid_models import model_of
+from helpers.solid_models import model_of, view
 
 from data_gen import cameras, config, lights, scene, settings, surroundings
 from data_gen.catalogues import solids
@@ -71,9 +71,7 @@ def test_mixed_light_takes_from_all_sources(started):
 def test_contact_shadow_of_a_black_box(started):
     solid = solids.box(0.8, 0.8, 0.8).at(z=0.4)
     surfaces = scene.flatten(model_of(solid, materials=[Material(diffuse=(0, 0, 0))]))
-    camera = cameras.make(
-        image_size=(48, 64), azimuth=0, elevation=40, distance=6, focal=400, roll=0, aim=0.2
-    )
+    camera = view(elevation=40, distance=6, aim=0.2)
     around = Surroundings(np.ones((64, 128, 3)))
     light = lights.draw(np.random.default_rng(0), lights.LightSettings(), around.radiance)
     shown = scene.Scene(surfaces, camera, light)
@@ -83,7 +81,7 @@ def test_contact_shadow_of_a_black_box(started):
     radiance, opacity = trace(shown, picture, around, ground, rays=64, seed=0)
     assert (opacity > 0.99).all()
     places = np.array([[0.5, 0, 0], [0.8, 0, 0], [0, 1.5, 0]])
-    (columns, rows), _ = cameras.project(places, camera)[0].T.astype(int), None
+    columns, rows = cameras.project(places, camera)[0].T.astype(int)
     foot, near, far = radiance[rows, columns].mean(axis=-1) / 0.5
     # Near the foot of a wall, up to half of the sky is hidden; the wall is finite.
     assert 0.5 < foot < 0.8

@@ -65,7 +65,7 @@ def test_a_concave_polygon_is_not_filled(write):
         assert area == pytest.approx(3)
 
 
-def test_materials(write):
+def test_materials_and_missing_files(write):
     mtl = """\
 newmtl red paint
 Kd 1 0 0
@@ -83,13 +83,20 @@ map_Kd -s 1 1 1 -o 0.5 some folder\\my picture.png
 newmtl leaf
 map_Kd my picture.png
 map_d holes.png
+newmtl no picture
+Kd 0 0 0
+map_Kd ../../../../etc/passwd
+newmtl plain
+Kd .1 .2 .3
+map_Kd gone.jpg
 """
-    names = ["red paint", "glass", "clear", "picture", "leaf", "nothing"]
-    body = "".join(f"usemtl {n}\nf {q}\n" for n, q in zip(names, QUADS, strict=True))
+    names = ["red paint", "glass", "clear", "picture", "leaf", "no picture", "plain", "nothing"]
+    sides = [*QUADS[:4], "3 4 8", "3 8 7", "4 1 5", "4 5 8"]
+    body = "".join(f"usemtl {n}\nf {side}\n" for n, side in zip(names, sides, strict=True))
     write("my picture.png", png((10, 20, 30)))
     write("holes.png", png(0, mode="L"))
     write("things.mtl", mtl)
-    model = load_model(write("a.obj", "mtllib things.mtl\n" + CUBE + body))
+    model = load_model(write("a.obj", "mtllib things.mtl\nmtllib gone.mtl\n" + CUBE + body))
     by_name = {m.name: m for m in model.materials}
     red = by_name["red paint"]
     assert (red.diffuse, red.specular, red.shininess) == ((1, 0, 0), (0.5, 0.5, 0.5), 80)
@@ -98,23 +105,15 @@ map_d holes.png
     assert by_name["picture"].diffuse == (1, 1, 1)
     assert by_name["picture"].texture[0, 0].tolist() == [10, 20, 30, 255]
     assert by_name["leaf"].texture[0, 0].tolist() == [10, 20, 30, 0]
-    assert list(model.warnings) == ["material 'nothing' is missing; grey is used instead"]
+    assert by_name["no picture"].texture is None
+    assert by_name["no picture"].diffuse == (0.6, 0.6, 0.6)
+    assert by_name["plain"].diffuse == (0.1, 0.2, 0.3)
+    assert "material 'nothing' is missing; grey is used instead" in model.warnings
+    assert len(model.warnings) == 4
+    assert all("missing" in w for w in model.warnings)
     sample = sample_surface(model, 500, 0)
     names_of_points = {model.materials[i].name for i in model.face_material[sample.face]}
     assert names_of_points == set(names) - {"leaf"}
-
-
-def test_missing_files_are_replaced_with_a_warning(write):
-    mtl = "newmtl a\nKd 0 0 0\nmap_Kd ../../../../etc/passwd\n"
-    mtl += "newmtl b\nKd .1 .2 .3\nmap_Kd gone.jpg\n"
-    write("m.mtl", mtl)
-    text = f"mtllib m.mtl\nmtllib gone.mtl\n{CUBE}usemtl a\n{FACES}usemtl b\n{FACES}"
-    model = load_model(write("a.obj", text))
-    assert model.materials[0].texture is None
-    assert model.materials[0].diffuse == (0.6, 0.6, 0.6)
-    assert model.materials[1].diffuse == (0.1, 0.2, 0.3)
-    assert len(model.warnings) == 3
-    assert all("missing" in w for w in model.warnings)
 
 
 @pytest.mark.parametrize(
@@ -127,16 +126,11 @@ def test_missing_files_are_replaced_with_a_warning(write):
         (CUBE + "f 1 2 x\n", "not readable"),
         ("v 1 2 abc\n" + CUBE + FACES, "not readable"),
         (CUBE + "f 1 2 99999999999999999999999\n", "not readable"),
+        (CUBE + FACES * 5000, "limit of 1000 faces"),
     ],
 )
 def test_obj_files_that_are_refused(write, text, match):
     with pytest.raises(UnusableModelError, match=match):
-        load_model(write("a.obj", text))
-
-
-def test_too_many_faces_are_refused_before_they_are_built(write):
-    text = CUBE + FACES * 5000
-    with pytest.raises(UnusableModelError, match="limit of 1000 faces"):
         load_model(write("a.obj", text), max_faces=1000)
 
 
@@ -148,7 +142,7 @@ def test_textures_are_not_decoded_without_end(write, monkeypatch):
     faces = "".join(f"usemtl {i}\n{FACES}" for i in range(len(names)))
     model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}{faces}"))
     assert [m.texture is not None for m in model.materials] == [True] * 3 + [False] * 3
-    assert "too many textures; plain colours are used for some of them" in (model.warnings)
+    assert "too many textures; plain colours are used for some of them" in model.warnings
 
 
 def test_each_material_file_is_read_once_and_not_too_many(write, monkeypatch):
