@@ -20,19 +20,19 @@ ALONG = np.eye(3)
 
 def filled_cells(bodies, model, rotation, size=32):
     """Cells of which at least half of 3 x 3 x 3 points are in one of a model's convex bodies."""
-    along = (np.arange(size * SIDE) + 0.5) * 2 / (size * SIDE)
-    grid = np.meshgrid(along - 1, along - 1, along, indexing="ij")
-    points = np.stack(grid, axis=-1).reshape(-1, 3) @ rotation
-    # The bodies, before the model was normalised.
+    along = ((np.arange(size * SIDE) + 0.5) * 2 / (size * SIDE)).astype(np.float32)
+    x, y, z = np.meshgrid(along - 1, along - 1, along, indexing="ij", sparse=True)
+    # The model is normalised, the bodies are not.
     corners = joined(*bodies)[0]
-    scale = np.ptp(corners, axis=0) / np.ptp(model.vertices, axis=0)
-    points = (points - model.vertices.min(axis=0)) * scale + corners.min(axis=0)
-    inside = np.zeros(len(points), bool)
+    low, scale = corners.min(axis=0), np.ptp(model.vertices, axis=0) / np.ptp(corners, axis=0)
+    inside = np.zeros([size * SIDE] * 3, bool)
     for body in bodies:
-        within = np.arange(len(points))
-        for *normal, shift in scipy.spatial.ConvexHull(body.vertices).equations:
-            within = within[points[within] @ normal + shift <= 0]
-        inside[within] = True
+        vertices = (body.vertices - low) * scale + model.vertices.min(axis=0)
+        planes = scipy.spatial.ConvexHull(vertices @ rotation.T).equations.round(6)
+        within = np.ones_like(inside)
+        for a, b, c, shift in np.unique(planes, axis=0).astype(np.float32):
+            within &= a * x + b * y + (c * z + shift) <= 0
+        inside |= within
     parts = inside.reshape(size, SIDE, size, SIDE, size, SIDE)
     return parts.sum(axis=(1, 3, 5)) * 2 >= SIDE**3
 
