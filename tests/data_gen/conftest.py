@@ -26,6 +26,8 @@ def trimesh():
 @pytest.fixture(scope="session")
 def started():
     """Mitsuba in this process, in the variant without LLVM."""
+    if not engine.has_mitsuba():
+        pytest.skip("Mitsuba is not installed")
     engine.start("scalar_rgb")
 
 

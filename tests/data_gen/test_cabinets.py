@@ -1,5 +1,3 @@
-"""Cabinets with a hidden depth: the depth changes neither the front view nor the normalisation."""
-
 import numpy as np
 from helpers.solid_models import view
 

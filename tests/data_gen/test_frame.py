@@ -69,10 +69,8 @@ def test_normalize_ignores_sheets_that_exist_nowhere():
     model = with_sheet(texture)
     want = normalize(model_of(cube(0.5))).vertices
     np.testing.assert_allclose(normalize(model).vertices[:-4], want)
-    alone = dataclasses.replace(
-        model, faces=model.faces[-2:], uv=model.uv[-2:], normals=model.normals[-2:],
-        face_material=model.face_material[-2:],
-    )  # fmt: skip
+    materials = model.materials[1:]
+    alone = build_model(SHEET.vertices, SHEET.faces, uv=model.uv[-2:], materials=materials)
     with pytest.raises(UnusableModelError, match="the model is transparent"):
         normalize(alone)
 

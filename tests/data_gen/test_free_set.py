@@ -1,5 +1,3 @@
-"""The set of free models: choice, splits, licences and table."""
-
 import gzip
 import json
 

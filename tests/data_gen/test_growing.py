@@ -77,12 +77,10 @@ def make(out, names, *, options=OPTIONS, stop_after=None, first=lambda: None, **
 
 
 def models_of(folder):
-    names = []
-    for split in load_manifest(folder).splits():
-        reader = RecordReader(folder, split)
+    readers = [RecordReader(folder, split) for split in load_manifest(folder).splits()]
+    for reader in readers:
         reader.verify()
-        names += [sample.model_id for sample in reader]
-    return sorted(names)
+    return sorted(sample.model_id for reader in readers for sample in reader)
 
 
 @pytest.fixture(scope="module")

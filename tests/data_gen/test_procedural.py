@@ -1,5 +1,3 @@
-"""Procedural models: sound meshes, the same everywhere, of many shapes; the catalogue of them."""
-
 import numpy as np
 import pytest
 

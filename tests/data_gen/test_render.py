@@ -14,7 +14,7 @@ from helpers import processes
 from helpers.commands import psgn_each
 from helpers.obj_text import CUBE, FACES
 from helpers.small_renders import SMALL, contents
-from helpers.solid_models import model_of, view
+from helpers.solid_models import model_of, squares, view
 
 from data_gen import cameras, engine, job, lights, pool, scene, settings
 from data_gen.catalogues import solids
@@ -22,7 +22,7 @@ from data_gen.catalogues.entry import Catalogue, Entry
 from data_gen.catalogues.open_catalogue import open_catalogue
 from data_gen.engine import Variant, choose_variant, has_mitsuba
 from data_gen.environment_maps import load_maps
-from data_gen.mesh import Material, build_model
+from data_gen.mesh import Material
 from data_gen.photograph import trace
 from data_gen.picture import Mesh, render
 from data_gen.render_model import Context
@@ -37,20 +37,6 @@ pytestmark = pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba is not instal
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "data_gen" / "config.py"
-
-
-def squares(*parts):
-    """A model of squares that face +x, each of an x, half a side and a material."""
-    shape = np.array([[0, -1, 0], [0, 1, 0], [0, 1, 2], [0, -1, 2]])
-    faces = np.array([[0, 1, 2], [0, 2, 3]])
-    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)[faces]
-    return build_model(
-        np.concatenate([shape * half + [x, 0, 0] for x, half, _ in parts]),
-        np.concatenate([faces + 4 * k for k in range(len(parts))]),
-        uv=np.tile(uv, (len(parts), 1, 1)),
-        materials=[material for _, _, material in parts],
-        face_material=np.repeat(np.arange(len(parts)), 2),
-    )
 
 
 def flat_light():
@@ -162,9 +148,6 @@ def test_environment_maps_of_a_folder(started, tmp_path):
         load_maps(str(tmp_path), variant, lights.MAP_SIZE)
 
 
-# --- The job ----------------------------------------------------------------------------------
-
-
 def options(**changes):
     return settings.parse({**SMALL, **changes})
 
@@ -265,9 +248,7 @@ time.sleep(60)
 
 @pytest.mark.slow
 def test_crash_timeout_and_memory_end_with_their_model(tmp_path):
-    limits = {
-        **SMALL["job"], "workers": 2, "seconds_per_model": 6.0, "megabytes_per_worker": 700,
-    }  # fmt: skip
+    limits = SMALL["job"] | {"workers": 2, "seconds_per_model": 6.0, "megabytes_per_worker": 700}
     (good,) = open_catalogue("procedural", "table=1").models
     loaders = {
         "abort": os.abort,

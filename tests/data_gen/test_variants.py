@@ -1,5 +1,3 @@
-"""Variants of models with other proportions."""
-
 import itertools
 
 import numpy as np
