@@ -40,11 +40,8 @@ def test_azimuth_turns_the_object_toward_the_camera():
 
 def test_the_camera_moves_back_until_the_object_fits(rng):
     points = hemisphere(rng)
-    settings = CameraSettings(
-        image_size=(96, 96), distance=(1.2, 1.2), elevation=(0, 50), roll=(-45, 45),
-        focal=(900, 900),
-    )  # fmt: skip
-    drawn = cameras.draw(rng, settings, points)
+    near = CameraSettings(image_size=(96, 96), distance=(1.2, 1.2), focal=(900, 900))
+    drawn = cameras.draw(rng, dataclasses.replace(near, elevation=(0, 50), roll=(-45, 45)), points)
     assert drawn.distance > 5
     assert cameras.in_frame(points @ drawn.rotation.T, drawn).all()
 

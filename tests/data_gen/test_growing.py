@@ -145,9 +145,8 @@ def test_a_larger_limit_goes_on(once, tmp_path):
 
 def test_models_that_come_between_the_old_ones(tmp_path):
     later = ["chair/0", "table/0", "chair/refused", "table/1", "chair/3", "table/2", "chair/4"]
-    earlier = [name for name in later if name.startswith("chair")]
     make(tmp_path / "once", later)
-    make(tmp_path / "grown", earlier)
+    make(tmp_path / "grown", [name for name in later if name.startswith("chair")])
     summary, made = make(tmp_path / "grown", later)
     assert made == ["table/0", "table/1", "table/2"]
     assert summary.statuses == {"ok": 6, "refused": 1}
@@ -219,9 +218,7 @@ class Killed(BaseException):
 
 
 @pytest.mark.parametrize("stride", [9, pytest.param(1, marks=pytest.mark.slow)])
-def test_a_kill_at_any_step_leaves_the_old_state_or_the_new_one(
-    stride, once, tmp_path, monkeypatch
-):
+def test_a_kill_at_any_step_leaves_the_old_or_the_new_state(stride, once, tmp_path, monkeypatch):
     make(tmp_path / "five", TEN[:5])
     write, rename, unlink = write_atomic, pathlib.Path.replace, pathlib.Path.unlink
     left = [0]

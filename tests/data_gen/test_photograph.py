@@ -1,5 +1,3 @@
-"""Pictures that look like photographs; rendered in scalar mode, skipped without Mitsuba."""
-
 import dataclasses
 import json
 

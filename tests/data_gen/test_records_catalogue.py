@@ -1,5 +1,3 @@
-"""New views of models that exist as records only."""
-
 import dataclasses
 
 import numpy as np
@@ -15,13 +13,11 @@ from data_gen.render_model import Context
 from psgn_jax.data.codec import decode
 from psgn_jax.data.dataset import write_dataset
 
-HALF = np.array([0.3, 0.45, 0.25])
-
 
 def box_sample(num_points=4000, model_id="a box"):
     """A box that fits into the unit hemisphere."""
-    rng = np.random.default_rng(0)
-    return solids.draw(solids.box(HALF), rng, num_points=num_points, model_id=model_id)
+    rng, box = np.random.default_rng(0), solids.box(np.array([0.3, 0.45, 0.25]))
+    return solids.draw(box, rng, num_points=num_points, model_id=model_id)
 
 
 def test_the_surfels_cover_the_surface():
@@ -65,12 +61,10 @@ def test_colours_are_those_of_the_image():
 def test_models_keep_their_split_frame_and_place(here, tmp_path):
     first, other = box_sample(), box_sample(200, "another box")
     again = dataclasses.replace(first, view=1)
-    splits = {"train": [first, again], "validation": [other]}
-    write_dataset(tmp_path, splits, source="solids")
+    write_dataset(tmp_path, {"train": [first, again], "validation": [other]}, source="solids")
     entries = open_catalogue("records", tmp_path).models
-    assert [(e.model_id, e.split) for e in entries] == [
-        ("a box", "train"), ("another box", "validation"),
-    ]  # fmt: skip
+    found = [(e.model_id, e.split) for e in entries]
+    assert found == [("a box", "train"), ("another box", "validation")]
     values = {
         "views": 1, "num_points": 2000, "camera": {"azimuth": (0.0, 0.0)}, "image": {"samples": 1},
     }  # fmt: skip

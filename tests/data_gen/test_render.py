@@ -1,5 +1,3 @@
-"""Rendering end to end. Skipped without Mitsuba; runs in scalar mode without LLVM."""
-
 import functools
 import json
 import os

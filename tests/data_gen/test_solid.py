@@ -1,4 +1,4 @@
-"""Solid cells compared with convex bodies, and marked surfaces with exact geometry."""
+import itertools
 
 import numpy as np
 import pytest
@@ -55,16 +55,17 @@ THICK = {
 }
 """Watertight bodies whose parts are thicker than two cells."""
 
-LEGS = [(x, y) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+
+def table(thickness, radius):
+    """A top of a thickness, and legs of a radius."""
+    ends = itertools.product((-0.5, 0.5), (-0.5, 0.5))
+    legs = [solids.rod((x, y, 0), (x, y, 0.9), radius) for x, y in ends]
+    return [solids.box(1.4, 1.4, thickness).at(z=0.9), *legs]
+
+
 JUNCTIONS = {
-    "thin top": (
-        solids.box(1.4, 1.4, 0.02).at(z=0.9),
-        *(solids.box(0.2, 0.2, 0.9).at(x, y, 0.45) for x, y in LEGS),
-    ),
-    "thin legs": (
-        solids.box(1.4, 1.4, 0.2).at(z=0.9),
-        *(solids.rod((x, y, 0), (x, y, 0.9), 0.012) for x, y in LEGS),
-    ),
+    "thin top": table(0.02, 0.1),
+    "thin legs": table(0.2, 0.012),
     "brim": (solids.ball(0.8, 0.8, 0.8, 12).at(z=0.1), solids.box(1.6, 1.6, 0.01)),
     "shelf": (
         *(solids.box(0.15, 0.6, 1.2).at(x, 0, 0.6) for x in (-0.6, 0.6)),
@@ -175,10 +176,7 @@ def test_occupancy_keeps_an_open_vessel_open():
 
 
 def test_occupancy_keeps_thin_parts_one_cell_thick():
-    model = build(
-        solids.box(1.4, 1.4, 0.02).at(z=0.9),
-        *(solids.rod((x, y, 0), (x, y, 0.9), 0.008) for x, y in LEGS),
-    )
+    model = build(*table(0.02, 0.008))
     got = solid_occupancy(model, ALONG)
     points = sample_surface(model, 5000, 0).points
     cell = np.clip(np.floor((points + np.array([1, 1, 0])) * 16).astype(int), 0, 31)

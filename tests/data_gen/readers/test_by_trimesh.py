@@ -36,22 +36,19 @@ def test_nonsense_is_refused(write, kind):
 
 
 @pytest.mark.parametrize("kind", ["stl", "ply", "off", "glb", "obj"])
-def test_formats_agree(trimesh, write, tmp_path, kind):
-    mesh = trimesh.creation.icosphere(2)
-    path = tmp_path / f"ball.{kind}"
-    mesh.export(path)
-    model = load_model(path, up="+y", front="+z")
+def test_formats_agree(trimesh, write, kind):
+    data = trimesh.creation.icosphere(2).export(file_type=kind)
+    model = load_model(write(f"ball.{kind}", data), up="+y", front="+z")
     assert len(model.faces) == 320
     # A ball on the ground: its top is the farthest point.
     np.testing.assert_allclose(model.vertices[:, 2].max(), 1, atol=0.02)
     np.testing.assert_allclose(model.normals, (model.corners() - [0, 0, 0.5]) * 2, atol=0.1)
-    data = path.read_bytes()
     for cut in (len(data) // 3, len(data) // 2, len(data) - 10):
         with contextlib.suppress(UnusableModelError):
             load_model(write(f"cut.{kind}", data[:cut]))
 
 
-def test_glb_scene_with_materials(trimesh, tmp_path):
+def test_glb_scene_with_materials(trimesh, write):
     scene = trimesh.Scene()
     pbr = trimesh.visual.material.PBRMaterial
     for place, (factor, mode) in enumerate([([255] * 4, "OPAQUE"), ([128] * 4, "BLEND")]):
@@ -62,9 +59,7 @@ def test_glb_scene_with_materials(trimesh, tmp_path):
         mirror = np.diag([-1.0, 1, 1, 1]) if place else np.eye(4)
         mirror[0, 3] = 3 * place
         scene.add_geometry(box, transform=mirror)
-    path = tmp_path / "two.glb"
-    scene.export(path)
-    model = load_model(path)
+    model = load_model(write("two.glb", scene.export(file_type="glb")))
     assert len(model.faces) == 24
     assert sorted(round(m.opacity, 1) for m in model.materials) == [0.5, 1.0]
     for owner in (0, 1):  # the mirrored box is not inside out
@@ -74,12 +69,10 @@ def test_glb_scene_with_materials(trimesh, tmp_path):
         assert (outward * face_normals(model.vertices, faces)).sum(1).min() > 0
 
 
-def test_vertex_colours_become_a_palette(trimesh, tmp_path):
+def test_vertex_colours_become_a_palette(trimesh, write):
     box = trimesh.creation.box()
     box.visual.face_colors = np.repeat([[255, 0, 0, 255], [0, 255, 0, 255]], 6, axis=0)
-    path = tmp_path / "box.ply"
-    box.export(path)
-    model = load_model(path)
+    model = load_model(write("box.ply", box.export(file_type="ply")))
     colours = texels(model.materials[0].texture, model.uv[:, 0])
     assert {tuple(c[:3]) for c in colours.tolist()} <= {(255, 0, 0), (0, 255, 0)}
     assert not model.materials[0].has_alpha  # two of its four texels are not used

@@ -34,19 +34,18 @@ def test_every_form_of_a_corner(write, face):
     np.testing.assert_allclose(model.normals, [[[1, 0, 0]] * 3], atol=1e-6)
 
 
-def test_blocks_of_lines_do_not_change_the_arrays(write, monkeypatch):
+def test_blocks_of_lines_do_not_change_the_arrays(tmp_path, monkeypatch):
     lines = []
     for k in range(60):  # corners in all forms, continued lines, both ends of a line
         lines += [f"v {np.cos(k)} {np.sin(k)} {k}", f"vt {k} 0", "vn 0 0 1", f"usemtl {k % 2}"]
         forms = ("f 1 2 3", "f -1/-1 -2/-2 -3/-3", "f 1//1 \\\n-1//-1 2//2", "f 1/1/1 2/2 -1")
         lines += [forms[k % 4]] * (k > 2)
     text = "\n".join(lines[:150]) + "\r\n" + "\r\n".join(lines[150:])
-    path = write("a.obj", text)
-    whole = read_obj(text.encode(), textures.Assets(FolderFiles(path.parent)))
+    whole = read_obj(text.encode(), textures.Assets(FolderFiles(tmp_path)))
     assert len(whole["faces"]) == 57
     np.testing.assert_array_equal(whole["faces"][:3], [[0, 1, 3], [0, 1, 2], [5, 4, 3]])
     monkeypatch.setattr(_blocks, "__defaults__", (64,))
-    parts = read_obj(text.encode(), textures.Assets(FolderFiles(path.parent)))
+    parts = read_obj(text.encode(), textures.Assets(FolderFiles(tmp_path)))
     for key in ("vertices", "faces", "uv", "normals", "face_material"):
         np.testing.assert_array_equal(parts[key], whole[key])
 
