@@ -147,10 +147,8 @@ def test_the_table(write, tmp_path):
     first = [
         {**chair, "samples": 2},
         {**good, "model_id": "lamp-1", "samples": 2},
-        *(
-            {**bad, "model_id": f"lamp-{k}", "reason": f"file '{k}.png' has {k} bytes"}
-            for k in "23"
-        ),
+        {**bad, "model_id": "lamp-2", "reason": "file 'a.png' has 12 bytes"},
+        {**bad, "model_id": "lamp-3", "reason": "file 'b.png' has 3 bytes"},
     ]
     lines = {"chairs": first, "photo/chairs": [{**chair, "samples": 1}]}
     text = free_set.write_table(tmp_path, parts, str(tmp_path), lines)

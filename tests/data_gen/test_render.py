@@ -207,13 +207,11 @@ def test_killed_and_parted_gives_the_same_bytes(whole, here, tmp_path):
     assert not (out / ".work").exists()
 
 
-def test_refused_models_have_reasons_and_do_not_stop_the_job(here, tmp_path):
-    folder = tmp_path / "meshes" / "good"
-    folder.mkdir(parents=True)
+def test_refused_models_have_reasons_and_do_not_stop_the_job(here, write, tmp_path):
     cube, latin = CUBE + FACES, os.fsdecode(b"latin\xe9")  # the latter is no UTF-8
     texts = {"café": cube, "empty": "", "nan": cube.replace("v 1", "v nan"), latin: cube}
     for name, text in texts.items():
-        (folder / f"{name}.obj").write_text(text)
+        write(f"meshes/good/{name}.obj", text)
     source = open_catalogue("folder", tmp_path / "meshes")
     summary = job.render_catalogue(source, tmp_path / "out", options(), render=here)
     assert summary.exit_code == 1
