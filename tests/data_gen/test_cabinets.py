@@ -1,6 +1,5 @@
-"""Cabinets with a hidden depth: the depth changes neither the front view nor the normalisation."""
-
 import numpy as np
+from helpers.solid_models import view
 
 from data_gen import cameras
 from data_gen.catalogues import cabinets
@@ -20,9 +19,7 @@ def test_the_depth_moves_nothing_that_normalisation_reads():
 
 
 def test_what_the_depth_moves_is_behind_the_panel():
-    camera = cameras.make(
-        image_size=(64, 64), azimuth=0, elevation=0, distance=3.6, focal=400, roll=0, aim=0.45
-    )
+    camera = view(elevation=0, size=(64, 64), aim=0.45)
     for seed in range(8):
         shallow, deep = (cabinets.generate("front", seed, h).vertices for h in range(2))
         moved = np.abs(shallow - deep).max(axis=1) > 1e-9

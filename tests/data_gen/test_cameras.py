@@ -2,6 +2,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from helpers.solid_models import view
 
 from data_gen import cameras
 from data_gen.cameras import CameraSettings
@@ -24,10 +25,7 @@ def test_default_is_the_authors_camera(rng):
 
 
 def test_azimuth_turns_the_object_toward_the_camera():
-    made = cameras.make(
-        image_size=(192, 256), azimuth=30.0, elevation=20.0, distance=3.6, focal=400.0, roll=0.0,
-        aim=0.268,
-    )  # fmt: skip
+    made = view(30.0, size=(192, 256))
     toward = np.array([np.cos(np.deg2rad(30)), np.sin(np.deg2rad(30)), 0])
     np.testing.assert_allclose(made.rotation @ toward, [1, 0, 0], atol=1e-12)
     # In the view-aligned frame, the camera is in the plane y = 0.
@@ -42,11 +40,8 @@ def test_azimuth_turns_the_object_toward_the_camera():
 
 def test_the_camera_moves_back_until_the_object_fits(rng):
     points = hemisphere(rng)
-    settings = CameraSettings(
-        image_size=(96, 96), distance=(1.2, 1.2), elevation=(0, 50), roll=(-45, 45),
-        focal=(900, 900),
-    )  # fmt: skip
-    drawn = cameras.draw(rng, settings, points)
+    near = CameraSettings(image_size=(96, 96), distance=(1.2, 1.2), focal=(900, 900))
+    drawn = cameras.draw(rng, dataclasses.replace(near, elevation=(0, 50), roll=(-45, 45)), points)
     assert drawn.distance > 5
     assert cameras.in_frame(points @ drawn.rotation.T, drawn).all()
 

@@ -1,5 +1,3 @@
-"""Rendering on a Dask cluster of two workers. Skipped without Dask or Mitsuba."""
-
 import json
 import os
 import pathlib
@@ -42,9 +40,7 @@ def dask(monkeypatch):
 
 
 @pytest.mark.slow
-def test_same_bytes_as_the_local_job_though_a_worker_is_killed_and_the_job_broken_off(
-    dask, here, tmp_path
-):
+def test_same_bytes_as_the_local_job_though_worker_and_job_are_killed(dask, here, tmp_path):
     source = open_catalogue("procedural", "chair=2,table=2,couch=2")
     job.render_catalogue(source, tmp_path / "local", OPTIONS, render=here)
 

@@ -9,19 +9,19 @@ from data_gen.frame import axis_vector, normalize, orient, recentre
 from data_gen.mesh import Material, UnusableModelError, build_model
 from data_gen.surface import sample_surface
 
+SHEET = solids.Solid(
+    np.array([[-2, 0, -1], [2, 0, -1], [2, 0, 3], [-2, 0, 3.0]]), np.array([[0, 1, 2], [0, 2, 3]])
+)
 
-def with_sheet(texture, corners, model):
-    """The model and, as its last two faces, a rectangle under a texture."""
-    count = len(model.vertices)
-    faces = np.concatenate([model.faces, count + np.array([[0, 1, 2], [0, 2, 3]])])
-    uv = np.zeros((len(faces), 3, 2))
-    uv[-2:] = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])[[[0, 1, 2], [0, 2, 3]]]
-    owner = np.zeros(len(faces), int)
-    owner[-2:] = 1
-    return build_model(
-        np.concatenate([model.vertices, corners]), faces, uv=uv, face_material=owner,
-        materials=[Material(), Material(texture=texture)],
-    )  # fmt: skip
+
+def with_sheet(texture):
+    """A cube and, as the last two faces, a sheet under a texture."""
+    vertices, faces = joined(cube(0.5), SHEET)
+    uv = np.zeros((14, 3, 2))
+    uv[-2:] = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])[SHEET.faces]
+    materials = [Material(), Material(texture=texture)]
+    owner = np.repeat([0, 1], [12, 2])
+    return build_model(vertices, faces, uv=uv, face_material=owner, materials=materials)
 
 
 @pytest.mark.parametrize(("up", "front"), [("+y", "+z"), ("+z", "-y"), ("-x", "+y"), ("+y", "-z")])
@@ -42,9 +42,6 @@ def test_normalize(rng):
     assert width / height == pytest.approx(3)
 
 
-SHEET = np.array([[-2, 0, -1], [2, 0, -1], [2, 0, 3], [-2, 0, 3.0]])
-
-
 def test_normalize_counts_only_what_is_drawn():
     size = 50, 133
     # A leaf of radius 0.7 on a transparent sheet that is larger and extends below the ground.
@@ -52,7 +49,7 @@ def test_normalize_counts_only_what_is_drawn():
     texture = np.full((*size, 4), 255, np.uint8)
     texture[..., 3] = 255 * (u**2 + v[:, None] ** 2 < 0.49)
     texture[: size[0] // 2, : size[1] // 2, 3] = 0  # v > 1/2, u < 1/2
-    model = with_sheet(texture, SHEET, model_of(cube(0.5)))
+    model = with_sheet(texture)
     exists = texture[..., 3] > 0
     sample = sample_surface(model, 200_000, 0).points
     low, high = sample.min(axis=0), sample.max(axis=0)
@@ -64,18 +61,16 @@ def test_normalize_counts_only_what_is_drawn():
     # The borders of texels are exact: here the lowest row that exists.
     row = np.flatnonzero(exists.any(axis=1)).max() + 1
     ground = min(3 - 4 * row / size[0], -0.25)
-    assert got.vertices[-4, 2] * radius == pytest.approx(SHEET[0, 2] - ground, abs=0.01)
+    assert got.vertices[-4, 2] * radius == pytest.approx(-1 - ground, abs=0.01)
 
 
 def test_normalize_ignores_sheets_that_exist_nowhere():
     texture = np.zeros((16, 16, 4), np.uint8)
-    model = with_sheet(texture, SHEET, model_of(cube(0.5)))
+    model = with_sheet(texture)
     want = normalize(model_of(cube(0.5))).vertices
     np.testing.assert_allclose(normalize(model).vertices[:-4], want)
-    alone = dataclasses.replace(
-        model, faces=model.faces[-2:], uv=model.uv[-2:], normals=model.normals[-2:],
-        face_material=model.face_material[-2:],
-    )  # fmt: skip
+    materials = model.materials[1:]
+    alone = build_model(SHEET.vertices, SHEET.faces, uv=model.uv[-2:], materials=materials)
     with pytest.raises(UnusableModelError, match="the model is transparent"):
         normalize(alone)
 

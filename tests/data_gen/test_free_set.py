@@ -1,8 +1,5 @@
-"""The set of free models: choice, splits, licences and table."""
-
 import gzip
 import json
-import pathlib
 
 import numpy as np
 import pytest
@@ -13,18 +10,16 @@ from data_gen import free_set
 from data_gen.catalogues.open_catalogue import open_catalogue
 
 
-@pytest.mark.parametrize(
-    ("names", "family"),
-    [
-        (["Houses/MontserratHse2Green.ac", "Houses/MontserratHse3White.ac"], "montserrathse"),
-        (["cars/p406/p406.glb", "cars/p406/p406-lod7.glb"], "p406"),
-        (["Aircraft/F-15-lowpoly.ac", "F-15"], "f-15"),
-        (["Scopia/Scopia#scooter", "Scopia/Scopia#scooter2"], "scooter"),
-        (["7/7.ac"], "7"),
-    ],
-)  # fmt: skip
-def test_families_of_near_duplicates(names, family):
-    assert {free_set.family_of(n) for n in names} == {family}
+def test_families_of_near_duplicates():
+    families = {
+        "montserrathse": ["Houses/MontserratHse2Green.ac", "Houses/MontserratHse3White.ac"],
+        "p406": ["cars/p406/p406.glb", "cars/p406/p406-lod7.glb"],
+        "f-15": ["Aircraft/F-15-lowpoly.ac", "F-15"],
+        "scooter": ["Scopia/Scopia#scooter", "Scopia/Scopia#scooter2"],
+        "7": ["7/7.ac"],
+    }
+    for family, names in families.items():
+        assert {free_set.family_of(name) for name in names} == {family}
 
 
 def small(name="chairs", **changes):
@@ -48,10 +43,10 @@ def test_a_larger_part_holds_a_smaller_one():
     assert len({e.split for e in rest.models}) == 1
     assert len({e.split for e in free_set.select(small(), "").models}) == 3
     with pytest.raises(ValueError, match="no model is left"):
-        free_set.select(small(exclude=""".*"""), "")
+        free_set.select(small(exclude=".*"), "")
 
 
-def test_missing_packages_are_said_with_the_commands(tmp_path):
+def test_missing_packages_are_said_with_the_commands(write, tmp_path):
     known = list(free_set.SOURCES.values())
     lines = free_set.missing(known, tmp_path)
     assert "apt-get download sweethome3d-furniture" in lines
@@ -59,9 +54,7 @@ def test_missing_packages_are_said_with_the_commands(tmp_path):
     packages = [source for source in known if source.package not in ("", free_set.MESHES)]
     for source in packages:
         assert all(x.holders for x in source.licences if x.name != "see the package")
-        path = pathlib.Path(source.path(tmp_path))
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch()
+        write(source.path(tmp_path), "")
     assert free_set.missing(packages, tmp_path) == []
 
 
@@ -74,13 +67,11 @@ b/own.obj,,all rights reserved,Bob,,
 
 
 @pytest.fixture
-def meshes(tmp_path):
+def meshes(write, tmp_path):
     """A folder of packages with meshes of several licences."""
     for name in ("a/chair-1", "a/chair-2", "b/rock", "b/own"):
-        path = tmp_path / "meshes" / f"{name}.obj"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(CUBE + FACES)
-    (tmp_path / "meshes/index.csv").write_text(INDEX)
+        write(f"meshes/{name}.obj", CUBE + FACES)
+    write("meshes/index.csv", INDEX)
     return tmp_path
 
 
@@ -144,12 +135,11 @@ def test_a_share_of_the_views_goes_to_another_preset():
         free_set.plan(chosen, {"photo": 0.6, "angles": 0.5})
 
 
-def test_the_table(tmp_path):
-    documents = tmp_path / "thing/usr/share/doc/thing"
-    documents.mkdir(parents=True)
-    (documents / "copyright").write_text("All of it is free.")
-    with gzip.open(documents / "changelog.Debian.gz", "wb") as out:
-        out.write(b"thing (1:2.3-4) unstable; urgency=low\n")
+def test_the_table(write, tmp_path):
+    documents = "thing/usr/share/doc/thing"
+    write(f"{documents}/copyright", "All of it is free.")
+    changes = gzip.compress(b"thing (1:2.3-4) unstable; urgency=low\n")
+    write(f"{documents}/changelog.Debian.gz", changes)
     parts = free_set.plan([small(package="thing")], {"photo": 0.5})
     good = {"status": "ok", "reason": "", "split": "train"}
     bad = {"status": "refused", "split": "train", "samples": 0}

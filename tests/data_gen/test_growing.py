@@ -30,8 +30,7 @@ TEN = [f"m{k}" for k in range(10)]
 def listed(names, split=lambda name: "test" if name[-1] in "37" else "train", fractions=None):
     """A catalogue of given names."""
     entries = [
-        Entry(name, name.partition("/")[0] if "/" in name else "thing", split(name), lambda: None)
-        for name in names
+        Entry(name, name.rpartition("/")[0] or "thing", split(name), lambda: None) for name in names
     ]
     return Catalogue("listed", entries, fractions)
 
@@ -44,59 +43,51 @@ def record_of(model_id, category):
     return encode(dataclasses.replace(sample, category=category))
 
 
-class Pool:
-    """Makes samples of models, records their names, and stops after a number of models.
+@pytest.fixture(autouse=True, scope="module")
+def no_renderer():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(job, "choose_variant", lambda _: (Variant("none"), ""))
+        yield
+
+
+def make(out, names, *, options=OPTIONS, stop_after=None, first=lambda: None, **more):
+    """Does a job, which stops after a number of models; returns the names of those it made, too.
 
     A model with "refused" in its name is refused. `first` is called before the first model.
     """
+    made = []
 
-    def __init__(self, stop_after=None, first=lambda: None):
-        self.made, self._stop, self._first = [], stop_after, first
-
-    def __call__(self, tasks, context):
+    def render(tasks, context):
         for index, entry in tasks:
-            if len(self.made) == self._stop:
+            if len(made) == stop_after:
                 raise KeyboardInterrupt
-            if not self.made:
-                self._first()
-            self.made.append(entry.model_id)
-            line = failure(entry, "refused", "its name")
-            data = []
+            if not made:
+                first()
+            made.append(entry.model_id)
+            line, data = failure(entry, "refused", "its name"), []
             if "refused" not in entry.model_id:
                 line |= {"status": "ok", "reason": "", "samples": 1}
                 line["views"] = [{"inside": 1.0, "depth": 0.0, "luminance": 9.0}]
                 data = [record_of(entry.model_id, entry.category)]
             yield shards.Result(index, line, data)
 
-
-@pytest.fixture(autouse=True)
-def no_renderer(monkeypatch):
-    monkeypatch.setattr(job, "choose_variant", lambda _: (Variant("none"), ""))
-
-
-def make(out, names, *, options=OPTIONS, stop_after=None, first=lambda: None, **more):
-    renderer = Pool(stop_after, first)
     source = names if isinstance(names, Catalogue) else listed(names)
-    summary = job.render_catalogue(source, out, options, render=renderer, **more)
-    return summary, sorted(renderer.made)
+    summary = job.render_catalogue(source, out, options, render=render, **more)
+    return summary, sorted(made)
 
 
 def models_of(folder):
-    names = []
-    for split in load_manifest(folder).splits():
-        reader = RecordReader(folder, split)
+    readers = [RecordReader(folder, split) for split in load_manifest(folder).splits()]
+    for reader in readers:
         reader.verify()
-        names += [sample.model_id for sample in reader]
-    return sorted(names)
+    return sorted(sample.model_id for reader in readers for sample in reader)
 
 
 @pytest.fixture(scope="module")
-def once(tmp_path_factory):
+def once(no_renderer, tmp_path_factory):
     """The ten models, rendered at once."""
     out = tmp_path_factory.mktemp("growing") / "once"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(job, "choose_variant", lambda _: (Variant("none"), ""))
-        make(out, TEN)
+    make(out, TEN)
     return out
 
 
@@ -154,9 +145,8 @@ def test_a_larger_limit_goes_on(once, tmp_path):
 
 def test_models_that_come_between_the_old_ones(tmp_path):
     later = ["chair/0", "table/0", "chair/refused", "table/1", "chair/3", "table/2", "chair/4"]
-    earlier = [name for name in later if name.startswith("chair")]
     make(tmp_path / "once", later)
-    make(tmp_path / "grown", earlier)
+    make(tmp_path / "grown", [name for name in later if name.startswith("chair")])
     summary, made = make(tmp_path / "grown", later)
     assert made == ["table/0", "table/1", "table/2"]
     assert summary.statuses == {"ok": 6, "refused": 1}
@@ -228,9 +218,7 @@ class Killed(BaseException):
 
 
 @pytest.mark.parametrize("stride", [9, pytest.param(1, marks=pytest.mark.slow)])
-def test_a_kill_at_any_step_leaves_the_old_state_or_the_new_one(
-    stride, once, tmp_path, monkeypatch
-):
+def test_a_kill_at_any_step_leaves_the_old_or_the_new_state(stride, once, tmp_path, monkeypatch):
     make(tmp_path / "five", TEN[:5])
     write, rename, unlink = write_atomic, pathlib.Path.replace, pathlib.Path.unlink
     left = [0]

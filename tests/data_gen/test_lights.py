@@ -19,8 +19,7 @@ def test_one_lamp_is_found_where_it_is():
     found = lights.reduce(radiance, LightSettings(count=1), ambient=0.3, exposure=1.0)
     assert found.directions[0] @ toward[8, 20] > 0.99
     black = lights.reduce(0 * radiance, LightSettings(), ambient=0.3, exposure=1.0)
-    assert np.isfinite(black.colours).all()
-    assert black.colours.max() > 0
+    assert 0 < black.colours.max() < np.inf
 
 
 def test_exposure_is_the_brightness_of_white_in_full_light(rng):

@@ -1,5 +1,3 @@
-"""Rendering end to end. Skipped without Mitsuba; runs in scalar mode without LLVM."""
-
 import functools
 import json
 import os
@@ -14,7 +12,7 @@ from helpers import processes
 from helpers.commands import psgn_each
 from helpers.obj_text import CUBE, FACES
 from helpers.small_renders import SMALL, contents
-from helpers.solid_models import model_of
+from helpers.solid_models import model_of, squares, view
 
 from data_gen import cameras, engine, job, lights, pool, scene, settings
 from data_gen.catalogues import solids
@@ -22,7 +20,7 @@ from data_gen.catalogues.entry import Catalogue, Entry
 from data_gen.catalogues.open_catalogue import open_catalogue
 from data_gen.engine import Variant, choose_variant, has_mitsuba
 from data_gen.environment_maps import load_maps
-from data_gen.mesh import Material, build_model
+from data_gen.mesh import Material
 from data_gen.photograph import trace
 from data_gen.picture import Mesh, render
 from data_gen.render_model import Context
@@ -37,32 +35,6 @@ pytestmark = pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba is not instal
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "data_gen" / "config.py"
-
-
-def square(x, size=0.5, material=None, z=0.0):
-    """A square at a given x that faces +x."""
-    top = z + 2 * size
-    corners = np.array([[x, -size, z], [x, size, z], [x, size, top], [x, -size, top]])
-    faces = np.array([[0, 1, 2], [0, 2, 3]])
-    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)[faces]
-    return corners, faces, uv, material or Material()
-
-
-def build(*parts):
-    """A model of squares, each with its own material, which is not normalised."""
-    offset = 4 * np.arange(len(parts))
-    return build_model(
-        np.concatenate([p[0] for p in parts]),
-        np.concatenate([p[1] + o for p, o in zip(parts, offset, strict=True)]),
-        uv=np.concatenate([p[2] for p in parts]),
-        materials=[p[3] for p in parts],
-        face_material=np.repeat(np.arange(len(parts)), 2),
-    )
-
-
-def view(azimuth=0.0, size=(48, 64), elevation=20.0, **options):
-    values = {"distance": 3.6, "focal": 400.0, "roll": 0.0, "aim": 0.268, **options}
-    return cameras.make(image_size=size, azimuth=azimuth, elevation=elevation, **values)
 
 
 def flat_light():
@@ -97,25 +69,25 @@ def test_holes_show_what_is_behind_and_glass_is_part_of_the_object(started):
     texture[:, :2, 3] = 0
     holed = Material(diffuse=(1, 0, 0), texture=texture)
     green = Material(diffuse=(0, 1, 0))
-    near, far = square(0.4, 0.4, holed), square(-0.4, 0.15, green)
+    near, far = (0.4, 0.4, holed), (-0.4, 0.15, green)
     camera = view(elevation=10.0)
-    picture = shot(build(near, far), camera)
+    picture = shot(squares(near, far), camera)
     colours = {tuple(c) for c in picture.image[picture.mask].tolist()}
     assert {(255, 0, 0), (0, 255, 0)} <= colours
     behind = (picture.image == [0, 255, 0]).all(axis=-1)
     assert picture.depth[behind].min() > picture.depth[(picture.image == [255, 0, 0]).all(-1)].max()
     # A hole with nothing behind it is background.
-    alone = shot(build(near), camera)
-    assert 0 < alone.mask.sum() < 0.7 * shot(build(square(0.4, 0.4)), camera).mask.sum()
+    alone = shot(squares(near), camera)
+    assert 0 < alone.mask.sum() < 0.7 * shot(squares((0.4, 0.4, green)), camera).mask.sum()
     # Glass tints the surfaces behind it, and depth is that of the glass.
     glass = Material(diffuse=(0, 0, 1), opacity=0.5)
-    picture = shot(build(square(0.4, 0.4, glass), far), camera)
+    picture = shot(squares((0.4, 0.4, glass), far), camera)
     assert (picture.image[picture.mask] == [0, 128, 128]).all(axis=1).any()
     assert np.ptp(picture.depth[picture.mask]) < 0.3
 
 
 def test_soft_edges_blend_with_the_background(started):
-    black = build(square(0, 0.37, Material(diffuse=(0, 0, 0))))
+    black = squares((0, 0.37, Material(diffuse=(0, 0, 0))))
     hard = shot(black, view())
     assert (hard.image[~hard.mask] == 191).all()
     assert (hard.image[hard.mask] == 0).all()
@@ -145,7 +117,7 @@ def test_textures_are_upright_and_photos_have_the_same_holes(started):
     texture[..., :3] = (0, 0, 255)
     texture[:8, :, :3] = (255, 0, 0)  # red on top
     texture[:, :4, 3] = 0  # a hole on the left
-    surfaces = scene.flatten(build(square(0, 0.5, Material(diffuse=(1, 1, 1), texture=texture))))
+    surfaces = scene.flatten(squares((0, 0.5, Material(diffuse=(1, 1, 1), texture=texture))))
     shown = scene.Scene(surfaces, view(elevation=0.0), flat_light())
     local = render(Mesh(surfaces.corners), shown)
     around = Surroundings(np.ones((*lights.MAP_SIZE, 3)))
@@ -160,31 +132,18 @@ def test_textures_are_upright_and_photos_have_the_same_holes(started):
     assert ((opacity[..., 0] > 0.5) == local.mask).mean() > 0.97
 
 
-def write_hdr(path, values):
-    """A Radiance picture of grey values [H, W], each a power of two."""
-    exponent = np.log2(values).astype(int) + 129
-    pixels = np.stack([np.full_like(exponent, 128)] * 3 + [exponent], axis=-1)
-    size = f"-Y {len(values)} +X {len(values[0])}\n"
-    head = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n" + size
-    path.write_bytes(head.encode() + pixels.astype(np.uint8).tobytes())
-
-
-def test_environment_maps_of_a_folder(tmp_path):
-    values = np.ones((64, 128))
+def test_environment_maps_of_a_folder(started, tmp_path):
+    values = np.ones((64, 128, 3), np.float32)
     values[8:12, 32:40] = 256  # near the zenith, at a quarter of the way round
-    write_hdr(tmp_path / "a sky.hdr", values)
-
+    engine.mi.Bitmap(values).write(str(tmp_path / "a sky.hdr"))
     variant = Variant("scalar_rgb")
     (found,) = load_maps(str(tmp_path), variant, lights.MAP_SIZE)
     assert found.shape == (*lights.MAP_SIZE, 3)
     np.testing.assert_allclose(found[4:6, 16:20], 256)
     np.testing.assert_allclose(np.median(found), 1)
-    write_hdr(tmp_path / "ball.hdr", np.ones((64, 64)))
+    engine.mi.Bitmap(values[:, :64]).write(str(tmp_path / "ball.hdr"))
     with pytest.raises(ValueError, match=r"ball\.hdr.*expected a width of twice the height"):
         load_maps(str(tmp_path), variant, lights.MAP_SIZE)
-
-
-# --- The job ----------------------------------------------------------------------------------
 
 
 def options(**changes):
@@ -248,17 +207,12 @@ def test_killed_and_parted_gives_the_same_bytes(whole, here, tmp_path):
     assert not (out / ".work").exists()
 
 
-def write_folder(folder):
-    (folder / "good").mkdir(parents=True)
+def test_refused_models_have_reasons_and_do_not_stop_the_job(here, write, tmp_path):
     cube, latin = CUBE + FACES, os.fsdecode(b"latin\xe9")  # the latter is no UTF-8
     texts = {"café": cube, "empty": "", "nan": cube.replace("v 1", "v nan"), latin: cube}
     for name, text in texts.items():
-        (folder / "good" / f"{name}.obj").write_text(text)
-    return folder
-
-
-def test_refused_models_have_reasons_and_do_not_stop_the_job(here, tmp_path):
-    source = open_catalogue("folder", write_folder(tmp_path / "meshes"))
+        write(f"meshes/good/{name}.obj", text)
+    source = open_catalogue("folder", tmp_path / "meshes")
     summary = job.render_catalogue(source, tmp_path / "out", options(), render=here)
     assert summary.exit_code == 1
     assert summary.statuses == {"ok": 2, "refused": 2}
@@ -290,9 +244,7 @@ time.sleep(60)
 
 @pytest.mark.slow
 def test_crash_timeout_and_memory_end_with_their_model(tmp_path):
-    limits = {
-        **SMALL["job"], "workers": 2, "seconds_per_model": 6.0, "megabytes_per_worker": 700,
-    }  # fmt: skip
+    limits = SMALL["job"] | {"workers": 2, "seconds_per_model": 6.0, "megabytes_per_worker": 700}
     (good,) = open_catalogue("procedural", "table=1").models
     loaders = {
         "abort": os.abort,

@@ -1,5 +1,3 @@
-"""Models with missing faces, and the checks of views."""
-
 import dataclasses
 import json
 

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from helpers.solid_models import joined, model_of
+from helpers.solid_models import joined, model_of, squares
 
 from data_gen.catalogues import solids
 from data_gen.frame import normalize
@@ -22,30 +22,21 @@ def test_samples_are_uniform_by_area():
     assert sample.points.dtype == sample.normals.dtype == np.float32
 
 
-def square(texture, opacity=1.0):
-    """A unit square in the plane z = 0 whose texture covers it once."""
-    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
-    faces = np.array([[0, 1, 2], [0, 2, 3]])
-    return build_model(
-        np.column_stack([corners, np.zeros(4)]), faces, uv=corners[faces],
-        materials=[Material(texture=texture, opacity=opacity)],
-    )  # fmt: skip
-
-
 def test_holes_of_an_alpha_map_have_no_points_and_glass_has_some():
     texture = np.full((8, 8, 4), 255, np.uint8)
     texture[:4, :, 3] = 0  # the upper half: v > 1/2
     texture[6:, :4, 3] = 10  # nearly clear: lower left
-    sample = sample_surface(square(texture), 4000, 0)
+    sample = sample_surface(squares((0, 0.5, Material(texture=texture))), 4000, 0)
     assert len(sample.points) == 4000
-    assert sample.points[:, 1].max() <= 0.5
-    left = sample.points[:, 0] < 0.5
-    assert sample.points[left, 1].min() >= 0.25
+    assert sample.points[:, 2].max() <= 0.5
+    left = sample.points[:, 1] < 0
+    assert sample.points[left, 2].min() >= 0.25
     assert left.mean() == pytest.approx(1 / 3, abs=0.03)
-    assert len(sample_surface(square(texture, 0.3), 100, 0).points) == 100
+    glass = squares((0, 0.5, Material(texture=texture, opacity=0.3)))
+    assert len(sample_surface(glass, 100, 0).points) == 100
     texture[..., 3] = 0
     with pytest.raises(UnusableModelError, match="almost all"):
-        sample_surface(square(texture), 100, 0)
+        sample_surface(squares((0, 0.5, Material(texture=texture))), 100, 0)
 
 
 def test_surfaces_that_lie_on_one_another_have_one_density():
@@ -59,19 +50,15 @@ def test_surfaces_that_lie_on_one_another_have_one_density():
     assert left / (1 - left) == pytest.approx(1, abs=0.05)
 
 
-@pytest.mark.parametrize("case", ["doubled", "inside out", "open below"])
-def test_normals_point_outward_where_the_mesh_can_tell(case):
+def test_normals_point_outward_where_the_mesh_can_tell():
     ball = solids.ball(2, 2, 2, 24)
     back = ball.faces[:, ::-1]
-    faces = {
-        "doubled": np.concatenate([back, ball.faces]),
-        "inside out": back,
-        "open below": back[ball.vertices[back][..., 2].max(axis=1) > -0.8],
-    }
-    model = normalize(build_model(ball.vertices, faces[case]))
-    sample = sample_surface(model, 4000, 0)
-    outward = sample.points - [0, 0, sample.points[:, 2].max() / 2]
-    assert ((outward * sample.normals).sum(axis=1) > 0).mean() > 0.99
+    doubled = np.concatenate([back, ball.faces])
+    open_below = back[ball.vertices[back][..., 2].max(axis=1) > -0.8]
+    for faces in (doubled, back, open_below):
+        sample = sample_surface(normalize(build_model(ball.vertices, faces)), 4000, 0)
+        outward = sample.points - [0, 0, sample.points[:, 2].max() / 2]
+        assert ((outward * sample.normals).sum(axis=1) > 0).mean() > 0.99
 
 
 def test_an_inner_wall_keeps_its_normals():

@@ -1,7 +1,8 @@
-"""Variants of models with other proportions."""
+import itertools
 
 import numpy as np
 import pytest
+from helpers.obj_text import CUBE, FACES
 
 from data_gen.catalogues import proportions
 from data_gen.catalogues.entry import original_name
@@ -9,22 +10,13 @@ from data_gen.catalogues.open_catalogue import open_catalogue, parse_options
 from data_gen.free_set import Licence, Source, select
 from data_gen.mesh import face_normals
 
-BOX = np.array([(x, y, z) for x in (0, 1) for y in (0, 2) for z in (0, 3)], float)
-SIDES = ["1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"]
 
-
-def write_box(path, points=BOX):
-    lines = ["v " + " ".join(map(str, p)) for p in points] + [f"f {side}" for side in SIDES]
-    path.write_text("\n".join(lines))
-
-
-def test_meshes_have_variants_with_the_split_of_their_model(tmp_path):
+def test_meshes_have_variants_with_the_split_of_their_model(write, tmp_path):
     for number in range(12):
-        write_box(tmp_path / f"{number}.obj")
+        write(f"{number}.obj", CUBE + FACES)
     splits = {m.model_id: m.split for m in open_catalogue("folder", tmp_path).models}
     assert len(set(splits.values())) > 1
-    options = parse_options("folder", ["variants=3"])
-    entries = open_catalogue("folder", tmp_path, **options).models
+    entries = open_catalogue("folder", tmp_path, **parse_options("folder", ["variants=3"])).models
     assert len({e.model_id for e in entries}) == len(entries) == 36
     assert all(e.split == splits[original_name(e.model_id)] for e in entries)
     extents = set()
@@ -43,8 +35,7 @@ def test_meshes_have_variants_with_the_split_of_their_model(tmp_path):
     assert len(extents) == 3
 
 
-def test_normals_of_a_stretched_ball_are_those_of_an_ellipsoid(tmp_path):
-    trimesh = pytest.importorskip("trimesh")
+def test_normals_of_a_stretched_ball_are_those_of_an_ellipsoid(trimesh, tmp_path):
     trimesh.creation.icosphere(4).export(tmp_path / "ball.ply", vertex_normal=True)
     (entry,) = open_catalogue("folder", tmp_path, variants=1, deviation=0.4).models
     model = entry.load()
@@ -52,9 +43,9 @@ def test_normals_of_a_stretched_ball_are_those_of_an_ellipsoid(tmp_path):
     assert (flat * model.normals.mean(axis=1)).sum(axis=1).min() > 0.9
 
 
-def test_variants_of_a_source_keep_its_families(tmp_path):
+def test_variants_of_a_source_keep_its_families(write, tmp_path):
     for name in ("stool", "stool2", "table", "lamp", "sofa", "bed"):
-        write_box(tmp_path / f"{name}.obj")
+        write(f"{name}.obj", CUBE + FACES)
     source = Source(
         "boxes", "folder", views=1, licences=(Licence("MIT"),), place=str(tmp_path), families=True
     )
@@ -65,15 +56,15 @@ def test_variants_of_a_source_keep_its_families(tmp_path):
     assert models["stool.obj"] == models["stool2.obj"]
 
 
-@pytest.mark.parametrize(("option", "message"), [
-    ({"variants": -1}, "variants: got -1, expected 0 or more"),
-    ({"variants": 2, "deviation": 1.5}, "deviation: got 1.5, expected a number above 0, up to 1"),
-    ({"deviation": 0.3}, "deviation: got 0.3, which has no effect without variants"),
-])  # fmt: skip
-def test_wrong_options_are_named(tmp_path, option, message):
-    write_box(tmp_path / "a.obj")
-    with pytest.raises(ValueError, match=message):
-        open_catalogue("folder", tmp_path, **option)
+def test_wrong_options_are_named(write, tmp_path):
+    write("a.obj", CUBE + FACES)
+    for message, option in {
+        "variants: got -1, expected 0 or more": {"variants": -1},
+        "deviation: got 1.5, expected a number above 0": {"variants": 2, "deviation": 1.5},
+        "deviation: got 0.3, which has no effect without variants": {"deviation": 0.3},
+    }.items():
+        with pytest.raises(ValueError, match=message):
+            open_catalogue("folder", tmp_path, **option)
 
 
 def test_proportions_keep_planes_and_symmetry():
@@ -81,7 +72,8 @@ def test_proportions_keep_planes_and_symmetry():
     turn = np.array([[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1]])
     points = rng.uniform(-1, 1, (6000, 3)) * [0.3, 0.45, 0.25]
     points[np.arange(6000), rng.integers(0, 3, 6000)] = 0.25  # some planes inside
-    points = np.concatenate([points, (BOX / [0.5, 1, 1.5] - 1) * [0.3, 0.45, 0.25]]) @ turn.T
+    ends = list(itertools.product((-0.3, 0.3), (-0.45, 0.45), (-0.25, 0.25)))
+    points = np.concatenate([points, ends]) @ turn.T
     change, axes = proportions.random_proportions(points, "a variant", 0.3)
     changed = change(points)
     assert changed[:, 2].min() == 0

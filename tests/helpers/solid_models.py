@@ -1,7 +1,8 @@
-"""Models of plain solids."""
+"""Models of plain solids, and a camera."""
 
 import numpy as np
 
+from data_gen import cameras
 from data_gen.catalogues import solids
 from data_gen.mesh import build_model
 
@@ -16,6 +17,28 @@ def cube(size=1.0):
 
 def sphere(sides=32):
     return solids.ball(2, 2, 2, sides)
+
+
+def squares(*parts):
+    """A model of squares that face +x, each of an x, half a side and a material."""
+    shape = np.array([[0, -1, 0], [0, 1, 0], [0, 1, 2], [0, -1, 2]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)[faces]
+    return build_model(
+        np.concatenate([shape * half + [x, 0, 0] for x, half, _ in parts]),
+        np.concatenate([faces + 4 * k for k in range(len(parts))]),
+        uv=np.tile(uv, (len(parts), 1, 1)),
+        materials=[material for _, _, material in parts],
+        face_material=np.repeat(np.arange(len(parts)), 2),
+    )
+
+
+def view(azimuth=0.0, elevation=20.0, size=(48, 64), **changes):
+    """The authors' camera, apart from what is given, for a small picture."""
+    usual = {"distance": 3.6, "focal": 400.0, "roll": 0.0, "aim": 0.268}
+    return cameras.make(
+        image_size=size, azimuth=azimuth, elevation=elevation, **{**usual, **changes}
+    )
 
 
 def joined(*solids_):

@@ -36,8 +36,7 @@ def test_links_that_lead_out_are_not_followed(write, tmp_path):
     (tmp_path / "root" / "out.png").symlink_to(secret)
     (tmp_path / "root" / "linked.png").symlink_to("in.png")
     write("root/m.mtl", "newmtl a\nmap_Kd out.png\nnewmtl b\nmap_Kd linked.png\n")
-    text = f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}usemtl b\n{FACES}"
-    write("root/a.obj", text)
+    write("root/a.obj", f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}usemtl b\n{FACES}")
     model = load_model("a.obj", FolderFiles(tmp_path / "root"))
     assert model.materials[0].texture is None
     assert model.materials[1].texture[0, 0].tolist() == [0, 255, 0, 255]
