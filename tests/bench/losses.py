@@ -1,15 +1,14 @@
 """Times the Chamfer and the earth mover's distance, and other implementations of them.
 
     python tests/bench/losses.py [--data ../shared/psgn_batches] [--pairs 32]
-        [--only cd emd tolerances] [--sizes 1024x1024 ..] [--emd_sizes 1024 ..]
-        [--kinds near far init dup grid] [--leave_out naive torch ..]
+        [--only cd emd tolerances] [--sizes 1024x1024 ..] [--emd_sizes 1024 ..] [--emd_pairs 4]
+        [--kinds near far init dup grid]
 
 All rows use the same clouds in the same run. `cKDTree` is SciPy's, both directions, forward only,
 with one thread; every time is also given relative to it. Seconds are the CPU seconds of the process
-(the least of several calls), which other programs on the machine affect less than the wall clock;
-on one core (`taskset -c 0`) both are nearly equal. Libraries that run on a GPU (this package, ott
-and torch, if there is a GPU) are measured by the wall clock. Memory is what XLA reserves in
-addition to arguments and results; for torch, the size of its matrices, marked with ~.
+(the least of several calls), which other programs on the machine affect less than the wall clock.
+Memory is what XLA reserves in addition to arguments and results; for torch, the size of its
+matrices, marked with ~.
 
 Kinds: near = two disjoint subsets of one cloud, far = clouds of two objects, init = all predictions
 within 1e-3 of the origin, dup = far with eight copies of every point on average, grid = far,
@@ -27,8 +26,6 @@ import functools
 import importlib.util
 import itertools
 import pathlib
-import subprocess
-import sys
 import time
 import zlib
 
@@ -62,10 +59,9 @@ def default_clouds(pairs):
     return np.stack([reader[i].points for i in range(min(pairs, len(reader)))])
 
 
-def seconds(call, budget, gpu=None):
+def seconds(call, budget=2.0):
     """Least time of a call; it is called at least twice, then until the budget is spent."""
-    gpu = jax.default_backend() != "cpu" if gpu is None else gpu
-    clock = time.perf_counter if gpu else time.process_time
+    clock = time.process_time if jax.default_backend() == "cpu" else time.perf_counter
     jax.block_until_ready(call())
     times, begin = [], time.perf_counter()
     while len(times) < 2 or (time.perf_counter() - begin < budget and len(times) < 30):
@@ -78,12 +74,10 @@ def seconds(call, budget, gpu=None):
 def ckdtree(a, b):
     from scipy.spatial import cKDTree
 
-    return np.array(
-        [
-            np.square(cKDTree(y).query(x)[0]).mean() + np.square(cKDTree(x).query(y)[0]).mean()
-            for x, y in zip(a, b, strict=True)
-        ]
-    )
+    def directed(x, y):
+        return np.square(cKDTree(y).query(x)[0]).mean()
+
+    return np.array([directed(x, y) + directed(y, x) for x, y in zip(a, b, strict=True)])
 
 
 def naive(pred, gt):
@@ -91,7 +85,7 @@ def naive(pred, gt):
     return d.min(1).mean() + d.min(0).mean()
 
 
-def cd_jax(batch, a, b, budget):
+def cd_jax(batch, a, b, budget=2.0):
     """Seconds forward, seconds forward and backward, values, memory in MB."""
     a, b = jnp.asarray(a), jnp.asarray(b)
     forward = jax.jit(batch).lower(a, b).compile()
@@ -102,14 +96,12 @@ def cd_jax(batch, a, b, budget):
     return one, two, np.asarray(forward(a, b), np.float64), ", ".join(memory)
 
 
-def cd_torch(a, b, budget):
-    """Like `cd_jax`, with `torch.cdist`."""
+def cd_torch(a, b):
+    """Like `cd_jax`, with `torch.cdist` on a CPU."""
     import torch
 
     torch.set_num_threads(1)  # like the others; PyTorch's threads use CPU time while they wait
-    device = "cuda" if torch.cuda.is_available() else "cpu"
-    a, b = (torch.tensor(x, device=device) for x in (a, b))
-    a.requires_grad_()
+    a, b = torch.tensor(a, requires_grad=True), torch.tensor(b)
 
     def forward():
         d = torch.cdist(a, b)
@@ -119,28 +111,10 @@ def cd_torch(a, b, budget):
         a.grad = None
         forward().sum().backward()
 
-    def timed(call):
-        def done():
-            call()
-            if device == "cuda":
-                torch.cuda.synchronize()
-
-        return seconds(done, budget, device == "cuda")
-
     with torch.no_grad():
-        value, one = forward().cpu().numpy(), timed(forward)
+        value, one = forward().numpy(), seconds(lambda: forward() is None)
     needs = len(a) * a.shape[1] * b.shape[1] * 4 / 1e6
-    return one, timed(both), value, f"~{needs:.1f}, {2 * needs:.1f}"
-
-
-def import_seconds():
-    """Time of `import psgn_jax.losses` in a fresh interpreter that has imported jax."""
-    code = (
-        "import jax, jax.numpy, time; t = time.perf_counter(); import psgn_jax.losses;"
-        "print(time.perf_counter() - t)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    return float(done.stdout)
+    return one, seconds(both), value, f"~{needs:.1f}, {2 * needs:.1f}"
 
 
 def make_pairs(whole, pairs, n, m, kind, rng):
@@ -163,16 +137,15 @@ def make_pairs(whole, pairs, n, m, kind, rng):
     return a.astype(np.float32), b.astype(np.float32)
 
 
-def clocked(call, arguments, gpu=False):
+def clocked(call, arguments):
     """Results for all arguments, CPU seconds (scipy, POT and lapx use one thread)."""
-    clock = time.perf_counter if gpu else time.process_time
-    start = clock()
+    start = time.process_time()
     results = [call(*x) for x in arguments]
-    return results, clock() - start
+    return results, time.process_time() - start
 
 
-def emd_ours(batch, a, b, budget):
-    """(forward s, forward+backward s, sums, gaps, bids, extra MB) of `vmap` or `map_pairs`."""
+def emd_ours(batch, a, b, budget=2.0):
+    """(forward s, forward+backward s, sums, gaps, bids, extra MB) of `map_pairs`."""
     a, b = jnp.asarray(a), jnp.asarray(b)
     solve = jax.jit(batch(losses.matched_distances)).lower(a, b).compile()
     total = jax.value_and_grad(lambda a, b: batch(losses.emd_sum)(a, b).sum())
@@ -204,8 +177,7 @@ def emd_sinkhorn(a, b, relative):
         return (out.matrix * geometry.cost_matrix).sum() * len(x), out.n_iters
 
     call = one.lower(a[0], b[0]).compile()
-    gpu = jax.default_backend() != "cpu"
-    found, spent = clocked(lambda x, y: jax.device_get(call(x, y)), zip(a, b, strict=True), gpu)
+    found, spent = clocked(lambda x, y: jax.device_get(call(x, y)), zip(a, b, strict=True))
     return np.array([x for x, _ in found]), np.array([x for _, x in found]), spent
 
 
@@ -226,10 +198,8 @@ EXACT = {"ot": ("POT emd2", pot), "lap": ("lapx lapjv", lapx)}
 """Package -> name, and function from a matrix of costs to the least sum."""
 
 
-def wanted(args, package):
-    """Whether a row is to be measured; `package` is installed, or is no package."""
-    known = package in ("naive", "map", "vmap") or importlib.util.find_spec(package)
-    return known and package not in args.leave_out
+def installed(package):
+    return importlib.util.find_spec(package) is not None
 
 
 def print_row(*cells):
@@ -247,23 +217,20 @@ def cd_table(args, whole):
         "size", "kind", "version", "fwd s", "fwd+bwd s", "fwd / tree", "fwd+bwd / tree",
         "extra MB fwd, fwd+bwd", "mean error", "max error",
     )  # fmt: skip
-    versions = {
-        "map": losses.map_pairs(losses.chamfer_sq_mean, platform="cpu"),
-        "vmap": jax.vmap(losses.chamfer_sq_mean),
-        "naive": jax.vmap(naive),
+    measures = {
+        "map": functools.partial(cd_jax, losses.map_pairs(losses.chamfer_sq_mean, platform="cpu")),
+        "naive": functools.partial(cd_jax, jax.vmap(naive)),
     }
-    measures = {name: functools.partial(cd_jax, batch) for name, batch in versions.items()}
-    measures["torch"] = cd_torch
+    if installed("torch"):
+        measures["torch"] = cd_torch
     for size, kind in itertools.product(args.sizes, args.kinds):
         n, m = (int(x) for x in size.split("x"))
         a, b = make_pairs(whole, len(whole), n, m, kind, np.random.default_rng(0))
         truth = ckdtree(a, b)
-        tree = seconds(lambda a=a, b=b: ckdtree(a, b) is None, args.budget, gpu=False)
+        tree = seconds(lambda a=a, b=b: ckdtree(a, b) is None)
         print_row(size, kind, "cKDTree", f"{tree:.3f}", "", 1, "", "", "", "")
         for name, measure in measures.items():
-            if not wanted(args, name):
-                continue
-            one, both, value, memory = measure(a, b, args.budget)
+            one, both, value, memory = measure(a, b)
             error = np.abs(value / truth - 1)
             print_row(
                 size, kind, name, f"{one:.3f}", f"{both:.3f}", f"{one / tree:.2f}",
@@ -284,15 +251,11 @@ def emd_table(args, whole):
         pairs = max(min(args.emd_pairs, len(whole)), len(whole) * 1024**2 // max(n, 1024) ** 2)
         a, b = make_pairs(whole, pairs, n, n, kind, np.random.default_rng(0))
         k = min(args.emd_pairs, pairs)
-        best, matrices, base = [], [], 0.0
-        for x, y in zip(a.astype(np.float64), b.astype(np.float64), strict=True):
-            d = cdist(x, y)
-            (match,), spent = clocked(linear_sum_assignment, [(d,)])
-            base += spent / pairs
-            best.append(d[match].sum())
-            matrices += [(d,)] if len(matrices) < k else []
-
-        best = np.array(best)
+        matrices = [(cdist(x, y),) for x, y in zip(a.astype("f8"), b.astype("f8"), strict=True)]
+        matches, spent = clocked(linear_sum_assignment, matrices)
+        base = spent / pairs
+        best = np.array([d[match].sum() for (d,), match in zip(matrices, matches, strict=True)])
+        del matrices[k:]
 
         def show(name, one, sums, *, both=None, gap="", bids=None, memory=None,
                  n=n, kind=kind, best=best, base=base):  # fmt: skip
@@ -305,22 +268,19 @@ def emd_table(args, whole):
             )  # fmt: skip
 
         show("scipy", base, best)
-        cpu = functools.partial(losses.map_pairs, platform="cpu")
-        for name, batch in {"map": cpu, "vmap": jax.vmap}.items():
-            if wanted(args, name):
-                one, both, sums, gap, bids, memory = emd_ours(batch, a, b, args.budget)
-                more = {"both": both / pairs, "gap": f"{gap.max():.2%}", "bids": bids / n}
-                show(f"ours, {name}", one / pairs, sums, memory=memory, **more)
+        batch = functools.partial(losses.map_pairs, platform="cpu")
+        one, both, sums, gap, bids, memory = emd_ours(batch, a, b)
+        more = {"gap": f"{gap.max():.2%}", "bids": bids / n, "memory": memory}
+        show("ours, map", one / pairs, sums, both=both / pairs, **more)
         for package, (name, solve) in EXACT.items():
-            if wanted(args, package):
+            if installed(package):
                 solve(matrices[0][0])  # compiles, or imports
                 sums, spent = clocked(solve, matrices)
                 show(name, spent / k, sums)
-        if wanted(args, "ott"):
-            for relative in args.sinkhorn:
-                sums, rounds, spent = emd_sinkhorn(a[:k], b[:k], relative)
-                # One iteration is a pass over the n rows of the matrix: one row per point.
-                show(f"ott Sinkhorn {relative:g}", spent / k, sums, bids=rounds)
+        for relative in (0.02, 0.005) if installed("ott") else ():
+            sums, rounds, spent = emd_sinkhorn(a[:k], b[:k], relative)
+            # One iteration is a pass over the n rows of the matrix: one row per point.
+            show(f"ott Sinkhorn {relative:g}", spent / k, sums, bids=rounds)
 
 
 def tolerances_table(args, whole):
@@ -353,12 +313,8 @@ def main():
     every = ["near", "far", "init", "dup", "grid"]
     parser.add_argument("--kinds", nargs="+", default=every, choices=every)
     parser.add_argument("--emd_pairs", type=int, default=4, help="pairs for the slow libraries")
-    parser.add_argument("--sinkhorn", nargs="*", type=float, default=[0.02, 0.005])
-    parser.add_argument("--budget", type=float, default=2.0, help="seconds spent on each figure")
-    parser.add_argument("--leave_out", nargs="*", default=[], help="map vmap naive torch ot lap ..")
     args = parser.parse_args()
     print(f"{jax.devices()[0].device_kind}, jax {jax.__version__}, {args.pairs} pairs, float32")
-    print(f"import psgn_jax.losses beyond jax: {import_seconds():.2f} s")
     real = args.data.is_dir()
     print(f"clouds: {'authors batches' if real else 'default data set'}")
     whole = real_clouds(args.data, args.pairs) if real else default_clouds(args.pairs)

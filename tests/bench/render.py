@@ -1,7 +1,6 @@
 """Images per second of the data stage on one core, and a worker's peak memory.
 
-    python tests/bench/render.py [--catalogue procedural] [--source 4] [--models 30] [--views 4]
-                                 [--variant auto]
+    python tests/bench/render.py [--catalogue procedural] [--source 4] [--models 30]
 
 Renders models spread over a catalogue in this process, with one thread. All steps are included:
 reading the mesh, points, pictures, checks, occupancy, encoding. Prints images per second of
@@ -19,8 +18,9 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 from data_gen import engine, settings  # noqa: E402
 from data_gen.catalogues.open_catalogue import open_catalogue  # noqa: E402
-from data_gen.engine import choose_variant  # noqa: E402
 from data_gen.render_model import Context, render_model  # noqa: E402
+
+VIEWS = 4
 
 
 def main():
@@ -28,17 +28,14 @@ def main():
     parser.add_argument("--catalogue", default="procedural")
     parser.add_argument("--source", default="4")
     parser.add_argument("--models", type=int, default=30)
-    parser.add_argument("--views", type=int, default=4)
-    parser.add_argument("--variant", default="auto", choices=["auto", "llvm", "scalar"])
     arguments = parser.parse_args()
-    variant, message = choose_variant(arguments.variant)
+    variant, message = engine.choose_variant("auto")
     print(variant.name, message)
     os.environ["DRJIT_LIBLLVM_PATH"] = variant.libllvm
     engine.start(variant.name)
     entries = list(open_catalogue(arguments.catalogue, arguments.source).models)
     chosen = entries[:: max(1, len(entries) // arguments.models)][: arguments.models]
-    options = settings.Settings(views=arguments.views)
-    context = Context(options, arguments.catalogue, variant, None)
+    context = Context(settings.Settings(views=VIEWS), arguments.catalogue, variant, None)
     render_model(chosen[0], context)  # not timed: the first model also compiles and loads modules
     models, images = [], 0
     wall, cpu = time.perf_counter(), time.process_time()
@@ -51,7 +48,7 @@ def main():
     print(f"{images} images of {len(chosen)} models")
     print(f"{images / wall:.2f} images/s of wall-clock time, {images / cpu:.2f} of CPU time")
     for seconds, name, faces in sorted(models)[-3:]:
-        print(f"slowest: {name}, {faces} faces: {seconds:.2f} s for {arguments.views} views")
+        print(f"slowest: {name}, {faces} faces: {seconds:.2f} s for {VIEWS} views")
     print(f"peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
 
 
