@@ -48,10 +48,11 @@ from PIL import Image
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
-from helpers import drawn_solids, processes  # noqa: E402
+from helpers import drawn_solids, processes, standin  # noqa: E402
 from helpers import weights as tiny  # noqa: E402
 from helpers.obj_text import CUBE, FACES, png  # noqa: E402
-from helpers.small_runs import quick_environment  # noqa: E402
+from helpers.shapenet_trees import write_r2n2  # noqa: E402
+from helpers.small_runs import quick_environment, write_config, write_solids  # noqa: E402
 
 from data_gen.mesh import UnusableModelError  # noqa: E402
 from data_gen.readers.load import load_model  # noqa: E402
@@ -77,35 +78,19 @@ def make_commands(work):
     Returns name -> (arguments of Python, those of a command that reads a damaged result). `{out}`
     is the folder of the result.
     """
-    splits = {
-        "train": drawn_solids.samples(10, seed=0, image_size=(16, 32)),
-        "validation": drawn_solids.samples(5, seed=1, image_size=(16, 32)),
-    }
-    write_dataset(work / "records", splits, source="solids", records_per_shard=4)
-    photos = work / "photos"
+    write_solids(work / "records")
+    write_r2n2(work / "r2n2")
+    photos, meshes = work / "photos", work / "meshes"
     photos.mkdir()
-    for number in range(4):
-        picture = Image.new("RGB", (80, 60), (191, 191, 191))
-        picture.paste((200, 60, 20 * number), (20, 15, 50 + number, 45))
-        picture.save(photos / f"{number}.png")
-    meshes = work / "meshes"
     meshes.mkdir()
-    for name in "abc":
-        (meshes / f"{name}.obj").write_text(CUBE + FACES)
-    authors = work / "authors"
-    authors.mkdir()
     for number in range(4):
-        (authors / f"{number}.gz").write_bytes(_batch_of_noise(number))
-    train = [
-        "-m", "psgn_jax.main", "--config=configs/debug.py", "--workdir={out}",
-        f"--config.data.path={work / 'records'}", "--config.model.widths=(4,8,16)",
-        "--config.model.fc_points=8", "--config.model.fc_widths=(8,)",
-        "--config.model.deconv_level=1", "--config.data.image_size=(16,32)",
-        "--config.data.num_points=32", "--config.data.num_eval_points=32",
-        "--config.eval.max_samples=4", "--config.eval.batch_size=4", "--config.train.steps=24",
-        "--config.train.batch_size=4", "--config.train.checkpoint_every=4",
-        "--config.train.eval_every=8", "--config.train.images_every=0",
-    ]  # fmt: skip
+        picture(number).save(photos / f"{number}.png")
+        (meshes / f"{number}.obj").write_text(CUBE + FACES)
+    config = standin.config(
+        data__path=str(work / "records"), train__steps=24, train__checkpoint_every=4
+    )
+    file = write_config(work / "tiny.py", config)
+    train = ["-m", "psgn_jax.main", f"--config={file}", "--workdir={out}"]
     render = [
         "data_gen/render.py", "--catalogue=folder", f"--source={meshes}", "--out={out}",
         "--config.views=1", "--config.job.workers=1", "--config.models_per_shard=1",
@@ -119,25 +104,17 @@ def make_commands(work):
         "train": (train, (*psgn, "evaluate", "--workdir={out}")),
         "train, 2 workers": ([*train, "--config.data.num_workers=2"], ()),
         "render": (render, read_records),
-        "convert": ([*psgn, "convert", "authors", str(authors), "{out}"], read_records),
+        "convert": ([*psgn, "convert", "r2n2", str(work / "r2n2"), "{out}"], read_records),
         "predict": ([*psgn, "predict", str(photos), run, "--out={out}"], ()),
         "evaluate": ([*psgn, "evaluate", run, "--out={out}/t", "--report={out}/gallery"], ()),
     }
 
 
-def _batch_of_noise(seed):
-    """A file in the layout of the authors' batches."""
-    rng = np.random.default_rng(seed)
-    depth = np.zeros((32, 192, 256), np.uint16)
-    depth[:, 60:120, 80:180] = rng.integers(1, 65535, (32, 1, 1))
-    colour = np.full((32, 192, 256, 3), 191, np.uint8)
-    colour[depth > 0] = (10, 20, 200)
-    rotation = np.repeat(np.eye(3, dtype=np.float32)[None], 32, axis=0)
-    points = rng.integers(0, 256, (32, 16384, 3), np.uint8)
-    other = np.zeros((32, 1024, 4), np.uint16)
-    names = "\n".join(f"a{seed:03d}{i:028x}" for i in range(32))
-    arrays = (colour, depth, rotation, points, other)
-    return zlib.compress(b"".join(a.tobytes() for a in arrays) + names.encode(), 1)
+def picture(number=0):
+    """An object before the authors' grey."""
+    image = Image.new("RGB", (80, 60), (191, 191, 191))
+    image.paste((200, 60, 20 * number), (20, 15, 50 + number, 45))
+    return image
 
 
 def result_of(out):
@@ -173,9 +150,7 @@ class Campaign:
     """The inputs, the commands and their undisturbed results, in a folder."""
 
     def __init__(self, work, rng):
-        self.work = work
-        self.rng = rng
-        self.log = work / "log"
+        self.work, self.rng, self.log = work, rng, work / "log"
         self.environment = quick_environment(work) | {"PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"}
         self.commands = make_commands(work)
         self.results = {}
@@ -216,10 +191,8 @@ class Campaign:
 
     def kill(self, out):
         name = self.rng.choice(list(self.commands))
-        numbers = [signal.SIGKILL] * 4
-        if name.startswith("train"):
-            numbers += [signal.SIGTERM, signal.SIGINT]
-        kind = ""
+        others = [signal.SIGTERM, signal.SIGINT] if name.startswith("train") else []
+        numbers = [signal.SIGKILL] * 4 + others
         for _ in range(self.rng.randint(1, 3)):
             number, send = self.rng.choice(numbers), self.rng.choice((os.kill, os.killpg))
             kind = f"{name}: {number.name} to the {'group' if send is os.killpg else 'process'}"
@@ -249,8 +222,7 @@ class Campaign:
             "short write": ("s", 0, {0, 2, 5}),
             "kill": ("k", 0, {0, 2, -9}),
         }
-        name = self.rng.choice(list(self.commands))
-        fault = self.rng.choice(list(faults))
+        name, fault = self.rng.choice(list(self.commands)), self.rng.choice(list(faults))
         letter, number, codes = faults[fault]
         at = int(2 ** self.rng.uniform(0, 8))
         kind = f"{name}: {fault}"
@@ -270,7 +242,7 @@ class Campaign:
         file = self.rng.choice(sorted(p for p in out.rglob("*") if p.is_file()))
         data = file.read_bytes()
         damages = {
-            "a bit flipped": flipped(self.rng, data),
+            "bytes changed": mutated(self.rng, data),
             "cut off": data[: self.rng.randrange(len(data) + 1)],
             "zeros": bytes(len(data)),
             "noise": self.rng.randbytes(self.rng.randrange(1, 5000)),
@@ -293,18 +265,12 @@ class Campaign:
         return kind, ""
 
 
-def flipped(rng, data):
-    """A file with one bit changed."""
-    if not data:
-        return b"x"
-    at = rng.randrange(len(data))
-    return data[:at] + bytes([data[at] ^ 1 << rng.randrange(8)]) + data[at + 1 :]
-
-
 # --- Hostile input -----------------------------------------------------------------------------
 
 SECONDS, MEMORY = 20, 2 << 30
 """Bounds on reading one input: time, and growth of the peak memory in bytes."""
+
+IMAGE_FORMATS = ("PNG", "JPEG", "GIF", "BMP", "TIFF", "WEBP", "PPM", "TGA")
 
 _WORDS = (
     b"0", b"-1", b"1e300", b"nan", b"inf", b"99999999999999999999", b"[" * 2000, b"\0", b"\xff",
@@ -373,15 +339,11 @@ def hostile_inputs(folder):
     material = b"newmtl a\nKd 1 0 0\nmap_Kd -s 1 1 x.png\nd 0.5\nnewmtl b\nKd .1 .2 .3\n"
     shape = f"mtllib m.mtl\n{CUBE}vt 0 0\nusemtl a\n{FACES}usemtl b\nf 1/1 2/1 3/1\n".encode()
     meshes |= {"m.mtl": material, "a.obj": shape}
-    picture = Image.new("RGB", (60, 40), (191, 191, 191))
-    picture.paste((200, 60, 20), (10, 10, 40, 30))
-    images = {}
-    for kind in ("PNG", "JPEG", "GIF", "BMP", "TIFF", "WEBP", "PPM", "TGA"):
-        picture.save(stream := io.BytesIO(), kind)
-        images[kind] = stream.getvalue()
-    sample = next(iter(drawn_solids.samples(1, seed=3, image_size=(24, 32))))
-    record = encode(dataclasses.replace(sample, points=sample.points[:100], normals=None))
+    images = [io.BytesIO() for _ in IMAGE_FORMATS]
+    for stream, kind in zip(images, IMAGE_FORMATS, strict=True):
+        picture().save(stream, kind)
     solids = list(drawn_solids.samples(6, seed=4, image_size=(24, 32)))
+    record = encode(dataclasses.replace(solids[0], points=solids[0].points[:100], normals=None))
     write_dataset(folder / "set", {"train": solids}, source="campaign", records_per_shard=2)
     manifest = folder / "set" / MANIFEST
     known = {RecordReader(folder / "set", "train").read(i) for i in range(6)}
@@ -433,7 +395,7 @@ def hostile_inputs(folder):
     }
     stored = (folder / "w.safetensors").read_bytes()
     kinds |= {
-        "image": [("image", data, mutated, image, photo.PhotoError) for data in images.values()],
+        "image": [("image", i.getvalue(), mutated, image, photo.PhotoError) for i in images],
         "record, bytes": [("record", record, mutated, record_bytes, ValueError)],
         "record, fields": [("record", record, mutated_record, record_fields, ValueError)],
         "manifest": [
@@ -446,18 +408,10 @@ def hostile_inputs(folder):
     return {kind: [(folder / name, *rest) for name, *rest in of] for kind, of in kinds.items()}
 
 
-class _TooLong(BaseException):
-    pass
-
-
 def attempt(read, accepted):
     """Reads an input; returns what did not hold."""
-
-    def stop(*_):
-        raise _TooLong
-
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    signal.signal(signal.SIGALRM, stop)
+    signal.signal(signal.SIGALRM, signal.default_int_handler)  # raises KeyboardInterrupt
     signal.alarm(SECONDS)
     try:
         with warnings.catch_warnings():
@@ -482,9 +436,7 @@ def trials(part, work, seed):
     """Trials of a part, without end: what was done, and what did not hold, or ""."""
     rng = random.Random(f"{seed} {part}")
     if part == "input":
-        folder = work / "input"
-        folder.mkdir()
-        kinds = hostile_inputs(folder)
+        kinds = hostile_inputs(work)
         for kind in itertools.cycle(kinds):
             for file, data, *_ in itertools.chain.from_iterable(kinds.values()):
                 file.write_bytes(data)

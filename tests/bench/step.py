@@ -18,6 +18,7 @@ import multiprocessing
 import resource
 import statistics
 import time
+from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
@@ -36,38 +37,26 @@ SMALL = {
 IN_CHANNELS, FC_POINTS, DECONV_CHANNELS = 4, 256, 3
 
 
-class Competitor:
-    """A process that runs a step on request."""
-
-    def __init__(self, build, *args):
-        context = multiprocessing.get_context("spawn")
-        self._pipe, theirs = context.Pipe()
-        context.Process(target=_serve, args=(theirs, build, args), daemon=True).start()
-        theirs.close()  # so that `recv` raises an error if the process has failed
-        self.num_params = self._pipe.recv()
-        self.seconds = []
-
-    def ask(self, what):
-        """Runs a "step" and returns seconds, or returns the "peak" memory in bytes."""
-        self._pipe.send(what)
-        return self._pipe.recv()
+_step = None
+"""The step that this process measures."""
 
 
-def _serve(pipe, build, args):
-    num_params, step = build(*args)
-    step()  # compiles
-    pipe.send(num_params)
-    while True:
-        try:
-            what = pipe.recv()
-        except EOFError:
-            return
-        if what == "peak":
-            pipe.send(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
-            continue
-        start = time.perf_counter()
-        step()
-        pipe.send(time.perf_counter() - start)
+def prepare(build, *args):
+    """Builds and compiles the step of this process; returns the number of parameters."""
+    global _step
+    num_params, _step = build(*args)
+    _step()
+    return num_params
+
+
+def seconds():
+    start = time.perf_counter()
+    _step()
+    return time.perf_counter() - start
+
+
+def peak_gb():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
 
 
 def build_jax(network, batch, devices):
@@ -106,7 +95,7 @@ def build_jax(network, batch, devices):
 
 
 def build_torch(network, batch, threads):
-    """The same of the same network in PyTorch."""
+    """The same for this network in PyTorch."""
     import torch
     from torch_point_out_net import TwoBranch
 
@@ -139,27 +128,30 @@ def main():
     arguments = parser.parse_args()
     network, batch = (SMALL, 16) if arguments.small else (FULL, 32)
     competitors = {
-        "psgn_jax": Competitor(build_jax, network, batch, arguments.threads),
-        "on one device": Competitor(build_jax, network, batch, 1),
-        "PyTorch channels last": Competitor(build_torch, network, batch, arguments.threads),
+        "psgn_jax": (build_jax, network, batch, arguments.threads),
+        "on one device": (build_jax, network, batch, 1),
+        "PyTorch channels last": (build_torch, network, batch, arguments.threads),
     }
-    sizes = {name: c.num_params for name, c in competitors.items()}
+    context = multiprocessing.get_context("spawn")
+    pools = {name: ProcessPoolExecutor(1, context) for name in competitors}
+    sizes = {name: pools[name].submit(prepare, *c).result() for name, c in competitors.items()}
     if len(set(sizes.values())) > 1:
         raise ValueError(f"parameters: got {sizes}, expected the same number in every network")
     print(f"{sizes['psgn_jax']:,} parameters, images {network['image_size']}, batch {batch}")
+    times = {name: [] for name in competitors}
     for _ in range(arguments.repeats):
-        for competitor in competitors.values():
-            competitor.seconds.append(competitor.ask("step"))
+        for name, pool in pools.items():
+            times[name].append(pool.submit(seconds).result())
     titles = f"{'fastest':>9}{'median s':>9}{'slowest':>9}{'ratio':>7}{'samples/s':>11}"
     print(f"{'':24}{titles}{'peak GB':>9}")
     # Ratios are computed within a round, because the load of the machine changes between rounds.
-    reference = competitors["PyTorch channels last"].seconds
-    for name, c in competitors.items():
-        ratio = statistics.median(t / r for t, r in zip(c.seconds, reference, strict=True))
-        median = statistics.median(c.seconds)
+    reference = times["PyTorch channels last"]
+    for name, own in times.items():
+        ratio = statistics.median(t / r for t, r in zip(own, reference, strict=True))
+        median, peak = statistics.median(own), pools[name].submit(peak_gb).result()
         print(
-            f"{name:24}{min(c.seconds):9.3f}{median:9.3f}{max(c.seconds):9.3f}{ratio:7.2f}"
-            f"{batch / median:11.1f}{c.ask('peak') / 1e9:9.2f}"
+            f"{name:24}{min(own):9.3f}{median:9.3f}{max(own):9.3f}{ratio:7.2f}"
+            f"{batch / median:11.1f}{peak:9.2f}"
         )
 
 
