@@ -1,12 +1,11 @@
 """Measurements on an accelerator, in parts that end after `--limit` seconds.
 
-    python tests/bench/gpu.py [--parts step tests losses train] [--out gpu] [--data RECORDS]
+    python tests/bench/gpu.py [--parts step tests losses] [--out gpu]
     JAX_PLATFORMS=cpu python tests/bench/gpu.py --tiny      # every part on a CPU, to see it run
 
 step    whole training steps in memory, those with the EMD first: networks, precisions, batch sizes
 tests   the tests of losses and networks on the accelerator
 losses  CD and EMD of 32 pairs, with gradients: milliseconds, proven gap
-train   `psgn train` on `--data` until the time is over; a further call resumes it
 
 Times are the least of several calls. Each part runs in a process of its own and appends each figure
 to the table OUT/gpu.md as soon as it is measured.
@@ -25,8 +24,7 @@ import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
-PARTS = ("step", "tests", "losses", "train")
-BUDGET = 5.0  # seconds for each figure
+PARTS = ("step", "tests", "losses")
 NETWORKS = ("two_branch", "vanilla", "hourglass")
 EMD, CD = "emd_mean@{} + 5*chamfer_sq_mean", "chamfer_sq_mean"
 
@@ -48,11 +46,11 @@ def measure_losses(tiny):
     pairs, sizes = (2, (64,)) if tiny else (32, (1024, 4096, 16384))
     for size in sizes:
         a, b = surfaces(rng, pairs, sizes[0]), surfaces(rng, pairs, size)
-        _, both, *_ = cd_jax(map_pairs(chamfer_sq_mean), a, b, BUDGET)
+        _, both, *_ = cd_jax(map_pairs(chamfer_sq_mean), a, b)
         yield f"CD and gradient, {pairs} x {sizes[0]} x {size}: ms", 1000 * both
     for size in sizes[:2]:
         a, b = surfaces(rng, pairs, size), surfaces(rng, pairs, size)
-        _, both, _, gaps, *_ = emd_ours(map_pairs, a, b, BUDGET)
+        _, both, _, gaps, *_ = emd_ours(map_pairs, a, b)
         yield f"EMD and gradient, {pairs} x {size}: ms", 1000 * both
         yield f"EMD, {pairs} x {size}: largest proven gap", float(gaps.max())
 
@@ -97,7 +95,7 @@ def measure_steps(tiny):
             return metrics
 
         figure = f"step, {full_name}, {name}, {precision}, batch {batch}: ms"
-        yield figure, 1000 * seconds(run, BUDGET)
+        yield figure, 1000 * seconds(run)
 
 
 def run_part(name, arguments):
@@ -117,7 +115,6 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--parts", nargs="+", default=PARTS, choices=PARTS)
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("gpu"))
-    parser.add_argument("--data", default="", help="records of the part train")
     parser.add_argument("--limit", type=float, default=480, help="seconds of each part")
     parser.add_argument("--tiny", action="store_true")
     parser.add_argument("--in_this_process", action="store_true")
@@ -131,18 +128,11 @@ def main():
         return
     environment = {"JAX_PLATFORMS": "cuda,cpu"} | os.environ | {"PYTHONPATH": str(ROOT)}
     part = [__file__, "--in_this_process", f"--out={arguments.out}", *["--tiny"] * arguments.tiny]
-    losses = "tests/losses/test_min_of_n.py" if arguments.tiny else "tests/losses"
-    commands = {
-        "step": [*part, "--parts=step"],
-        "tests": ["-m", "pytest", "-q", losses, *["tests/models"] * (not arguments.tiny)],
-        "losses": [*part, "--parts=losses"],
-        "train": ["-m", "psgn_jax.main", "--config=authors_small",
-                  f"--config.data.path={arguments.data}", f"--workdir={arguments.out / 'run'}"],
-    }  # fmt: skip
+    tests = ["-m", "pytest", "-q", "tests/losses/test_min_of_n.py"]
+    if not arguments.tiny:
+        tests[-1:] = ["tests/losses", "tests/models"]
     for name in arguments.parts:
-        if name == "train" and not arguments.data:
-            continue
-        command = [sys.executable, *commands[name]]
+        command = [sys.executable, *(tests if name == "tests" else [*part, f"--parts={name}"])]
         with subprocess.Popen(command, env=environment, cwd=ROOT) as process:
             try:
                 process.wait(arguments.limit)

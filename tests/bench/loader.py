@@ -3,9 +3,8 @@
     python tests/bench/loader.py [PATH] [--seconds 3]
 
 PATH is a folder of records; without it, the default data set is used. For full and half-size
-images, the command prints samples/s with threads, with two worker processes and from the cache.
-Except for worker processes, it also prints the samples per second of CPU time (the figure per
-core).
+images, the command prints samples/s with threads and from the cache, and the samples per second of
+CPU time (the figure per core).
 """
 
 import argparse
@@ -53,12 +52,10 @@ def main():
             "threads, with depth": dataclasses.replace(plain, inputs=("rgb", "mask", "depth")),
             "cached": dataclasses.replace(plain, cache_gb=4.0),
             "cached, augmented": dataclasses.replace(augmented, cache_gb=4.0),
-            "2 processes": dataclasses.replace(plain, num_workers=2),
         }
         for name, cfg in cases.items():
             wall, cpu = rate(cfg, arguments.seconds)
-            per_core = "" if cfg.num_workers else f" {cpu:7.0f} per core"
-            print(f"  {name:22s} {wall:7.0f} samples/s{per_core}", flush=True)
+            print(f"  {name:22s} {wall:7.0f} samples/s {cpu:7.0f} per core", flush=True)
 
 
 if __name__ == "__main__":

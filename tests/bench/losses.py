@@ -35,15 +35,13 @@ import numpy as np
 
 from psgn_jax import losses
 
-_POINTS = 32 * 192 * 256 * (3 + 2) + 32 * 9 * 4  # offset of the points in a batch file
-
 
 def real_clouds(folder, pairs):
     """The authors' clouds, whole [pairs, 16384, 3]."""
-    whole = []
+    start, whole = 32 * 192 * 256 * (3 + 2) + 32 * 9 * 4, []  # of the points in a batch file
     for path in sorted(pathlib.Path(folder).glob("*.gz")):
         raw = zlib.decompress(path.read_bytes())
-        points = np.frombuffer(raw, np.uint8, 32 * 16384 * 3, _POINTS).reshape(32, 16384, 3)
+        points = np.frombuffer(raw, np.uint8, 32 * 16384 * 3, start).reshape(32, 16384, 3)
         whole.extend(((points / 255.0 - [0.7, 0.5, 0.5]) / 0.4).astype(np.float32))
         if len(whole) >= pairs:
             break
@@ -59,12 +57,12 @@ def default_clouds(pairs):
     return np.stack([reader[i].points for i in range(min(pairs, len(reader)))])
 
 
-def seconds(call, budget=2.0):
-    """Least time of a call; it is called at least twice, then until the budget is spent."""
+def seconds(call):
+    """Least time of a call; it is called at least twice, then until two seconds are over."""
     clock = time.process_time if jax.default_backend() == "cpu" else time.perf_counter
     jax.block_until_ready(call())
     times, begin = [], time.perf_counter()
-    while len(times) < 2 or (time.perf_counter() - begin < budget and len(times) < 30):
+    while len(times) < 2 or (time.perf_counter() - begin < 2 and len(times) < 30):
         start = clock()
         jax.block_until_ready(call())
         times.append(clock() - start)
@@ -85,15 +83,20 @@ def naive(pred, gt):
     return d.min(1).mean() + d.min(0).mean()
 
 
-def cd_jax(batch, a, b, budget=2.0):
-    """Seconds forward, seconds forward and backward, values, memory in MB."""
+def measured(forward, total, a, b):
+    """Result, seconds forward, seconds forward and backward, and extra MB of these two."""
     a, b = jnp.asarray(a), jnp.asarray(b)
-    forward = jax.jit(batch).lower(a, b).compile()
-    total = jax.value_and_grad(lambda a, b: batch(a, b).sum())
-    both = jax.jit(total).lower(a, b).compile()
-    memory = [f"{x.memory_analysis().temp_size_in_bytes / 1e6:.1f}" for x in (forward, both)]
-    one, two = seconds(lambda: forward(a, b), budget), seconds(lambda: both(a, b), budget)
-    return one, two, np.asarray(forward(a, b), np.float64), ", ".join(memory)
+    functions = forward, jax.value_and_grad(lambda a, b: total(a, b).sum())
+    programs = [jax.jit(function).lower(a, b).compile() for function in functions]
+    one, two = (seconds(functools.partial(program, a, b)) for program in programs)
+    memory = [program.memory_analysis().temp_size_in_bytes / 1e6 for program in programs]
+    return jax.device_get(programs[0](a, b)), one, two, memory
+
+
+def cd_jax(batch, a, b):
+    """Seconds forward, seconds forward and backward, values, memory in MB."""
+    value, one, two, memory = measured(batch, batch, a, b)
+    return one, two, value.astype(np.float64), ", ".join(f"{m:.1f}" for m in memory)
 
 
 def cd_torch(a, b):
@@ -144,23 +147,18 @@ def clocked(call, arguments):
     return results, time.process_time() - start
 
 
-def emd_ours(batch, a, b, budget=2.0):
+def emd_ours(batch, a, b):
     """(forward s, forward+backward s, sums, gaps, bids, extra MB) of `map_pairs`."""
-    a, b = jnp.asarray(a), jnp.asarray(b)
-    solve = jax.jit(batch(losses.matched_distances)).lower(a, b).compile()
-    total = jax.value_and_grad(lambda a, b: batch(losses.emd_sum)(a, b).sum())
-    both = jax.jit(total).lower(a, b).compile()
-    found = solve(a, b)
-    memory = max(x.memory_analysis().temp_size_in_bytes for x in (solve, both)) / 1e6
-    one, two = seconds(lambda: solve(a, b), budget), seconds(lambda: both(a, b), budget)
-    index = np.asarray(found.assignment.index)
+    of_pairs = batch(losses.matched_distances), batch(losses.emd_sum)
+    found, one, two, memory = measured(*of_pairs, a, b)
+    index = found.assignment.index
     assert all(len(set(i)) == len(i) for i in index)
     sums = [
         np.linalg.norm(x.astype(np.float64) - y.astype(np.float64)[i], axis=1).sum()
-        for x, y, i in zip(np.asarray(a), np.asarray(b), index, strict=True)
+        for x, y, i in zip(a, b, index, strict=True)
     ]
-    bids = np.asarray(found.assignment.iterations)
-    return one, two, np.array(sums), np.asarray(found.assignment.gap), bids, memory
+    bids, gaps = found.assignment.iterations, found.assignment.gap
+    return one, two, np.array(sums), gaps, bids, max(memory)
 
 
 def emd_sinkhorn(a, b, relative):
@@ -257,30 +255,31 @@ def emd_table(args, whole):
         best = np.array([d[match].sum() for (d,), match in zip(matrices, matches, strict=True)])
         del matrices[k:]
 
-        def show(name, one, sums, *, both=None, gap="", bids=None, memory=None,
-                 n=n, kind=kind, best=best, base=base):  # fmt: skip
-            error = np.asarray(sums) / best[: len(sums)] - 1
-            print_row(
-                n, kind, name, f"{one * 1e3:.2f}", "" if both is None else f"{both * 1e3:.2f}",
-                f"{base / one:.2f}", f"{error.mean():.2%}", f"{error.max():.2%}", gap,
-                "" if bids is None else f"{bids.mean():.1f} ({bids.max():.1f})",
-                "" if memory is None else f"{memory:.1f}",
-            )  # fmt: skip
-
-        show("scipy", base, best)
+        rows = [("scipy", base, best, {})]
         batch = functools.partial(losses.map_pairs, platform="cpu")
         one, both, sums, gap, bids, memory = emd_ours(batch, a, b)
-        more = {"gap": f"{gap.max():.2%}", "bids": bids / n, "memory": memory}
-        show("ours, map", one / pairs, sums, both=both / pairs, **more)
+        more = {
+            "both": f"{1e3 * both / pairs:.2f}", "gap": f"{gap.max():.2%}",
+            "iterations": f"{bids.mean() / n:.1f} ({bids.max() / n:.1f})",
+            "memory": f"{memory:.1f}",
+        }  # fmt: skip
+        rows.append(("ours, map", one / pairs, sums, more))
         for package, (name, solve) in EXACT.items():
             if installed(package):
                 solve(matrices[0][0])  # compiles, or imports
                 sums, spent = clocked(solve, matrices)
-                show(name, spent / k, sums)
+                rows.append((name, spent / k, sums, {}))
         for relative in (0.02, 0.005) if installed("ott") else ():
             sums, rounds, spent = emd_sinkhorn(a[:k], b[:k], relative)
             # One iteration is a pass over the n rows of the matrix: one row per point.
-            show(f"ott Sinkhorn {relative:g}", spent / k, sums, bids=rounds)
+            more = {"iterations": f"{rounds.mean():.1f} ({rounds.max():.1f})"}
+            rows.append((f"ott Sinkhorn {relative:g}", spent / k, sums, more))
+        for name, one, sums, more in rows:
+            error = np.asarray(sums) / best[: len(sums)] - 1
+            errors = f"{error.mean():.2%}", f"{error.max():.2%}"
+            rest = (more.get(key, "") for key in ("gap", "iterations", "memory"))
+            print_row(n, kind, name, f"{one * 1e3:.2f}", more.get("both", ""), f"{base / one:.2f}",
+                      *errors, *rest)  # fmt: skip
 
 
 def tolerances_table(args, whole):

@@ -45,26 +45,27 @@ import msgpack
 import numpy as np
 from PIL import Image
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
-from helpers import drawn_solids, processes, standin  # noqa: E402
-from helpers import weights as tiny  # noqa: E402
-from helpers.obj_text import CUBE, FACES, png  # noqa: E402
-from helpers.shapenet_trees import write_r2n2  # noqa: E402
-from helpers.small_runs import quick_environment, write_config, write_solids  # noqa: E402
+from helpers import drawn_solids, processes, standin
+from helpers import weights as tiny
+from helpers.commands import ROOT
+from helpers.obj_text import CUBE, FACES, png
+from helpers.shapenet_trees import write_r2n2
+from helpers.small_runs import quick_environment, write_config, write_solids
 
-from data_gen.mesh import UnusableModelError  # noqa: E402
-from data_gen.readers.load import load_model  # noqa: E402
-from psgn_jax.data import photo, schema  # noqa: E402
-from psgn_jax.data.codec import decode, encode  # noqa: E402
-from psgn_jax.data.dataset import RecordReader, write_dataset  # noqa: E402
-from psgn_jax.data.manifest import MANIFEST  # noqa: E402
-from psgn_jax.data.schema import RecordError  # noqa: E402
-from psgn_jax.viewing.predictions import PredictionFileError, read_prediction  # noqa: E402
-from psgn_jax.weights.checkpoint import Checkpoints  # noqa: E402
-from psgn_jax.weights.file import WeightsError, read_weights, write_weights  # noqa: E402
-from psgn_jax.weights.leaves import named_leaves  # noqa: E402
+from data_gen.mesh import UnusableModelError
+from data_gen.readers.load import load_model
+from psgn_jax.data import photo, schema
+from psgn_jax.data.codec import decode, encode
+from psgn_jax.data.dataset import RecordReader, write_dataset
+from psgn_jax.data.manifest import MANIFEST
+from psgn_jax.data.schema import RecordError
+from psgn_jax.viewing.predictions import PredictionFileError, read_prediction
+from psgn_jax.weights.checkpoint import Checkpoints
+from psgn_jax.weights.file import WeightsError, read_weights, write_weights
+from psgn_jax.weights.leaves import named_leaves
 
 TIMES = ("seconds", "samples_per_second", "seconds_per_sample")
 """Fields of results that depend on the clock."""
@@ -86,9 +87,8 @@ def make_commands(work):
     for number in range(4):
         picture(number).save(photos / f"{number}.png")
         (meshes / f"{number}.obj").write_text(CUBE + FACES)
-    config = standin.config(
-        data__path=str(work / "records"), train__steps=24, train__checkpoint_every=4
-    )
+    changes = {"train__steps": 24, "train__checkpoint_every": 4}
+    config = standin.config(data__path=str(work / "records"), **changes)
     file = write_config(work / "tiny.py", config)
     train = ["-m", "psgn_jax.main", f"--config={file}", "--workdir={out}"]
     render = [
@@ -99,12 +99,13 @@ def make_commands(work):
     ]  # fmt: skip
     run = f"--workdir={work / 'train'}"
     psgn = ["-m", "psgn_jax.commands.psgn"]
+    convert = [*psgn, "convert", "r2n2", str(work / "r2n2"), "{out}", "--views=4"]
     read_records = (*psgn, "inspect", "{out}", f"--sheet={work / 'sheet.png'}")
     return {
         "train": (train, (*psgn, "evaluate", "--workdir={out}")),
         "train, 2 workers": ([*train, "--config.data.num_workers=2"], ()),
         "render": (render, read_records),
-        "convert": ([*psgn, "convert", "r2n2", str(work / "r2n2"), "{out}"], read_records),
+        "convert": (convert, read_records),
         "predict": ([*psgn, "predict", str(photos), run, "--out={out}"], ()),
         "evaluate": ([*psgn, "evaluate", run, "--out={out}/t", "--report={out}/gallery"], ()),
     }
@@ -122,21 +123,20 @@ def result_of(out):
     if (out / "checkpoints").is_dir():
         last = Checkpoints(out / "checkpoints", read_only=True).restore_newest()
         lines = (out / "metrics.jsonl").read_text().splitlines()
-        leaves = {} if last is None else {n: leaf.tobytes() for n, leaf in last.leaves.items()}
+        leaves = {} if last is None else contents(last.leaves)
         return leaves | {"metrics": [_without_times(json.loads(line)) for line in lines]}
     found = {}
-    for path in sorted(p for p in out.rglob("*") if p.is_file()):
-        name = str(path.relative_to(out))
-        if path.suffix == ".npz":
-            with np.load(path, allow_pickle=False) as arrays:
-                found[name] = {key: arrays[key].tobytes() for key in arrays.files}
-        elif path.name == "models.jsonl" or path.name.startswith("."):
+    for path in out.rglob("*"):
+        if path.is_dir() or path.name == "models.jsonl" or path.name.startswith("."):
             continue
-        elif path.suffix == ".json":
-            found[name] = _without_times(json.loads(path.read_text()))
-        else:
-            found[name] = path.read_bytes()
+        content = path.read_bytes()
+        is_json = path.suffix == ".json"
+        found[path.relative_to(out)] = _without_times(json.loads(content)) if is_json else content
     return found
+
+
+def contents(arrays):
+    return {name: array.tobytes() for name, array in arrays.items()}
 
 
 def _without_times(tree):
@@ -168,9 +168,8 @@ class Campaign:
         """Starts a command in a process group of its own; its output goes to `log`."""
         with open(self.log, "w") as log:
             return subprocess.Popen(
-                [sys.executable, *(word.format(out=out) for word in words)],
-                stdout=log, stderr=log, cwd=ROOT, env=self.environment | variables, text=True,
-                start_new_session=True,
+                [sys.executable, *(word.format(out=out) for word in words)], stdout=log, stderr=log,
+                cwd=ROOT, env=self.environment | variables, text=True, start_new_session=True,
             )  # fmt: skip
 
     def run(self, words, out, **variables):
@@ -198,10 +197,7 @@ class Campaign:
             kind = f"{name}: {number.name} to the {'group' if send is os.killpg else 'process'}"
             process = self.start(self.commands[name][0], out)
             time.sleep(self.rng.uniform(0, 12))
-            try:
-                send(process.pid, number)
-            except ProcessLookupError:
-                break
+            send(process.pid, number)
             code = process.wait(120)
             text = self.log.read_text(errors="replace")
             if code not in (0, -number, 128 + number) or ("Traceback" in text and code > 0):
@@ -211,10 +207,10 @@ class Campaign:
         return kind, self.again(name, out)
 
     def fault(self, out):
-        library = self.work / "faults.so"
-        if not library.exists():
-            source = pathlib.Path(__file__).with_name("faults.c")
-            build = ["cc", "-shared", "-fPIC", "-O1", "-o", str(library), str(source), "-ldl"]
+        library = str(self.work / "faults.so")
+        if not os.path.exists(library):
+            source = str(pathlib.Path(__file__).with_name("faults.c"))
+            build = ["cc", "-shared", "-fPIC", "-O1", "-o", library, source, "-ldl"]
             subprocess.run(build, check=True)
         faults = {
             "EIO": ("e", errno.EIO, {0, 1, 2}),
@@ -226,10 +222,8 @@ class Campaign:
         letter, number, codes = faults[fault]
         at = int(2 ** self.rng.uniform(0, 8))
         kind = f"{name}: {fault}"
-        code, text = self.run(
-            self.commands[name][0], out, LD_PRELOAD=str(library),
-            PSGN_FAULT=f"{letter}:{number}:{at}:{out}",
-        )  # fmt: skip
+        variables = {"LD_PRELOAD": library, "PSGN_FAULT": f"{letter}:{number}:{at}:{out}"}
+        code, text = self.run(self.commands[name][0], out, **variables)
         if code not in codes or "Traceback" in text:
             return kind, f"operation {at}: exit code {code}: {text[-600:]}"
         wrong = self.again(name, out)
@@ -254,12 +248,11 @@ class Campaign:
         file.unlink() if content is None else file.write_bytes(content)
         kind, where = f"{name}: {damage}", f"{file.relative_to(out)}: "
         words, reader = self.commands[name]
-        code, text = self.run(reader, out)
-        if code not in (0, 1, 2) or "Traceback" in text:
-            return kind, f"{where}the reader ends with {code}: {text[-600:]}"
-        code, text = self.run(words, out)
-        if code not in (0, 2) or "Traceback" in text:
-            return kind, f"{where}the next start ends with {code}: {text[-600:]}"
+        steps = (("the reader", reader, {0, 1, 2}), ("the next start", words, {0, 2}))
+        for what, command, codes in steps:
+            code, text = self.run(command, out)
+            if code not in codes or "Traceback" in text:
+                return kind, f"{where}{what} ends with {code}: {text[-600:]}"
         if code == 0 and name == "train" and result_of(out) != self.result(name):
             return kind, f"{where}the result differs from an undisturbed one"
         return kind, ""
@@ -345,26 +338,22 @@ def hostile_inputs(folder):
     solids = list(drawn_solids.samples(6, seed=4, image_size=(24, 32)))
     record = encode(dataclasses.replace(solids[0], points=solids[0].points[:100], normals=None))
     write_dataset(folder / "set", {"train": solids}, source="campaign", records_per_shard=2)
-    manifest = folder / "set" / MANIFEST
+    manifest = (folder / "set" / MANIFEST).read_bytes()
     known = {RecordReader(folder / "set", "train").read(i) for i in range(6)}
-    fields = {
-        "points": np.zeros((2, 50, 3), np.float32),
-        "branch": np.zeros(50, np.uint8),
-        "image": np.zeros((24, 32, 3), np.uint8),
-    }
+    fields = {"points": np.zeros((2, 50, 3), "f4"), "branch": np.zeros(50, "u1")}
+    fields["image"] = np.zeros((24, 32, 3), "u1")
     np.savez(stream := io.BytesIO(), **fields)
     made = tiny.weights(tiny.config(), "float32")
     write_weights(folder / "w.safetensors", made)
-    leaves = named_leaves(made.params)
 
     def mesh(name):
         model = load_model(folder / ("a.obj" if name == "m.mtl" else name))
-        finite = np.isfinite(model.vertices).all() and np.isfinite(model.normals).all()
-        return bool(finite and abs(np.linalg.norm(model.vertices, axis=1).max() - 1) < 1e-3)
+        size = np.linalg.norm(model.vertices, axis=1).max()
+        return abs(size - 1) < 1e-3 and np.isfinite(model.normals).all()
 
     def image():
         array = photo.read_photo(folder / "image").image
-        return array.dtype == np.uint8 and array.ndim == 3 and array.shape[2] == 3
+        return array.dtype == np.uint8 and array.shape[2:] == (3,)
 
     def record_bytes():
         changed = (folder / "record").read_bytes()
@@ -385,9 +374,8 @@ def hostile_inputs(folder):
         return read_prediction(folder / "a.npz", tuple(fields))["points"].shape[1:] == (50, 3)
 
     def weights():
-        found = named_leaves(read_weights(folder / "w.safetensors").params)
-        same = (np.array_equal(found.get(name), leaf) for name, leaf in leaves.items())
-        return found.keys() == leaves.keys() and all(same)
+        read = read_weights(folder / "w.safetensors")
+        return contents(named_leaves(read.params)) == contents(named_leaves(made.params))
 
     kinds = {
         f"mesh {name}": [(name, data, mutated, functools.partial(mesh, name), UnusableModelError)]
@@ -398,10 +386,8 @@ def hostile_inputs(folder):
         "image": [("image", i.getvalue(), mutated, image, photo.PhotoError) for i in images],
         "record, bytes": [("record", record, mutated, record_bytes, ValueError)],
         "record, fields": [("record", record, mutated_record, record_fields, ValueError)],
-        "manifest": [
-            (f"set/{MANIFEST}", manifest.read_bytes(), change, data_set, RecordError)
-            for change in (mutated, mutated_json)
-        ],
+        "manifest, bytes": [(f"set/{MANIFEST}", manifest, mutated, data_set, RecordError)],
+        "manifest, fields": [(f"set/{MANIFEST}", manifest, mutated_json, data_set, RecordError)],
         "prediction": [("a.npz", stream.getvalue(), mutated, prediction, PredictionFileError)],
         "weights": [("w.safetensors", stored, mutated, weights, WeightsError)],
     }

@@ -4,8 +4,8 @@
 
 Renders models spread over a catalogue in this process, with one thread. All steps are included:
 reading the mesh, points, pictures, checks, occupancy, encoding. Prints images per second of
-wall-clock time and of CPU time (the figure per core on a busy machine), the slowest models, and the
-peak memory of the process.
+wall-clock time and of CPU time (the figure per core on a busy machine), and the peak memory of the
+process.
 """
 
 import argparse
@@ -20,8 +20,6 @@ from data_gen import engine, settings  # noqa: E402
 from data_gen.catalogues.open_catalogue import open_catalogue  # noqa: E402
 from data_gen.render_model import Context, render_model  # noqa: E402
 
-VIEWS = 4
-
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
@@ -35,20 +33,13 @@ def main():
     engine.start(variant.name)
     entries = list(open_catalogue(arguments.catalogue, arguments.source).models)
     chosen = entries[:: max(1, len(entries) // arguments.models)][: arguments.models]
-    context = Context(settings.Settings(views=VIEWS), arguments.catalogue, variant, None)
+    context = Context(settings.Settings(views=4), arguments.catalogue, variant, None)
     render_model(chosen[0], context)  # not timed: the first model also compiles and loads modules
-    models, images = [], 0
     wall, cpu = time.perf_counter(), time.process_time()
-    for entry in chosen:
-        start = time.process_time()
-        done, line = render_model(entry, context)
-        models.append((time.process_time() - start, entry.model_id, line.get("faces", 0)))
-        images += len(done)
+    images = sum(len(render_model(entry, context)[0]) for entry in chosen)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     print(f"{images} images of {len(chosen)} models")
     print(f"{images / wall:.2f} images/s of wall-clock time, {images / cpu:.2f} of CPU time")
-    for seconds, name, faces in sorted(models)[-3:]:
-        print(f"slowest: {name}, {faces} faces: {seconds:.2f} s for {VIEWS} views")
     print(f"peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
 
 

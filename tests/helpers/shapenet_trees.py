@@ -28,9 +28,9 @@ def voxels(size=32):
     low = CENTRE - LONGEST / 2
     x = low[:, None] + (np.arange(size) + 0.5) * LONGEST / size
     solid = np.zeros((size,) * 3, bool)
-    for box in BOXES:
-        inside = [(x[a] > box[0, a]) & (x[a] < box[1, a]) for a in range(3)]
-        solid |= inside[0][:, None, None] & inside[1][None, :, None] & inside[2][None, None]
+    for lower, upper in BOXES:
+        inside = (x > lower[:, None]) & (x < upper[:, None])
+        solid[np.ix_(*inside)] = True
     return Binvox(solid, low, LONGEST)
 
 
@@ -53,11 +53,9 @@ def published_camera(azimuth, elevation, ratio):
     sa, ca = np.sin(np.radians(-azimuth)), np.cos(np.radians(-azimuth))
     se, ce = np.sin(np.radians(-elevation)), np.cos(np.radians(-elevation))
     world_to_object = np.array([[ca * ce, -sa, ca * se], [sa * ce, ca, sa * se], [-se, 0, ce]]).T
-    object_to_camera = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
-    fix = np.diag([1.0, -1, -1])
-    rotation = fix @ object_to_camera @ world_to_object
-    shift = fix @ -object_to_camera @ [[ratio * 1.75], [0], [0]]
-    return k, np.concatenate([rotation, shift], axis=1)
+    object_to_camera = np.diag([1.0, -1, -1]) @ [[0, 1, 0], [0, 0, 1], [1, 0, 0]]
+    shift = -object_to_camera @ [[ratio * 1.75], [0], [0]]
+    return k, np.concatenate([object_to_camera @ world_to_object, shift], axis=1)
 
 
 BLENDER_FROM_SHAPENET = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
