@@ -143,7 +143,7 @@ def make_pairs(whole, pairs, n, m, kind, rng):
 def clocked(call, arguments):
     """Results for all arguments, CPU seconds (scipy, POT and lapx use one thread)."""
     start = time.process_time()
-    results = [call(*x) for x in arguments]
+    results = [jax.device_get(call(*x)) for x in arguments]
     return results, time.process_time() - start
 
 
@@ -175,7 +175,7 @@ def emd_sinkhorn(a, b, relative):
         return (out.matrix * geometry.cost_matrix).sum() * len(x), out.n_iters
 
     call = one.lower(a[0], b[0]).compile()
-    found, spent = clocked(lambda x, y: jax.device_get(call(x, y)), zip(a, b, strict=True))
+    found, spent = clocked(call, zip(a, b, strict=True))
     return np.array([x for x, _ in found]), np.array([x for _, x in found]), spent
 
 
@@ -291,9 +291,7 @@ def tolerances_table(args, whole):
         for tolerance in (0.01, 0.03, 0.1):
             call = functools.partial(losses.assign, tolerance=tolerance)
             jax.block_until_ready(call(a[0], b[0]))
-            found, spent = clocked(
-                lambda x, y, f=call: jax.device_get(f(x, y)), zip(a, b, strict=True)
-            )
+            found, spent = clocked(call, zip(a, b, strict=True))
             print_row(n, kind, tolerance, f"{1e3 * spent / pairs:.1f}", f"{pairs / spent:.1f}",
                       f"{max(x.gap for x in found):.2%}")  # fmt: skip
 

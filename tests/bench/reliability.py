@@ -67,10 +67,7 @@ from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.file import WeightsError, read_weights, write_weights
 from psgn_jax.weights.leaves import named_leaves
 
-TIMES = ("seconds", "samples_per_second", "seconds_per_sample")
-"""Fields of results that depend on the clock."""
-
-# --- The commands ------------------------------------------------------------------------------
+TIMES = ("seconds", "samples_per_second", "seconds_per_sample")  # they depend on the clock
 
 
 def make_commands(work):
@@ -141,9 +138,6 @@ def contents(arrays):
 
 def _without_times(tree):
     return {k: v for k, v in tree.items() if k not in TIMES} if isinstance(tree, dict) else tree
-
-
-# --- The parts ---------------------------------------------------------------------------------
 
 
 class Campaign:
@@ -258,10 +252,7 @@ class Campaign:
         return kind, ""
 
 
-# --- Hostile input -----------------------------------------------------------------------------
-
-SECONDS, MEMORY = 20, 2 << 30
-"""Bounds on reading one input: time, and growth of the peak memory in bytes."""
+SECONDS, MEMORY = 20, 2 << 30  # for reading one input; growth of the peak memory in bytes
 
 IMAGE_FORMATS = ("PNG", "JPEG", "GIF", "BMP", "TIFF", "WEBP", "PPM", "TGA")
 
@@ -285,19 +276,18 @@ def mutated(rng, data):
     return bytes(out)
 
 
+def places(node):
+    """Each container and key in a tree of dicts and lists."""
+    for key in node if isinstance(node, dict) else range(len(node)):
+        yield node, key
+        if isinstance(node[key], dict | list):
+            yield from places(node[key])
+
+
 def mutated_tree(rng, tree):
     """A tree of dicts and lists with one value replaced or removed."""
     copy = msgpack.unpackb(msgpack.packb(tree))
-    places = []
-
-    def collect(node):
-        for key in list(node if isinstance(node, dict) else range(len(node))):
-            places.append((node, key))
-            if isinstance(node[key], dict | list):
-                collect(node[key])
-
-    collect(copy)
-    container, key = rng.choice(places)
+    container, key = rng.choice(list(places(copy)))
     if rng.random() < 0.25:
         del container[key]
     elif isinstance(container[key], bytes):
@@ -412,8 +402,6 @@ def attempt(read, accepted):
     grown = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
     return wrong or (f"{grown / 1e6:.0f} MB more memory" if grown > MEMORY else "")
 
-
-# --- The runner --------------------------------------------------------------------------------
 
 PARTS = ("kill", "fault", "damage", "input")
 

@@ -37,8 +37,7 @@ SMALL = {
 IN_CHANNELS, FC_POINTS, DECONV_CHANNELS = 4, 256, 3
 
 
-_step = None
-"""The step that this process measures."""
+_step = None  # which this process measures
 
 
 def prepare(build, *args):

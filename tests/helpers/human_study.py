@@ -5,8 +5,7 @@ import numpy as np
 from helpers import drawn_solids
 from psgn_jax.data import camera, schema
 
-TURN = 25
-"""Direction of the table, degrees."""
+TURN = 25  # direction of the table, degrees
 
 # Centre and extents of each box, along the axes of the table.
 TOP = ((0, 0, 0.66), (0.8, 1.2, 0.08))

@@ -2,9 +2,8 @@
 
     python tests/helpers/standin.py FLAGS
 
-If the configuration names a `data.path`, the command trains on those records instead.
-
-Samples are coloured boxes. Their images and points depend only on the sample's number.
+Samples are coloured boxes. Their images and points depend only on the sample's number. With a
+`data.path`, evaluations read those records instead.
 """
 
 import os
@@ -18,14 +17,11 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 
 from psgn_jax.data import loader
 
+_read = loader.eval_batches  # which `install` replaces
 SIZES = {"train": 24, "validation": 11}
 CATEGORIES = ("bench", "car", "lamp")
-CAMERA = {
-    "intrinsics": np.array([[100, 0, 32], [0, 100, 24], [0, 0, 1]], np.float32),
-    "extrinsics": np.array(
-        [[0, 1, 0, 0], [0.342, 0, -0.94, 0.252], [-0.94, 0, -0.342, 3.6]], np.float32
-    ),
-}
+INTRINSICS = np.array([[100.0, 0, 32], [0, 100.0, 24], [0, 0, 1]], np.float32)
+EXTRINSICS = np.array([[0, 1, 0, 0], [0.342, 0, -0.94, 0.252], [-0.94, 0, -0.342, 3.6]], np.float32)
 
 
 def sample(cfg, number, num_points, rng):
@@ -40,7 +36,8 @@ def sample(cfg, number, num_points, rng):
     points = rng.uniform(-1, 1, (num_points, 3)).astype(np.float32) * half
     points[:, 2] += half[2]
     depth = {"depth": mask * np.float32(3)} if "depth" in cfg.inputs else {}
-    return {"image": image, "mask": mask, "points": points, **CAMERA, **depth}
+    camera = {"intrinsics": INTRINSICS, "extrinsics": EXTRINSICS}
+    return {"image": image, "mask": mask, "points": points, **camera, **depth}
 
 
 def _stack(samples):
@@ -48,8 +45,6 @@ def _stack(samples):
 
 
 def train_batches(cfg, **options):
-    if cfg.path:
-        yield from _READ["train_batches"](cfg, **options)
     batch_size, seed, step = (options[name] for name in ("batch_size", "seed", "start_step"))
     local = batch_size // options.get("process_count", 1)
     first = options.get("process_index", 0) * local
@@ -66,7 +61,7 @@ def train_batches(cfg, **options):
 def eval_batches(cfg, *, split, batch_size, choose=range, **options):
     if cfg.path:
         options |= {"batch_size": batch_size, "choose": choose}
-        yield from _READ["eval_batches"](cfg, split=split, **options)
+        yield from _read(cfg, split=split, **options)
         return
     total = SIZES[split]
     for batch in choose(-(-total // batch_size)):
@@ -85,10 +80,6 @@ def eval_batches(cfg, *, split, batch_size, choose=range, **options):
 
 def num_samples(cfg, split, *, evaluation=False):
     return SIZES[split]
-
-
-_READ = {"train_batches": loader.train_batches, "eval_batches": loader.eval_batches}
-"""The functions of the loader that this source replaces."""
 
 
 def install(monkeypatch):
