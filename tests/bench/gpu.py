@@ -1,21 +1,19 @@
 """Measurements on an accelerator, in parts that end after `--limit` seconds.
 
-    python tests/bench/gpu.py [--parts step tests losses train] [--out gpu] [--data RECORDS]
+    python tests/bench/gpu.py [--parts step tests losses] [--out gpu]
     JAX_PLATFORMS=cpu python tests/bench/gpu.py --tiny      # every part on a CPU, to see it run
 
 step    whole training steps in memory, those with the EMD first: networks, precisions, batch sizes
 tests   the tests of losses and networks on the accelerator
 losses  CD and EMD of 32 pairs, with gradients: milliseconds, proven gap
-train   `psgn train` on `--data` until the time is over; a further call resumes it
 
 Times are the least of several calls. Each part runs in a process of its own and appends each figure
-to OUT/rows.jsonl as soon as it is measured; OUT/gpu.md is the table of the newest figures.
+to the table OUT/gpu.md as soon as it is measured.
 """
 
 import argparse
 import dataclasses
 import itertools
-import json
 import os
 import pathlib
 import signal
@@ -26,8 +24,7 @@ import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
-PARTS = ("step", "tests", "losses", "train")
-BUDGET = 5.0  # seconds for each figure
+PARTS = ("step", "tests", "losses")
 NETWORKS = ("two_branch", "vanilla", "hourglass")
 EMD, CD = "emd_mean@{} + 5*chamfer_sq_mean", "chamfer_sq_mean"
 
@@ -49,11 +46,11 @@ def measure_losses(tiny):
     pairs, sizes = (2, (64,)) if tiny else (32, (1024, 4096, 16384))
     for size in sizes:
         a, b = surfaces(rng, pairs, sizes[0]), surfaces(rng, pairs, size)
-        _, both, *_ = cd_jax(map_pairs(chamfer_sq_mean), a, b, BUDGET)
+        _, both, *_ = cd_jax(map_pairs(chamfer_sq_mean), a, b)
         yield f"CD and gradient, {pairs} x {sizes[0]} x {size}: ms", 1000 * both
     for size in sizes[:2]:
         a, b = surfaces(rng, pairs, size), surfaces(rng, pairs, size)
-        _, both, _, gaps, *_ = emd_ours(map_pairs, a, b, BUDGET)
+        _, both, _, gaps, *_ = emd_ours(map_pairs, a, b)
         yield f"EMD and gradient, {pairs} x {size}: ms", 1000 * both
         yield f"EMD, {pairs} x {size}: largest proven gap", float(gaps.max())
 
@@ -98,68 +95,50 @@ def measure_steps(tiny):
             return metrics
 
         figure = f"step, {full_name}, {name}, {precision}, batch {batch}: ms"
-        yield figure, 1000 * seconds(run, BUDGET)
+        yield figure, 1000 * seconds(run)
 
 
 def run_part(name, arguments):
     """Measures one part in this process."""
     import jax
 
-    row = {"device": jax.devices()[0].device_kind, "jax": jax.__version__, "part": name}
+    device = f"{jax.devices()[0].device_kind}, jax {jax.__version__}"
     figures = measure_losses if name == "losses" else measure_steps
     for figure, value in figures(arguments.tiny):
-        line = json.dumps(row | {"figure": figure, "value": round(value, 4)})
+        line = f"| {figure} | {value:.4f} | {device} |"
         print(line, flush=True)
-        with open(arguments.out / "rows.jsonl", "a") as file:
-            file.write(line + "\n")
-
-
-def write_table(out):
-    """Writes `gpu.md`."""
-    path = out / "rows.jsonl"
-    rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
-    newest = {(row["device"], row["figure"]): row for row in rows}
-    lines = [f"| {r['figure']} | {r['value']} | {r['device']}, jax {r['jax']} |"
-             for r in newest.values()]  # fmt: skip
-    (out / "gpu.md").write_text("\n".join(["| figure | value | on |", "|---|---|---|", *lines, ""]))
+        with open(arguments.out / "gpu.md", "a") as table:
+            table.write(f"{line}\n")
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--parts", nargs="+", default=PARTS, choices=PARTS)
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("gpu"))
-    parser.add_argument("--data", default="", help="records of the part train")
-    parser.add_argument("--config", default="authors_small")
     parser.add_argument("--limit", type=float, default=480, help="seconds of each part")
     parser.add_argument("--tiny", action="store_true")
     parser.add_argument("--in_this_process", action="store_true")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
+    table = arguments.out / "gpu.md"
+    if not table.exists():
+        table.write_text("| figure | value | on |\n|---|---|---|\n")
     if arguments.in_this_process:
         run_part(arguments.parts[0], arguments)
         return
     environment = {"JAX_PLATFORMS": "cuda,cpu"} | os.environ | {"PYTHONPATH": str(ROOT)}
+    part = [__file__, "--in_this_process", f"--out={arguments.out}", *["--tiny"] * arguments.tiny]
+    tests = ["-m", "pytest", "-q", "tests/losses/test_min_of_n.py"]
+    if not arguments.tiny:
+        tests[-1:] = ["tests/losses", "tests/models"]
     for name in arguments.parts:
-        command = [sys.executable, __file__, "--in_this_process", f"--parts={name}",
-                   f"--out={arguments.out}", *["--tiny"] * arguments.tiny]  # fmt: skip
-        if name == "tests":
-            folders = ["tests/losses/test_min_of_n.py"]
-            if not arguments.tiny:
-                folders = ["tests/losses", "tests/models"]
-            command = [sys.executable, "-m", "pytest", "-q", *folders]
-        elif name == "train":
-            if not arguments.data:
-                continue
-            command = [sys.executable, "-m", "psgn_jax.main", f"--config={arguments.config}",
-                       f"--config.data.path={arguments.data}",
-                       f"--workdir={arguments.out / 'run'}"]  # fmt: skip
+        command = [sys.executable, *(tests if name == "tests" else [*part, f"--parts={name}"])]
         with subprocess.Popen(command, env=environment, cwd=ROOT) as process:
             try:
                 process.wait(arguments.limit)
             except subprocess.TimeoutExpired:
                 process.send_signal(signal.SIGTERM)
         print(f"{name}: exit code {process.returncode}", flush=True)
-        write_table(arguments.out)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,10 @@
 """Decoded samples per second of the data loader.
 
-    python tests/bench/loader.py [PATH] [--seconds 3] [--workers 2] [--step_samples 16]
+    python tests/bench/loader.py [PATH] [--seconds 3]
 
 PATH is a folder of records; without it, the default data set is used. For full and half-size
-images, the command prints samples/s with threads, with worker processes and from the cache. Except
-for worker processes, it also prints the samples per second of CPU time (the figure per core).
-`--step_samples` is the number of samples that a training uses per second; the command then also
-prints the loader's rate divided by this number.
+images, the command prints samples/s with threads and from the cache, and the samples per second of
+CPU time (the figure per core).
 """
 
 import argparse
@@ -41,8 +39,6 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("path", nargs="?", default="")
     parser.add_argument("--seconds", type=float, default=3.0)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--step_samples", type=float, default=0.0)
     arguments = parser.parse_args()
     path = arguments.path or default_data.default_dataset()
     num_points = min(4096, len(RecordReader(path, "train")[0].points))
@@ -56,18 +52,10 @@ def main():
             "threads, with depth": dataclasses.replace(plain, inputs=("rgb", "mask", "depth")),
             "cached": dataclasses.replace(plain, cache_gb=4.0),
             "cached, augmented": dataclasses.replace(augmented, cache_gb=4.0),
-            f"{arguments.workers} processes": dataclasses.replace(
-                plain, num_workers=arguments.workers
-            ),
         }
         for name, cfg in cases.items():
             wall, cpu = rate(cfg, arguments.seconds)
-            line = f"  {name:22s} {wall:7.0f} samples/s"
-            if not cfg.num_workers:
-                line += f" {cpu:7.0f} per core"
-            if arguments.step_samples:
-                line += f" {wall / arguments.step_samples:6.1f} times the step"
-            print(line, flush=True)
+            print(f"  {name:22s} {wall:7.0f} samples/s {cpu:7.0f} per core", flush=True)
 
 
 if __name__ == "__main__":

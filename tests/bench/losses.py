@@ -1,15 +1,14 @@
 """Times the Chamfer and the earth mover's distance, and other implementations of them.
 
     python tests/bench/losses.py [--data ../shared/psgn_batches] [--pairs 32]
-        [--only cd emd tolerances] [--sizes 1024x1024 ..] [--emd_sizes 1024 ..]
-        [--kinds near far init dup grid] [--leave_out naive torch ..]
+        [--only cd emd tolerances] [--sizes 1024x1024 ..] [--emd_sizes 1024 ..] [--emd_pairs 4]
+        [--kinds near far init dup grid]
 
 All rows use the same clouds in the same run. `cKDTree` is SciPy's, both directions, forward only,
 with one thread; every time is also given relative to it. Seconds are the CPU seconds of the process
-(the least of several calls), which other programs on the machine affect less than the wall clock;
-on one core (`taskset -c 0`) both are nearly equal. Libraries that run on a GPU (this package, ott
-and torch, if there is a GPU) are measured by the wall clock. Memory is what XLA reserves in
-addition to arguments and results; for torch, the size of its matrices, marked with ~.
+(the least of several calls), which other programs on the machine affect less than the wall clock.
+Memory is what XLA reserves in addition to arguments and results; for torch, the size of its
+matrices, marked with ~.
 
 Kinds: near = two disjoint subsets of one cloud, far = clouds of two objects, init = all predictions
 within 1e-3 of the origin, dup = far with eight copies of every point on average, grid = far,
@@ -27,8 +26,6 @@ import functools
 import importlib.util
 import itertools
 import pathlib
-import subprocess
-import sys
 import time
 import zlib
 
@@ -38,15 +35,13 @@ import numpy as np
 
 from psgn_jax import losses
 
-_POINTS = 32 * 192 * 256 * (3 + 2) + 32 * 9 * 4  # offset of the points in a batch file
-
 
 def real_clouds(folder, pairs):
     """The authors' clouds, whole [pairs, 16384, 3]."""
-    whole = []
+    start, whole = 32 * 192 * 256 * (3 + 2) + 32 * 9 * 4, []  # of the points in a batch file
     for path in sorted(pathlib.Path(folder).glob("*.gz")):
         raw = zlib.decompress(path.read_bytes())
-        points = np.frombuffer(raw, np.uint8, 32 * 16384 * 3, _POINTS).reshape(32, 16384, 3)
+        points = np.frombuffer(raw, np.uint8, 32 * 16384 * 3, start).reshape(32, 16384, 3)
         whole.extend(((points / 255.0 - [0.7, 0.5, 0.5]) / 0.4).astype(np.float32))
         if len(whole) >= pairs:
             break
@@ -62,13 +57,12 @@ def default_clouds(pairs):
     return np.stack([reader[i].points for i in range(min(pairs, len(reader)))])
 
 
-def seconds(call, budget, gpu=None):
-    """Least time of a call; it is called at least twice, then until the budget is spent."""
-    gpu = jax.default_backend() != "cpu" if gpu is None else gpu
-    clock = time.perf_counter if gpu else time.process_time
+def seconds(call):
+    """Least time of a call; it is called at least twice, then until two seconds are over."""
+    clock = time.process_time if jax.default_backend() == "cpu" else time.perf_counter
     jax.block_until_ready(call())
     times, begin = [], time.perf_counter()
-    while len(times) < 2 or (time.perf_counter() - begin < budget and len(times) < 30):
+    while len(times) < 2 or (time.perf_counter() - begin < 2 and len(times) < 30):
         start = clock()
         jax.block_until_ready(call())
         times.append(clock() - start)
@@ -78,12 +72,10 @@ def seconds(call, budget, gpu=None):
 def ckdtree(a, b):
     from scipy.spatial import cKDTree
 
-    return np.array(
-        [
-            np.square(cKDTree(y).query(x)[0]).mean() + np.square(cKDTree(x).query(y)[0]).mean()
-            for x, y in zip(a, b, strict=True)
-        ]
-    )
+    def directed(x, y):
+        return np.square(cKDTree(y).query(x)[0]).mean()
+
+    return np.array([directed(x, y) + directed(y, x) for x, y in zip(a, b, strict=True)])
 
 
 def naive(pred, gt):
@@ -91,25 +83,28 @@ def naive(pred, gt):
     return d.min(1).mean() + d.min(0).mean()
 
 
-def cd_jax(batch, a, b, budget):
-    """Seconds forward, seconds forward and backward, values, memory in MB."""
+def measured(forward, total, a, b):
+    """Result, seconds forward, seconds forward and backward, and extra MB of these two."""
     a, b = jnp.asarray(a), jnp.asarray(b)
-    forward = jax.jit(batch).lower(a, b).compile()
-    total = jax.value_and_grad(lambda a, b: batch(a, b).sum())
-    both = jax.jit(total).lower(a, b).compile()
-    memory = [f"{x.memory_analysis().temp_size_in_bytes / 1e6:.1f}" for x in (forward, both)]
-    one, two = seconds(lambda: forward(a, b), budget), seconds(lambda: both(a, b), budget)
-    return one, two, np.asarray(forward(a, b), np.float64), ", ".join(memory)
+    functions = forward, jax.value_and_grad(lambda a, b: total(a, b).sum())
+    programs = [jax.jit(function).lower(a, b).compile() for function in functions]
+    one, two = (seconds(functools.partial(program, a, b)) for program in programs)
+    memory = [program.memory_analysis().temp_size_in_bytes / 1e6 for program in programs]
+    return jax.device_get(programs[0](a, b)), one, two, memory
 
 
-def cd_torch(a, b, budget):
-    """Like `cd_jax`, with `torch.cdist`."""
+def cd_jax(batch, a, b):
+    """Seconds forward, seconds forward and backward, values, memory in MB."""
+    value, one, two, memory = measured(batch, batch, a, b)
+    return one, two, value.astype(np.float64), ", ".join(f"{m:.1f}" for m in memory)
+
+
+def cd_torch(a, b):
+    """Like `cd_jax`, with `torch.cdist` on a CPU."""
     import torch
 
     torch.set_num_threads(1)  # like the others; PyTorch's threads use CPU time while they wait
-    device = "cuda" if torch.cuda.is_available() else "cpu"
-    a, b = (torch.tensor(x, device=device) for x in (a, b))
-    a.requires_grad_()
+    a, b = torch.tensor(a, requires_grad=True), torch.tensor(b)
 
     def forward():
         d = torch.cdist(a, b)
@@ -119,28 +114,10 @@ def cd_torch(a, b, budget):
         a.grad = None
         forward().sum().backward()
 
-    def timed(call):
-        def done():
-            call()
-            if device == "cuda":
-                torch.cuda.synchronize()
-
-        return seconds(done, budget, device == "cuda")
-
     with torch.no_grad():
-        value, one = forward().cpu().numpy(), timed(forward)
+        value, one = forward().numpy(), seconds(lambda: forward() is None)
     needs = len(a) * a.shape[1] * b.shape[1] * 4 / 1e6
-    return one, timed(both), value, f"~{needs:.1f}, {2 * needs:.1f}"
-
-
-def import_seconds():
-    """Time of `import psgn_jax.losses` in a fresh interpreter that has imported jax."""
-    code = (
-        "import jax, jax.numpy, time; t = time.perf_counter(); import psgn_jax.losses;"
-        "print(time.perf_counter() - t)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    return float(done.stdout)
+    return one, seconds(both), value, f"~{needs:.1f}, {2 * needs:.1f}"
 
 
 def make_pairs(whole, pairs, n, m, kind, rng):
@@ -163,31 +140,25 @@ def make_pairs(whole, pairs, n, m, kind, rng):
     return a.astype(np.float32), b.astype(np.float32)
 
 
-def clocked(call, arguments, gpu=False):
+def clocked(call, arguments):
     """Results for all arguments, CPU seconds (scipy, POT and lapx use one thread)."""
-    clock = time.perf_counter if gpu else time.process_time
-    start = clock()
-    results = [call(*x) for x in arguments]
-    return results, clock() - start
+    start = time.process_time()
+    results = [jax.device_get(call(*x)) for x in arguments]
+    return results, time.process_time() - start
 
 
-def emd_ours(batch, a, b, budget):
-    """(forward s, forward+backward s, sums, gaps, bids, extra MB) of `vmap` or `map_pairs`."""
-    a, b = jnp.asarray(a), jnp.asarray(b)
-    solve = jax.jit(batch(losses.matched_distances)).lower(a, b).compile()
-    total = jax.value_and_grad(lambda a, b: batch(losses.emd_sum)(a, b).sum())
-    both = jax.jit(total).lower(a, b).compile()
-    found = solve(a, b)
-    memory = max(x.memory_analysis().temp_size_in_bytes for x in (solve, both)) / 1e6
-    one, two = seconds(lambda: solve(a, b), budget), seconds(lambda: both(a, b), budget)
-    index = np.asarray(found.assignment.index)
+def emd_ours(batch, a, b):
+    """(forward s, forward+backward s, sums, gaps, bids, extra MB) of `map_pairs`."""
+    of_pairs = batch(losses.matched_distances), batch(losses.emd_sum)
+    found, one, two, memory = measured(*of_pairs, a, b)
+    index = found.assignment.index
     assert all(len(set(i)) == len(i) for i in index)
     sums = [
         np.linalg.norm(x.astype(np.float64) - y.astype(np.float64)[i], axis=1).sum()
-        for x, y, i in zip(np.asarray(a), np.asarray(b), index, strict=True)
+        for x, y, i in zip(a, b, index, strict=True)
     ]
-    bids = np.asarray(found.assignment.iterations)
-    return one, two, np.array(sums), np.asarray(found.assignment.gap), bids, memory
+    bids, gaps = found.assignment.iterations, found.assignment.gap
+    return one, two, np.array(sums), gaps, bids, max(memory)
 
 
 def emd_sinkhorn(a, b, relative):
@@ -204,8 +175,7 @@ def emd_sinkhorn(a, b, relative):
         return (out.matrix * geometry.cost_matrix).sum() * len(x), out.n_iters
 
     call = one.lower(a[0], b[0]).compile()
-    gpu = jax.default_backend() != "cpu"
-    found, spent = clocked(lambda x, y: jax.device_get(call(x, y)), zip(a, b, strict=True), gpu)
+    found, spent = clocked(call, zip(a, b, strict=True))
     return np.array([x for x, _ in found]), np.array([x for _, x in found]), spent
 
 
@@ -226,10 +196,8 @@ EXACT = {"ot": ("POT emd2", pot), "lap": ("lapx lapjv", lapx)}
 """Package -> name, and function from a matrix of costs to the least sum."""
 
 
-def wanted(args, package):
-    """Whether a row is to be measured; `package` is installed, or is no package."""
-    known = package in ("naive", "map", "vmap") or importlib.util.find_spec(package)
-    return known and package not in args.leave_out
+def installed(package):
+    return importlib.util.find_spec(package) is not None
 
 
 def print_row(*cells):
@@ -247,23 +215,20 @@ def cd_table(args, whole):
         "size", "kind", "version", "fwd s", "fwd+bwd s", "fwd / tree", "fwd+bwd / tree",
         "extra MB fwd, fwd+bwd", "mean error", "max error",
     )  # fmt: skip
-    versions = {
-        "map": losses.map_pairs(losses.chamfer_sq_mean, platform="cpu"),
-        "vmap": jax.vmap(losses.chamfer_sq_mean),
-        "naive": jax.vmap(naive),
+    measures = {
+        "map": functools.partial(cd_jax, losses.map_pairs(losses.chamfer_sq_mean, platform="cpu")),
+        "naive": functools.partial(cd_jax, jax.vmap(naive)),
     }
-    measures = {name: functools.partial(cd_jax, batch) for name, batch in versions.items()}
-    measures["torch"] = cd_torch
+    if installed("torch"):
+        measures["torch"] = cd_torch
     for size, kind in itertools.product(args.sizes, args.kinds):
         n, m = (int(x) for x in size.split("x"))
         a, b = make_pairs(whole, len(whole), n, m, kind, np.random.default_rng(0))
         truth = ckdtree(a, b)
-        tree = seconds(lambda a=a, b=b: ckdtree(a, b) is None, args.budget, gpu=False)
+        tree = seconds(lambda a=a, b=b: ckdtree(a, b) is None)
         print_row(size, kind, "cKDTree", f"{tree:.3f}", "", 1, "", "", "", "")
         for name, measure in measures.items():
-            if not wanted(args, name):
-                continue
-            one, both, value, memory = measure(a, b, args.budget)
+            one, both, value, memory = measure(a, b)
             error = np.abs(value / truth - 1)
             print_row(
                 size, kind, name, f"{one:.3f}", f"{both:.3f}", f"{one / tree:.2f}",
@@ -284,43 +249,37 @@ def emd_table(args, whole):
         pairs = max(min(args.emd_pairs, len(whole)), len(whole) * 1024**2 // max(n, 1024) ** 2)
         a, b = make_pairs(whole, pairs, n, n, kind, np.random.default_rng(0))
         k = min(args.emd_pairs, pairs)
-        best, matrices, base = [], [], 0.0
-        for x, y in zip(a.astype(np.float64), b.astype(np.float64), strict=True):
-            d = cdist(x, y)
-            (match,), spent = clocked(linear_sum_assignment, [(d,)])
-            base += spent / pairs
-            best.append(d[match].sum())
-            matrices += [(d,)] if len(matrices) < k else []
+        matrices = [(cdist(x, y),) for x, y in zip(a.astype("f8"), b.astype("f8"), strict=True)]
+        matches, spent = clocked(linear_sum_assignment, matrices)
+        base = spent / pairs
+        best = np.array([d[match].sum() for (d,), match in zip(matrices, matches, strict=True)])
+        del matrices[k:]
 
-        best = np.array(best)
-
-        def show(name, one, sums, *, both=None, gap="", bids=None, memory=None,
-                 n=n, kind=kind, best=best, base=base):  # fmt: skip
-            error = np.asarray(sums) / best[: len(sums)] - 1
-            print_row(
-                n, kind, name, f"{one * 1e3:.2f}", "" if both is None else f"{both * 1e3:.2f}",
-                f"{base / one:.2f}", f"{error.mean():.2%}", f"{error.max():.2%}", gap,
-                "" if bids is None else f"{bids.mean():.1f} ({bids.max():.1f})",
-                "" if memory is None else f"{memory:.1f}",
-            )  # fmt: skip
-
-        show("scipy", base, best)
-        cpu = functools.partial(losses.map_pairs, platform="cpu")
-        for name, batch in {"map": cpu, "vmap": jax.vmap}.items():
-            if wanted(args, name):
-                one, both, sums, gap, bids, memory = emd_ours(batch, a, b, args.budget)
-                more = {"both": both / pairs, "gap": f"{gap.max():.2%}", "bids": bids / n}
-                show(f"ours, {name}", one / pairs, sums, memory=memory, **more)
+        rows = [("scipy", base, best, {})]
+        batch = functools.partial(losses.map_pairs, platform="cpu")
+        one, both, sums, gap, bids, memory = emd_ours(batch, a, b)
+        more = {
+            "both": f"{1e3 * both / pairs:.2f}", "gap": f"{gap.max():.2%}",
+            "iterations": f"{bids.mean() / n:.1f} ({bids.max() / n:.1f})",
+            "memory": f"{memory:.1f}",
+        }  # fmt: skip
+        rows.append(("ours, map", one / pairs, sums, more))
         for package, (name, solve) in EXACT.items():
-            if wanted(args, package):
+            if installed(package):
                 solve(matrices[0][0])  # compiles, or imports
                 sums, spent = clocked(solve, matrices)
-                show(name, spent / k, sums)
-        if wanted(args, "ott"):
-            for relative in args.sinkhorn:
-                sums, rounds, spent = emd_sinkhorn(a[:k], b[:k], relative)
-                # One iteration is a pass over the n rows of the matrix: one row per point.
-                show(f"ott Sinkhorn {relative:g}", spent / k, sums, bids=rounds)
+                rows.append((name, spent / k, sums, {}))
+        for relative in (0.02, 0.005) if installed("ott") else ():
+            sums, rounds, spent = emd_sinkhorn(a[:k], b[:k], relative)
+            # One iteration is a pass over the n rows of the matrix: one row per point.
+            more = {"iterations": f"{rounds.mean():.1f} ({rounds.max():.1f})"}
+            rows.append((f"ott Sinkhorn {relative:g}", spent / k, sums, more))
+        for name, one, sums, more in rows:
+            error = np.asarray(sums) / best[: len(sums)] - 1
+            errors = f"{error.mean():.2%}", f"{error.max():.2%}"
+            rest = (more.get(key, "") for key in ("gap", "iterations", "memory"))
+            print_row(n, kind, name, f"{one * 1e3:.2f}", more.get("both", ""), f"{base / one:.2f}",
+                      *errors, *rest)  # fmt: skip
 
 
 def tolerances_table(args, whole):
@@ -332,9 +291,7 @@ def tolerances_table(args, whole):
         for tolerance in (0.01, 0.03, 0.1):
             call = functools.partial(losses.assign, tolerance=tolerance)
             jax.block_until_ready(call(a[0], b[0]))
-            found, spent = clocked(
-                lambda x, y, f=call: jax.device_get(f(x, y)), zip(a, b, strict=True)
-            )
+            found, spent = clocked(call, zip(a, b, strict=True))
             print_row(n, kind, tolerance, f"{1e3 * spent / pairs:.1f}", f"{pairs / spent:.1f}",
                       f"{max(x.gap for x in found):.2%}")  # fmt: skip
 
@@ -353,12 +310,8 @@ def main():
     every = ["near", "far", "init", "dup", "grid"]
     parser.add_argument("--kinds", nargs="+", default=every, choices=every)
     parser.add_argument("--emd_pairs", type=int, default=4, help="pairs for the slow libraries")
-    parser.add_argument("--sinkhorn", nargs="*", type=float, default=[0.02, 0.005])
-    parser.add_argument("--budget", type=float, default=2.0, help="seconds spent on each figure")
-    parser.add_argument("--leave_out", nargs="*", default=[], help="map vmap naive torch ot lap ..")
     args = parser.parse_args()
     print(f"{jax.devices()[0].device_kind}, jax {jax.__version__}, {args.pairs} pairs, float32")
-    print(f"import psgn_jax.losses beyond jax: {import_seconds():.2f} s")
     real = args.data.is_dir()
     print(f"clouds: {'authors batches' if real else 'default data set'}")
     whole = real_clouds(args.data, args.pairs) if real else default_clouds(args.pairs)

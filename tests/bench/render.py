@@ -1,12 +1,11 @@
 """Images per second of the data stage on one core, and a worker's peak memory.
 
-    python tests/bench/render.py [--catalogue procedural] [--source 4] [--models 30] [--views 4]
-                                 [--variant auto]
+    python tests/bench/render.py [--catalogue procedural] [--source 4] [--models 30]
 
 Renders models spread over a catalogue in this process, with one thread. All steps are included:
 reading the mesh, points, pictures, checks, occupancy, encoding. Prints images per second of
-wall-clock time and of CPU time (the figure per core on a busy machine), the slowest models, and the
-peak memory of the process.
+wall-clock time and of CPU time (the figure per core on a busy machine), and the peak memory of the
+process.
 """
 
 import argparse
@@ -19,7 +18,6 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 from data_gen import engine, settings  # noqa: E402
 from data_gen.catalogues.open_catalogue import open_catalogue  # noqa: E402
-from data_gen.engine import choose_variant  # noqa: E402
 from data_gen.render_model import Context, render_model  # noqa: E402
 
 
@@ -28,30 +26,20 @@ def main():
     parser.add_argument("--catalogue", default="procedural")
     parser.add_argument("--source", default="4")
     parser.add_argument("--models", type=int, default=30)
-    parser.add_argument("--views", type=int, default=4)
-    parser.add_argument("--variant", default="auto", choices=["auto", "llvm", "scalar"])
     arguments = parser.parse_args()
-    variant, message = choose_variant(arguments.variant)
+    variant, message = engine.choose_variant("auto")
     print(variant.name, message)
     os.environ["DRJIT_LIBLLVM_PATH"] = variant.libllvm
     engine.start(variant.name)
     entries = list(open_catalogue(arguments.catalogue, arguments.source).models)
     chosen = entries[:: max(1, len(entries) // arguments.models)][: arguments.models]
-    options = settings.Settings(views=arguments.views)
-    context = Context(options, arguments.catalogue, variant, None)
+    context = Context(settings.Settings(views=4), arguments.catalogue, variant, None)
     render_model(chosen[0], context)  # not timed: the first model also compiles and loads modules
-    models, images = [], 0
     wall, cpu = time.perf_counter(), time.process_time()
-    for entry in chosen:
-        start = time.process_time()
-        done, line = render_model(entry, context)
-        models.append((time.process_time() - start, entry.model_id, line.get("faces", 0)))
-        images += len(done)
+    images = sum(len(render_model(entry, context)[0]) for entry in chosen)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     print(f"{images} images of {len(chosen)} models")
     print(f"{images / wall:.2f} images/s of wall-clock time, {images / cpu:.2f} of CPU time")
-    for seconds, name, faces in sorted(models)[-3:]:
-        print(f"slowest: {name}, {faces} faces: {seconds:.2f} s for {arguments.views} views")
     print(f"peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
 
 

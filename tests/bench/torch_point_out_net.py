@@ -5,7 +5,6 @@ more: the number of operations is the same, and PyTorch is fastest with symmetri
 """
 
 import itertools
-from collections.abc import Sequence
 
 import torch
 from torch import nn
@@ -16,14 +15,7 @@ class TwoBranch(nn.Module):
     """The network "two_branch" of `psgn_jax.models.point_out_net`, without random input."""
 
     def __init__(
-        self,
-        in_channels: int,
-        image_size: tuple[int, int],
-        widths: Sequence[int],
-        fc_points: int,
-        fc_widths: Sequence[int],
-        deconv_level: int,
-        deconv_channels: int,
+        self, in_channels, image_size, widths, fc_points, fc_widths, deconv_level, deconv_channels
     ):
         super().__init__()
         last = len(widths) - 1
@@ -43,16 +35,15 @@ class TwoBranch(nn.Module):
         channels = widths[-1]
         for width in reversed(widths[deconv_level:-1]):
             half = width // 2
-            self.ups.append(
-                nn.ConvTranspose2d(channels, half, 5, stride=2, padding=2, output_padding=1)
-            )
+            up = {"stride": 2, "padding": 2, "output_padding": 1}
+            self.ups.append(nn.ConvTranspose2d(channels, half, 5, **up))
             self.skips.append(_conv(width, half, 3))
             self.merged.append(_conv(half, half, 3))
             channels = half
         self.deconv_conv = _conv(channels, channels, 3)
         self.deconv_points = _conv(channels, deconv_channels, 3)
 
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
+    def forward(self, x):
         """[b, c, h, w] to [b, points, 3]."""
         features = []
         for level in self.levels:
@@ -72,5 +63,5 @@ class TwoBranch(nn.Module):
         return torch.cat(clouds, 1)
 
 
-def _conv(channels: int, width: int, size: int, stride: int = 1) -> nn.Conv2d:
+def _conv(channels, width, size, stride=1):
     return nn.Conv2d(channels, width, size, stride=stride, padding=size // 2)

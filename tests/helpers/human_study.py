@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from helpers import drawn_solids
 from psgn_jax.data import camera, schema
 
-TURN = 25
-"""Direction of the table, degrees."""
+TURN = 25  # direction of the table, degrees
 
 # Centre and extents of each box, along the axes of the table.
 TOP = ((0, 0, 0.66), (0.8, 1.2, 0.08))
@@ -25,25 +25,17 @@ def turn(points):
     return points @ np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])
 
 
-def box_points(middle, size, count, rng):
-    """Points uniform on the surface of a box."""
-    size = np.array(size)
-    areas = np.repeat([size[1] * size[2], size[0] * size[2], size[0] * size[1]], 2)
-    side = rng.choice(6, count, p=areas / areas.sum())
-    points = rng.uniform(-0.5, 0.5, (count, 3))
-    points[np.arange(count), side // 2] = side % 2 - 0.5
-    return points * size + np.array(middle)
-
-
 def table_points(count, seed=0):
     """Points on the table, except where the legs meet the top."""
     rng = np.random.default_rng(seed)
     boxes = [TOP, *LEGS]
     areas = [2 * (a * b + b * c + a * c) for _, (a, b, c) in boxes]
     numbers = np.ceil(1.1 * count * np.array(areas) / sum(areas)).astype(int)
-    points = np.concatenate(
-        [box_points(*box, n, rng) for box, n in zip(boxes, numbers, strict=True)]
-    )
+    parts = [
+        drawn_solids.box(np.array(size) / 2).sample(rng, n)[0] + middle
+        for (middle, size), n in zip(boxes, numbers, strict=True)
+    ]
+    points = np.concatenate(parts)
     bottom = TOP[0][2] - TOP[1][2] / 2
     under = np.abs(points[:, 2] - bottom) < 1e-9
     near = np.abs(np.abs(points[:, :2]) - LEG[0][:2]).max(axis=1) < LEG[1][0] / 2
@@ -59,13 +51,5 @@ def table_sample(size=(96, 128)):
     mask[rows, columns] = True
     image = np.full((*size, 3), schema.BACKGROUND_GREY, np.uint8)
     image[mask] = (150, 105, 70)
-    return schema.Sample(
-        image=image,
-        mask=mask,
-        points=table_points(8192),
-        intrinsics=intrinsics,
-        extrinsics=extrinsics,
-        category="table",
-        model_id="known",
-        source="test",
-    )
+    names = {"category": "table", "model_id": "known", "source": "test"}
+    return schema.Sample(image, mask, table_points(8192), intrinsics, extrinsics, **names)

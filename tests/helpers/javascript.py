@@ -37,12 +37,7 @@ const input = JSON.parse(fs.readFileSync(0), (_, v) => v?.base64 === undefined ?
 const result = await (async () => {{ {body} }})();
 process.stdout.write(JSON.stringify(result, (_, v) => ArrayBuffer.isView(v) ? Array.from(v) : v));
 """
-    done = subprocess.run(
-        [NODE, "--input-type=module", "-e", code],
-        input=json.dumps(values, default=plain),
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
+    command, text = [NODE, "--input-type=module", "-e", code], json.dumps(values, default=plain)
+    done = subprocess.run(command, input=text, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)

@@ -4,21 +4,9 @@ import io
 
 from PIL import Image
 
-CUBE = """\
-v -1 -1 -1
-v 1 -1 -1
-v 1 1 -1
-v -1 1 -1
-v -1 -1 1
-v 1 -1 1
-v 1 1 1
-v -1 1 1
-"""
-
-
+_SQUARE = ("-1 -1", "1 -1", "1 1", "-1 1")
+CUBE = "".join(f"v {xy} {z}\n" for z in (-1, 1) for xy in _SQUARE)
 QUADS = ["4 3 2 1", "5 6 7 8", "1 2 6 5", "2 3 7 6", "3 4 8 7", "4 1 5 8"]
-
-
 FACES = "".join(f"f {q}\n" for q in QUADS)
 
 

@@ -14,37 +14,39 @@ def nearest(a, b):
     return d.min(1), d.argmin(1)
 
 
-def chamfer_sq(pred, gt):
+def _nearest_sq(pred, gt):
+    """Squared distances to the nearest: of the points of pred, and of those of gt."""
     d = pairwise_sq(pred, gt)
-    return d.min(1).sum() + d.min(0).sum()
+    return d.min(1), d.min(0)
+
+
+def chamfer_sq(pred, gt):
+    return sum(square.sum() for square in _nearest_sq(pred, gt))
 
 
 def chamfer_sq_pred_to_gt_mean(pred, gt):
-    return pairwise_sq(pred, gt).min(1).mean()
+    return _nearest_sq(pred, gt)[0].mean()
 
 
 def chamfer_sq_gt_to_pred_mean(pred, gt):
-    return pairwise_sq(pred, gt).min(0).mean()
+    return _nearest_sq(pred, gt)[1].mean()
 
 
 def chamfer_sq_mean(pred, gt):
-    d = pairwise_sq(pred, gt)
-    return d.min(1).mean() + d.min(0).mean()
+    return sum(square.mean() for square in _nearest_sq(pred, gt))
 
 
 def chamfer_l1_mean(pred, gt):
-    d = np.sqrt(pairwise_sq(pred, gt))
-    return (d.min(1).mean() + d.min(0).mean()) / 2
+    return sum(np.sqrt(square).mean() for square in _nearest_sq(pred, gt)) / 2
 
 
 def chamfer_authors(pred, gt):
-    d = pairwise_sq(pred, gt)
-    return 1e4 * (d.min(0).mean() + d.min(1).mean() / 2)
+    to_gt, to_pred = _nearest_sq(pred, gt)
+    return 1e4 * (to_pred.mean() + to_gt.mean() / 2)
 
 
 def fscore(pred, gt, threshold):
-    d = np.sqrt(pairwise_sq(pred, gt))
-    precision, recall = (d.min(1) <= threshold).mean(), (d.min(0) <= threshold).mean()
+    precision, recall = ((np.sqrt(d) <= threshold).mean() for d in _nearest_sq(pred, gt))
     if precision + recall == 0:
         return 0.0, precision, recall
     return 2 * precision * recall / (precision + recall), precision, recall
@@ -56,16 +58,11 @@ def by_visibility(pred, gt, visible, threshold):
     The values of an empty subset are NaN.
     """
     found = {}
-    for name, wanted in (("visible", True), ("hidden", False)):
-        squares = [
-            pairwise_sq(p[None], pred).min()
-            for p, v in zip(gt, visible, strict=True)
-            if v == wanted
-        ]
+    for name, chosen in (("visible", visible), ("hidden", ~visible)):
+        squares = _nearest_sq(pred, gt[chosen])[1] if chosen.any() else np.array([np.nan])
         d = np.sqrt(squares)
-        found[name] = (
-            (np.mean(squares), np.mean(d), np.mean(d <= threshold)) if squares else (np.nan,) * 3
-        )
+        recall = (d <= threshold).mean() if chosen.any() else np.nan
+        found[name] = squares.mean(), d.mean(), recall
     return found
 
 
@@ -75,11 +72,8 @@ def cross_chamfer(a, b):
 
 
 def total_mutual_difference(draws):
-    total = 0.0
-    for i, one in enumerate(draws):
-        others = [chamfer_sq_mean(one, o) for j, o in enumerate(draws) if j != i]
-        total += sum(others) / len(others)
-    return total
+    d = cross_chamfer(draws, draws)  # zero on the diagonal
+    return d.sum() / (len(draws) - 1)
 
 
 def coverage(draws, truths):

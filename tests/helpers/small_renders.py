@@ -17,7 +17,6 @@ SMALL = {
 
 def contents(folder):
     """The contents of all files except the report and `job.json`."""
-    return {
-        p.name: p.read_bytes() for p in pathlib.Path(folder).iterdir()
-        if p.name not in (shards.REPORT, shards.JOB)
-    }  # fmt: skip
+    own = (shards.REPORT, shards.JOB)
+    files = (p for p in pathlib.Path(folder).iterdir() if p.name not in own)
+    return {p.name: p.read_bytes() for p in files}

@@ -2,9 +2,8 @@
 
     python tests/helpers/standin.py FLAGS
 
-If the configuration names a `data.path`, the command trains on those records instead.
-
-Samples are coloured boxes. Their images and points depend only on the sample's number.
+Samples are coloured boxes. Their images and points depend only on the sample's number. With a
+`data.path`, evaluations read those records instead.
 """
 
 import os
@@ -14,6 +13,11 @@ import time
 
 import numpy as np
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+
+from psgn_jax.data import loader
+
+_read = loader.eval_batches  # which `install` replaces
 SIZES = {"train": 24, "validation": 11}
 CATEGORIES = ("bench", "car", "lamp")
 INTRINSICS = np.array([[100.0, 0, 32], [0, 100.0, 24], [0, 0, 1]], np.float32)
@@ -31,24 +35,16 @@ def sample(cfg, number, num_points, rng):
     image[mask] = own.integers(0, 255, 3)
     points = rng.uniform(-1, 1, (num_points, 3)).astype(np.float32) * half
     points[:, 2] += half[2]
-    depth = np.where(mask, np.float32(3.0), np.float32(0))
-    return {
-        "image": image,
-        "mask": mask,
-        "points": points,
-        "intrinsics": INTRINSICS,
-        "extrinsics": EXTRINSICS,
-        **({"depth": depth} if "depth" in cfg.inputs else {}),
-    }
+    depth = {"depth": mask * np.float32(3)} if "depth" in cfg.inputs else {}
+    camera = {"intrinsics": INTRINSICS, "extrinsics": EXTRINSICS}
+    return {"image": image, "mask": mask, "points": points, **camera, **depth}
 
 
-def stack(samples):
+def _stack(samples):
     return {key: np.stack([s[key] for s in samples]) for key in samples[0]}
 
 
 def train_batches(cfg, **options):
-    if cfg.path:
-        yield from _loader("train_batches")(cfg, **options)
     batch_size, seed, step = (options[name] for name in ("batch_size", "seed", "start_step"))
     local = batch_size // options.get("process_count", 1)
     first = options.get("process_index", 0) * local
@@ -58,14 +54,14 @@ def train_batches(cfg, **options):
         rng = np.random.default_rng((seed, step))
         numbers = rng.integers(0, SIZES[cfg.train_split], batch_size)
         rows = [sample(cfg, n, cfg.num_points, rng) for n in numbers]
-        yield stack(rows[first : first + local])
+        yield _stack(rows[first : first + local])
         step += 1
 
 
 def eval_batches(cfg, *, split, batch_size, choose=range, **options):
     if cfg.path:
         options |= {"batch_size": batch_size, "choose": choose}
-        yield from _loader("eval_batches")(cfg, split=split, **options)
+        yield from _read(cfg, split=split, **options)
         return
     total = SIZES[split]
     for batch in choose(-(-total // batch_size)):
@@ -74,7 +70,7 @@ def eval_batches(cfg, *, split, batch_size, choose=range, **options):
         rows = [
             sample(cfg, 1000 + n, cfg.num_eval_points, np.random.default_rng(n)) for n in numbers
         ]
-        yield stack(rows) | {
+        yield _stack(rows) | {
             "valid": np.arange(start, start + batch_size) < total,
             "category": [CATEGORIES[n % 3] for n in numbers],
             "model_id": [f"model{n}" for n in numbers],
@@ -86,23 +82,11 @@ def num_samples(cfg, split, *, evaluation=False):
     return SIZES[split]
 
 
-_LOADER = {}
-
-
-def _loader(name):
-    """The function of the loader that this source replaces."""
-    from psgn_jax.data import loader
-
-    return _LOADER.get(name) or getattr(loader, name)
-
-
 def install(monkeypatch):
     """Replaces the loader by this source for trainings and evaluations in this process."""
     from psgn_jax.commands import default_data
-    from psgn_jax.data import loader
 
     for function in (train_batches, eval_batches, num_samples):
-        _LOADER.setdefault(function.__name__, getattr(loader, function.__name__))
         monkeypatch.setattr(loader, function.__name__, function)
     monkeypatch.setattr(default_data, "default_dataset", lambda: "")
 
@@ -111,40 +95,24 @@ def config(**changes):
     """A `Config` whose step takes milliseconds, with changes given as `section__field=value`."""
     from psgn_jax.config.experiment import parse
 
+    widths = {"widths": (4, 6, 8, 8), "fc_points": 8, "fc_widths": (12,)}
+    every = {"log_every": 2, "eval_every": 6, "checkpoint_every": 3, "images_every": 0}
     tree = {
         "seed": 3,
         "data": {"image_size": (16, 32), "num_points": 64, "num_eval_points": 64},
-        "model": {
-            "widths": (4, 6, 8, 8),
-            "fc_points": 8,
-            "fc_widths": (12,),
-            "deconv_level": 1,
-            "random_size": 3,
-        },
+        "model": {**widths, "deconv_level": 1, "random_size": 3},
         "optim": {"learning_rate": 1e-3, "ema_decay": 0.9, "clip_norm": 5.0},
         "loss": {"l2": "authors"},
-        "train": {
-            "batch_size": 8,
-            "steps": 12,
-            "log_every": 2,
-            "eval_every": 6,
-            "checkpoint_every": 3,
-            "images_every": 0,
-            "num_images": 2,
-        },
+        "train": {**every, "batch_size": 8, "steps": 12, "num_images": 2},
         "eval": {"batch_size": 4, "emd_tolerance": 0},
     }
     for name, value in changes.items():
         section, _, field = name.partition("__")
-        if field:
-            tree.setdefault(section, {})[field] = value
-        else:
-            tree[section] = value
+        tree[section] = {**tree.get(section, {}), field: value} if field else value
     return parse(tree)
 
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
     import pytest
 
