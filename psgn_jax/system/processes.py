@@ -11,6 +11,8 @@ import pathlib
 import sys
 from typing import Any
 
+from absl import logging as absl_logging
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 """The folder that contains the packages `psgn_jax` and `data_gen`."""
 
@@ -60,8 +62,8 @@ def quiet_orbax() -> None:
     then prints "Event loop is closed" for the operations that are still pending, and asyncio logs
     that exceptions of others were never retrieved.
     """
-    for name in ("absl", "asyncio"):
-        logging.getLogger(name).addFilter(_is_news)  # adding it again has no effect
+    for logger in (absl_logging.get_absl_logger(), logging.getLogger("asyncio")):
+        logger.addFilter(_is_news)  # adding it again has no effect
     before = sys.unraisablehook
 
     def ignore_closed_loops(unraisable: Any) -> None:

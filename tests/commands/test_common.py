@@ -14,6 +14,8 @@ from psgn_jax.system.errors import UserError
 
 def test_terminal_shows_own_progress_and_others_warnings():
     code = """
+from psgn_jax.system.processes import start_command
+start_command()
 import logging as python_logging
 from absl import logging
 from psgn_jax.config import command_line
