@@ -314,7 +314,7 @@ def _check_together(config: Config) -> None:
         ("train.init_skip", config.train.init_skip and not config.train.init,
          "() without train.init"),
         ("optim.warmup_steps", config.optim.warmup_steps >= steps,
-         f"fewer than train.steps={steps}"),
+         f"fewer than train.steps={steps} (a shorter run needs both)"),
         *((f"data.{name}", on_volumes and getattr(data, name),
            f"0 with task={task!r} (volumes are not transformed)")
           for name in ("stretch", "place", "reframe_scale", "reframe_shift")),
