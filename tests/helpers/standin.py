@@ -3,7 +3,7 @@
     python tests/helpers/standin.py FLAGS
 
 Samples are coloured boxes. Their images and points depend only on the sample's number. With a
-`data.path`, evaluations read those records instead.
+`data.path`, those records are read instead.
 """
 
 import os
@@ -17,7 +17,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
 
 from psgn_jax.data import loader
 
-_read = loader.eval_batches  # which `install` replaces
+_train, _eval = loader.train_batches, loader.eval_batches  # which `install` replaces
 SIZES = {"train": 24, "validation": 11}
 CATEGORIES = ("bench", "car", "lamp")
 INTRINSICS = np.array([[100.0, 0, 32], [0, 100.0, 24], [0, 0, 1]], np.float32)
@@ -45,6 +45,8 @@ def _stack(samples):
 
 
 def train_batches(cfg, **options):
+    if cfg.path:
+        yield from _train(cfg, **options)
     batch_size, seed, step = (options[name] for name in ("batch_size", "seed", "start_step"))
     local = batch_size // options.get("process_count", 1)
     first = options.get("process_index", 0) * local
@@ -61,7 +63,7 @@ def train_batches(cfg, **options):
 def eval_batches(cfg, *, split, batch_size, choose=range, **options):
     if cfg.path:
         options |= {"batch_size": batch_size, "choose": choose}
-        yield from _read(cfg, split=split, **options)
+        yield from _eval(cfg, split=split, **options)
         return
     total = SIZES[split]
     for batch in choose(-(-total // batch_size)):
