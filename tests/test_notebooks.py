@@ -13,6 +13,7 @@ import pytest
 FOLDER = pathlib.Path(__file__).resolve().parents[1] / "notebooks"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.ipynb")), ids=lambda p: p.stem)
 def test_notebook_runs(path, monkeypatch):
     # The kernel is a process of its own: it imports the package from this checkout.

@@ -10,6 +10,7 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.slow
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 START = """
 import sys, threading
@@ -187,12 +188,10 @@ def test_the_bits_of_a_cpu_and_one_callback_in_a_step_on_a_gpu():
     check(start(TEXT_FOR_A_GPU + ONE_PROCESS))
 
 
-@pytest.mark.slow
 def test_two_devices_and_meshes_with_explicit_axes():
     check(start(EXPLICIT_MESHES + TWO_DEVICES, devices=2))
 
 
-@pytest.mark.slow
 def test_two_processes():
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"127.0.0.1:{server.getsockname()[1]}"

@@ -19,6 +19,7 @@ from psgn_jax.prediction import cloud, masks
 from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.weights.opening import open_network
 
+pytestmark = pytest.mark.slow
 SECONDS = 120
 CHAIR = pathlib.Path(__file__).resolve().parents[3] / "docs" / "photos" / "chair.jpg"
 SHAPE = (240, 320)
@@ -155,7 +156,6 @@ def test_a_mask_is_found_as_by_python_or_proposed_and_corrected(open_page, tmp_p
     assert "not certain" not in status(page)
 
 
-@pytest.mark.slow
 def test_masks_from_transparency_from_files_and_drawn(open_page, predictor, tmp_path):
     rgba = write_cut_out(tmp_path)
     image, mask = write_photo(tmp_path)
@@ -278,7 +278,6 @@ def test_wrong_or_damaged_weights_are_refused(open_page, site, address, tmp_path
     assert problem(page).startswith(expected)
 
 
-@pytest.mark.slow
 def test_the_example_of_an_export(browser, run, runtime, serve, tmp_path, predictor):
     """The page in the folder of `psgn export`, with the runtime beside it."""
     from psgn_jax.portable.folder import write_folder
@@ -299,7 +298,6 @@ def test_the_example_of_an_export(browser, run, runtime, serve, tmp_path, predic
     page.close()
 
 
-@pytest.mark.slow
 def test_photos_have_the_same_cloud_through_every_door(open_page, serve, runtime, tmp_path):
     """The command, the call from Python and the page, with the weights of the package.
 
