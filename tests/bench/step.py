@@ -152,6 +152,8 @@ def main():
             f"{name:24}{min(own):9.3f}{median:9.3f}{max(own):9.3f}{ratio:7.2f}"
             f"{batch / median:11.1f}{peak:9.2f}"
         )
+    for pool in pools.values():
+        pool.shutdown()
 
 
 if __name__ == "__main__":
