@@ -7,8 +7,10 @@ import pytest
 from data_gen.catalogues import cabinets
 from data_gen.surface import sample_surface
 from psgn_jax.config.experiment import parse
+from psgn_jax.evaluation.results import SampleName
 from psgn_jax.models.networks import build
 from psgn_jax.studies import ambiguity, branches, comparison, losses, mean_shape
+from psgn_jax.studies.runner import Measured
 
 
 def test_stray_missed_and_uneven_points():
@@ -143,3 +145,25 @@ def test_surfaces_thin_cells_and_empty_predictions(monkeypatch):
     probability = np.zeros((32, 32, 32), np.float32)
     probability[3, 4, 5] = 0.2
     assert np.argwhere(comparison.solid_at(probability, 0.5)).tolist() == [[3, 4, 5]]
+
+
+def test_a_row_for_each_category():
+    names = [
+        SampleName(i, category, "m", 0) for i, category in enumerate(("chair", "chair", "box"))
+    ]
+    iou, thin = np.array([0.2, 0.4, 0.6]), np.array([np.nan, 0.5, np.nan])
+    clouds = {f"{m}_{t}": np.full(3, 0.01) for m in ("cd", "emd") for t in ("volume", "surface")}
+    every = {name: iou for name in comparison.METRICS if name.startswith("iou")}
+    found = Measured(names, {**every, **clouds, "thin_recall": thin})
+    results = {run: [found] for run in (*comparison.POINTS, *comparison.HEADS, comparison.PEER)}
+    (lines,) = comparison.by_category(results)
+    rows = {line[0]: dict(zip(lines[0], line, strict=True)) for line in lines}
+    assert (rows["chair"]["ours"], rows["chair"]["paper*: ours"]) == ("0.300", "0.544")
+    assert (rows["mean"]["ours"], rows["mean"]["samples"]) == ("0.450", "3")
+    assert (rows["chair"]["thin: ours"], rows["box"]["thin: ours"]) == ("0.500", "nan")
+    # .01 radius^2 is .25 u^2 and .01 radius is .05 u, where u is the paper's unit.
+    assert rows["box"]["CD: ours [u^2]"] == "0.250"
+    assert rows["box"]["EMD: 3D-R2N2 [u]"] == "0.050"
+    assert list(rows["mean"].values())[-4:] == ["0.640", "0.560", "0.617", "0.631"]  # 1, 3, 5 views
+    published = [row for name, row in comparison.PAPER.items() if name != "mean"]
+    np.testing.assert_allclose(np.mean(published, axis=0), comparison.PAPER["mean"], atol=1.5e-3)
