@@ -55,9 +55,9 @@ def _with_all_splits(
     if len(splits) < FEW_MODELS:
         counts = Counter(splits.values())
         logging.warning(
-            "a small set: %s; a network overfits on it, and its figures say little; "
+            "a small set (models: %s): a network overfits on it, and its figures say little; "
             "the catalogue's option fractions=0.6,0.2,0.2 sets the fractions of the splits",
-            ", ".join(f"{counts[split]} models in {split!r}" for split in wanted),
+            ", ".join(f"{counts[split]} in {split!r}" for split in wanted),
         )
     entries = [dataclasses.replace(e, split=splits[original_name(e.model_id)]) for e in entries]
     return entries, moved

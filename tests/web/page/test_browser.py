@@ -223,6 +223,9 @@ def test_the_page_shows_that_it_loads_and_works_offline_once_loaded(open_page, a
     wait(page, "document.getElementById('about').textContent !== ''")
     assert status(page) == ""
     page.context.set_offline(True)
+    examples = page.locator("#examples").get_by_role("button").all()
+    names = [each.locator("img").get_attribute("alt") for each in examples]
+    assert names == ["A chair", "An aeroplane", "A lamp", "A bottle"]
     settled(page, page.get_by_role("button", name="A lamp").click)
     assert "points in" in status(page)
     give(page, CHAIR)
