@@ -9,7 +9,6 @@ full disk and of Ctrl-C.
 In a notebook: `psgn_jax.load()(image)`.
 """
 
-import pathlib
 import sys
 from collections.abc import Sequence
 
@@ -81,8 +80,7 @@ def _main(flags: Flags) -> int:
             continue
         done += 1
         for warning in result.warnings:
-            named = warning.replace("NAME_", f"{pathlib.Path(path).stem}_")
-            sys.stderr.write(f"warning: {one_line(path)}: {one_line(named)}\n")
+            sys.stderr.write(f"warning: {one_line(path)}: {one_line(warning)}\n")
         milliseconds = 1000 * sum(result.seconds.values())
         sys.stdout.write(
             f"{one_line(path)}: {len(result.points)} x {result.points.shape[1]} points, mask "

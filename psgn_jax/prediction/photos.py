@@ -75,8 +75,12 @@ def predict_files(
             clock.lap("mask")
             predictor = predictor or open_predictor()
             result = predictor(read, found, **options)
+            warnings = tuple(
+                w.replace("NAME_view", f"{name}_view").replace("NAME_mask", f"{path.stem}_mask")
+                for w in result.warnings
+            )
             seconds = clock.laps | result.seconds
-            result = dataclasses.replace(result, seconds=seconds)
+            result = dataclasses.replace(result, seconds=seconds, warnings=warnings)
             _write(predictor, result, path, name, out, formats, options.get("seed", 0))
         except Exception as error:
             if is_disk_full(error):

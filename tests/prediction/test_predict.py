@@ -198,6 +198,13 @@ def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch
     np.testing.assert_array_equal(proposed, refused.mask)
     accepted = predicted(accept_mask=True)
     assert accepted.mask_from == "network, 67% certain"
+    busy = tmp_path / "busy"
+    busy.mkdir()
+    Image.fromarray(noise).save(busy / "a_view.png")  # a photo, so the view is a-2_view.png
+    (warning,) = predicted(busy, accept_mask=True).warnings
+    assert "look at a-2_view.png" in warning
+    assert "put your own, a_mask.png, beside the photo" in warning
+    assert json.loads((busy / "a-2.json").read_text())["warnings"] == [warning]
     np.testing.assert_array_equal(accepted.mask, proposed)
     np.testing.assert_array_equal(predicted(mask=str(out)).points, accepted.points)
     # Beside the photo, a proposal is used only after it was mended, and then it is not replaced.
