@@ -13,6 +13,7 @@ and for `--config.train.init=FILE`. Exit codes: 0 done, 2 error, 5 disk full.
 import contextlib
 import pathlib
 import sys
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -149,8 +150,12 @@ def describe(weights: Weights, path: pathlib.Path, *, is_default: bool = False) 
 
 
 def _section(title: str, rows: Mapping[str, str]) -> str:
-    lines = [title, *(f"  {name:9} {text}" for name, text in rows.items())]
-    return "".join(f"{one_line(line)}\n" for line in lines)
+    lines = [title]
+    for name, text in rows.items():
+        lines += textwrap.wrap(
+            one_line(f"  {name:9} {text}"), 100, subsequent_indent=12 * " ", break_on_hyphens=False
+        )
+    return "".join(f"{line}\n" for line in lines)
 
 
 def _describe_mask_network() -> str:

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import re
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -31,18 +32,26 @@ COLUMNS = {
 """Columns of the printed table: metric -> title, which ends with the unit. Fractions with "[%]" are
 printed as percentages. CSV and JSON have all metrics, and fractions."""
 
+_HEADER = 10  # characters, as many as "[radius^2]" has
+
 Lines = Sequence[Sequence[str]]
 """Cells of a table: the header row, then the other rows."""
 
 
 def aligned(lines: Lines, *, apart: int = 0) -> str:
-    """A table as text: the first column left-aligned, a rule before the last `apart` rows."""
-    left, *widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    """A table as text: the first column left-aligned, a rule before the last `apart` rows.
+
+    Column headers are broken into lines of at most `_HEADER` characters, or one longer word.
+    """
+    head = [textwrap.wrap(cell, _HEADER, break_long_words=False) for cell in lines[0]]
+    deep = max(map(len, head))
+    rows = [*zip(*([""] * (deep - len(x)) + x for x in head), strict=True), *lines[1:]]
+    left, *widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     text = [
-        "  ".join([first.ljust(left), *map(str.rjust, others, widths)]) for first, *others in lines
+        "  ".join([first.ljust(left), *map(str.rjust, others, widths)]) for first, *others in rows
     ]
     rule = "-" * len(text[0])
-    text.insert(1, rule)
+    text.insert(deep, rule)
     if apart:
         text.insert(len(text) - apart, rule)
     return "\n".join(text) + "\n"

@@ -56,7 +56,7 @@ def test_emd_is_measured_up_to_its_tolerance():
     result = tasks.create(config).evaluate(params, max_samples=4)
     assert (result.metrics["emd_radius"] > 0.1).all()
     assert (result.metrics["emd_gap"] <= 0.05).all()
-    assert "EMD [radius]" in table_lib.text(result)
+    assert " EMD " in table_lib.text(result).splitlines()[1]
 
 
 @pytest.fixture
@@ -73,10 +73,12 @@ def table():
 
 def test_table_as_text_csv_and_json(table):
     text = table_lib.text(table)
-    head = text.splitlines()[0]
-    assert "CD squared [radius^2]" in head
-    assert "F-score at 0.01 radius [%]" in head
-    (line,) = [line for line in text.splitlines() if line.startswith("mean over samples")]
+    lines = text.splitlines()
+    assert [line.split() for line in lines[:3]] == [
+        ["F-score", "at"], ["CD", "squared", "0.01"],
+        ["category", "samples", "[radius^2]", "radius", "[%]"],
+    ]  # fmt: skip
+    (line,) = [line for line in lines if line.startswith("mean over samples")]
     assert line.split() == ["mean", "over", "samples", "4", "3.00000", "30.00"]
     rows = list(csv.DictReader(table_lib.csv_text(table).splitlines()))
     samples = list(csv.DictReader(table_lib.samples_csv(table).splitlines()))
@@ -142,7 +144,7 @@ def test_records_with_depth_have_the_columns_whatever_the_network_sees(tmp_path)
     result = tasks.create(config).evaluate(random_params(config))
     share = result.metrics["visible_share"]
     assert ((share > 0.1) & (share < 0.9)).all()
-    assert "hidden [radius^2]" in table_lib.text(result)
+    assert "hidden: the others" in table_lib.text(result)
 
     without = small_config(data__path=str(tmp_path / "bare"))
     assert "visible_share" not in tasks.create(without).evaluate(random_params(without)).metrics
