@@ -12,7 +12,7 @@ import functools
 import io
 import pathlib
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import jax
@@ -94,8 +94,8 @@ def mask_of(
     name = "given"
     if mask is None and method == "auto" and read.path is not None:
         # A result that nobody has changed is not used.
-        files = (read.path.with_name(f"{read.path.stem}_mask{s}") for s in sorted(photo.SUFFIXES))
-        mask = next((file for file in files if file.is_file() and not is_result(file)), None)
+        files = images_named(read.path.parent, f"{read.path.stem}_mask")
+        mask = next((file for file in files if not is_result(file)), None)
         name = mask.name if mask else name
     if mask is None:
         if invert is not None:
@@ -110,6 +110,14 @@ def mask_of(
         pixels = photo.turned(pixels, read.orientation)
         warnings.append("the mask was turned as EXIF turns the photo, because it fits better so")
     return FoundMask(pixels, name, tuple(warnings))
+
+
+def images_named(folder: pathlib.Path, stem: str) -> Iterator[pathlib.Path]:
+    """The image files `stem.*` in a folder."""
+    for suffix in sorted(photo.SUFFIXES):
+        for file in (folder / f"{stem}{suffix}", folder / f"{stem}{suffix.upper()}"):
+            if file.is_file():
+                yield file
 
 
 def result_png(picture: np.ndarray) -> bytes:
@@ -162,7 +170,8 @@ def find_mask(
         if mask is not None and _SMALLEST <= mask.mean() <= _LARGEST:
             return FoundMask(mask, "plain")
     if method not in ("auto", "network"):
-        raise PhotoError(f"no object found ({method}); expected its mask, white on the object")
+        lacking = {"alpha": "a transparent background", "plain": "a background of one colour"}
+        raise PhotoError(f"no object found; mask_from={method} expects {lacking[method]}")
     p = probabilities(image)
     mask, certain = enlarged(p, image.shape[:2]), certainty(p)
     if not _SMALLEST <= mask.mean() <= _LARGEST:
@@ -172,7 +181,7 @@ def find_mask(
     if certain < LEAST_CERTAINTY and not accept:
         raise UncertainMaskError(
             f"it is not certain which part is the object ({percent}%, expected at least "
-            f"{LEAST_CERTAINTY:.0%})",
+            f"{LEAST_CERTAINTY:.0%}); give its mask, or set accept_mask",
             mask,
         )
     doubtful = certain < DOUBTFUL_BELOW or _in_the_middle(image, mask) < LEAST_AGREEMENT

@@ -41,14 +41,15 @@ def predict_files(
 ) -> Iterator[tuple[pathlib.Path, Prediction | Exception]]:
     """Predicts clouds for files and folders of images, one by one, and writes them to `out`.
 
-    In a folder, we leave out the results of earlier runs; a picture replaces no other file.
+    In a folder, we leave out the results of earlier runs. Only these are replaced: if there is
+    another file NAME.* or NAME_view.png, the results get a number.
     `mask_from`, `invert_mask`, `accept_mask` and further options are as for `Predictor.__call__`.
 
     Args:
       open_predictor: returns the network; called after the first image and mask were read, so that
-        wrong files are reported before a network is compiled.
-      mask: file of the mask (for one image), or folder of masks: of `NAME.jpg`, `NAME_mask.*` or
-        another file `NAME.*`. None = automatic (`masks.mask_of`).
+        wrong files are reported before a network is compiled. Its errors end the iteration.
+      mask: file of the mask (for one image), or folder of masks: of `NAME.jpg`, an image
+        `NAME_mask.*` or another `NAME.*`. None = automatic (`masks.mask_of`).
       formats: of the clouds, some of `cloud.FORMATS`.
 
     Yields:
@@ -59,37 +60,52 @@ def predict_files(
         raise ConfigError(f"no image in {', '.join(map(str, images)) or 'the arguments'}")
     if mask is not None and not os.path.isdir(mask) and len(paths) > 1:
         raise ConfigError(f"mask={mask}: accepted for {len(paths)} images: a folder of masks")
-    predictor: Predictor | None = None
-    for path, name in zip(paths, _names(paths, out), strict=True):
+
+    def read(path: pathlib.Path, name: str) -> tuple[photo.Photo, masks.FoundMask, Clock]:
+        clock = Clock()
+        image = photo.read_photo(path)
+        clock.lap("read")
+        given = None if mask is None else _mask_of(path, mask)
         try:
-            clock = Clock()
-            read = photo.read_photo(path)
-            clock.lap("read")
-            given = None if mask is None else _mask_of(path, mask)
-            try:
-                found = masks.mask_of(
-                    read, given, mask_from, invert=invert_mask, accept=accept_mask
-                )
-            except masks.UncertainMaskError as error:
-                raise _proposed(error, read, out / name) from None
-            clock.lap("mask")
+            found = masks.mask_of(image, given, mask_from, invert=invert_mask, accept=accept_mask)
+        except masks.UncertainMaskError as error:
+            raise _proposed(error, image, out / name) from None
+        clock.lap("mask")
+        return image, found, clock
+
+    def predict(
+        predictor: Predictor, path: pathlib.Path, name: str, read: photo.Photo,
+        found: masks.FoundMask, clock: Clock,
+    ) -> Prediction:  # fmt: skip
+        result = predictor(read, found, **options)
+        warnings = tuple(
+            w.replace("NAME_view", f"{name}_view").replace("NAME_mask", f"{path.stem}_mask")
+            for w in result.warnings
+        )
+        seconds = clock.laps | result.seconds
+        result = dataclasses.replace(result, seconds=seconds, warnings=warnings)
+        _write(predictor, result, path, name, out, formats, options.get("seed", 0))
+        return result
+
+    predictor: Predictor | None = None
+    for path, name in zip(paths, _names(paths, out, formats), strict=True):
+        result: Any = _tried(read, path, name)
+        if not isinstance(result, Exception):
             predictor = predictor or open_predictor()
-            result = predictor(read, found, **options)
-            warnings = tuple(
-                w.replace("NAME_view", f"{name}_view").replace("NAME_mask", f"{path.stem}_mask")
-                for w in result.warnings
-            )
-            seconds = clock.laps | result.seconds
-            result = dataclasses.replace(result, seconds=seconds, warnings=warnings)
-            _write(predictor, result, path, name, out, formats, options.get("seed", 0))
-        except Exception as error:
-            if is_disk_full(error):
-                raise
-            if not isinstance(error, UserError | ValueError | OSError):
-                logging.error("%s", path, exc_info=error)
-            yield path, error
-        else:
-            yield path, result
+            result = _tried(predict, predictor, path, name, *result)
+        yield path, result
+
+
+def _tried(function: Callable[..., Any], *arguments: Any) -> Any:
+    """The result of a call, or its error if it concerns a single image."""
+    try:
+        return function(*arguments)
+    except Exception as error:
+        if is_disk_full(error):
+            raise
+        if not isinstance(error, UserError | ValueError | OSError):
+            logging.error("%s", arguments, exc_info=error)
+        return error
 
 
 def _proposed(
@@ -121,10 +137,10 @@ def _write(
         several = len(result.points) > 1 and suffix != "npz"
         for k in range(len(result.points) if several else 1):
             files[f"{name}_{k}.{suffix}" if several else f"{name}.{suffix}"] = k
+    view = f"{name}_view.png"  # the first file, because it marks the others as results
+    write_atomic(out / view, masks.result_png(result.view.image), sync=False)
     for file, k in files.items():
         result.save(out / file, k)
-    view = f"{name}_view.png"
-    write_atomic(out / view, masks.result_png(result.view.image), sync=False)
     clock.lap("write")
     result.seconds.update(clock.laps)
     document = _record(predictor, result, path, [*files, view], seed)
@@ -198,16 +214,21 @@ def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
     return list(dict.fromkeys(paths))
 
 
-def _names(paths: Sequence[pathlib.Path], out: pathlib.Path) -> list[str]:
-    """A name for the results of each image; unique even if case is ignored.
-
-    No picture replaces a file that is no result, such as a photo `chair_view.png`.
-    """
+def _names(paths: Sequence[pathlib.Path], out: pathlib.Path, formats: Sequence[str]) -> list[str]:
+    """A name for the results of each image; unique even if case is ignored."""
     taken: set[str] = set()
+
+    def is_free(name: str) -> bool:
+        view = out / f"{name}_view.png"
+        others = [view, *(out / f"{name}.{suffix}" for suffix in (*formats, "json"))]
+        return name.lower() not in taken and (
+            masks.is_result(view) or not any(other.exists() for other in others)
+        )
+
     names = []
     for path in paths:
         name, number = path.stem or "image", 1
-        while name.lower() in taken or _exists(out / f"{name}_view.png"):
+        while not is_free(name):
             number += 1
             name = f"{path.stem}-{number}"
         taken.add(name.lower())
@@ -215,19 +236,15 @@ def _names(paths: Sequence[pathlib.Path], out: pathlib.Path) -> list[str]:
     return names
 
 
-def _exists(picture: pathlib.Path) -> bool:
-    return picture.exists() and not masks.is_result(picture)
-
-
 def _mask_of(path: pathlib.Path, mask: str) -> pathlib.Path:
     folder = pathlib.Path(mask)
     if not folder.is_dir():
         return folder
-    inside = [p for p in sorted(folder.iterdir()) if p.is_file() and not p.samefile(path)]
     for stem in (f"{path.stem}_mask", path.stem):
-        if found := [p for p in inside if p.stem == stem]:
-            return found[0]
+        for found in masks.images_named(folder, stem):
+            if not found.samefile(path):
+                return found
     raise photo.PhotoError(
-        f"mask={mask}: expected a file named {path.stem}_mask.* or {path.stem}.* there, besides "
-        "the image itself"
+        f"mask={mask}: expected an image named {path.stem}_mask.* or {path.stem}.* there, besides "
+        "the photo itself"
     )

@@ -138,41 +138,54 @@ def test_masks_by_name(predictor, tmp_path):
     mask[30:60, 40:80] = 255
     for name in "abcd":
         Image.fromarray(photo_of_a_box()).save(images / f"{name}.png")
-    Image.fromarray(mask).save(folder / "a.png")
+    Image.fromarray(mask).save(folder / "a.PNG")
+    (folder / "a.json").write_text("{}")  # of a program that labels images
     Image.fromarray(mask).resize((60, 45)).save(folder / "b_mask.png")
     Image.fromarray(mask * 0).save(folder / "c.png")
     results = dict(predict_files(lambda: predictor, [images], out, mask=str(folder)))
     a, b, c, d = (results[images / f"{name}.png"] for name in "abcd")
     assert a.mask_from == b.mask_from == "given"
     assert "is empty: no pixel shows the object" in str(c)
-    assert "expected a file named d_mask.*" in str(d)
+    assert "expected an image named d_mask.*" in str(d)
     with pytest.raises(ConfigError, match="accepted for 4 images: a folder"):
-        next(predict_files(lambda: predictor, [images], out, mask=str(folder / "a.png")))
+        next(predict_files(lambda: predictor, [images], out, mask=str(folder / "a.PNG")))
     # Beside the images: a mask is no image to predict, and an image is not its own mask.
-    Image.fromarray(mask).save(images / "a_mask.png")
+    Image.fromarray(mask).save(images / "a_mask.PNG")
     results = dict(predict_files(lambda: predictor, [images], out, mask=str(images)))
     assert [path.stem for path in results] == list("abcd")
     np.testing.assert_array_equal(results[images / "a.png"].mask, mask > 0)
-    assert "besides the image itself" in str(results[images / "b.png"])
+    assert "besides the photo itself" in str(results[images / "b.png"])
     # Without an argument, it is used too.
     results = dict(predict_files(lambda: predictor, [images], out))
-    assert results[images / "a.png"].mask_from == "a_mask.png"
+    assert results[images / "a.png"].mask_from == "a_mask.PNG"
     assert results[images / "b.png"].mask_from == "plain"
     assert predictor(images / "a.png", mask_from="plain").mask_from == "plain"
 
 
-def test_results_never_replace_photos_and_are_no_inputs(predictor, tmp_path):
-    names = ("chair.jpg", "chair_view.png", "lamp.jpg")
+def test_a_network_that_cannot_be_opened_is_reported_once(tmp_path):
+    for name in ("a.png", "b.png"):
+        Image.fromarray(photo_of_a_box()).save(tmp_path / name)
+
+    def fail():
+        raise ConfigError("weights=nosuch")
+
+    with pytest.raises(ConfigError, match="weights=nosuch"):
+        next(predict_files(fail, [tmp_path], tmp_path))
+
+
+def test_results_never_replace_other_files_and_are_no_inputs(predictor, tmp_path):
+    names = ("chair.jpg", "chair_view.png", "lamp.jpg", "pot.jpg")
     for name in names:
         Image.fromarray(photo_of_a_box()).save(tmp_path / name)
-    before = {name: (tmp_path / name).read_bytes() for name in names}
+    (tmp_path / "pot.obj").write_text("a mesh")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     for _ in range(2):
         results = dict(predict_files(lambda: predictor, [tmp_path], tmp_path))
         assert [path.name for path in results] == list(names)
         assert all(isinstance(result, Prediction) for result in results.values())
-        assert {name: (tmp_path / name).read_bytes() for name in names} == before
+        assert {name: (tmp_path / name).read_bytes() for name in before} == before
         written = {path.stem for path in tmp_path.glob("*.json")}
-        assert written == {"chair-2", "chair_view", "lamp"}
+        assert written == {"chair-2", "chair_view", "lamp", "pot-2"}
     listed = sorted([*tmp_path.glob("*.jpg"), *tmp_path.glob("*.png")])  # as a shell expands p/*
     results = dict(predict_files(lambda: predictor, listed, tmp_path))
     assert sorted(path.name for path in results) == list(names)
@@ -192,7 +205,8 @@ def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch
 
     refused = predicted()
     assert isinstance(refused, masks.UncertainMaskError)
-    assert f"(67%, expected at least 80%); its proposal is {out}/a_mask.png" in str(refused)
+    assert "(67%, expected at least 80%); give its mask, or set accept_mask" in str(refused)
+    assert f"its proposal is {out}/a_mask.png" in str(refused)
     assert {path.name for path in out.iterdir()} == {"a_mask.png", "a_overlay.png"}
     proposed = np.asarray(Image.open(out / "a_mask.png")) > 0
     np.testing.assert_array_equal(proposed, refused.mask)
