@@ -341,8 +341,9 @@ def obj(points: np.ndarray, colours: np.ndarray) -> bytes:
 def glb(points: np.ndarray, colours: np.ndarray) -> bytes:
     """Binary glTF 2.0 with one primitive of points; +y points up, so (x, y, z) -> (y, z, x)."""
     turned = np.ascontiguousarray(points[:, [1, 2, 0]], "<f4")
-    opaque = np.column_stack([colours, np.full(len(colours), 255)]).astype(np.uint8)  # 4 bytes each
-    binary = turned.tobytes() + opaque.tobytes()
+    encoded = colours / 255  # sRGB; the colours of glTF are linear
+    linear = np.where(encoded > 0.04045, ((encoded + 0.055) / 1.055) ** 2.4, encoded / 12.92)
+    binary = turned.tobytes() + linear.astype("<f4").tobytes()
     bounds = {"min": turned.min(axis=0).tolist(), "max": turned.max(axis=0).tolist()}
     count, length = len(points), turned.nbytes
     document = {
@@ -354,12 +355,11 @@ def glb(points: np.ndarray, colours: np.ndarray) -> bytes:
         "buffers": [{"byteLength": len(binary)}],
         "bufferViews": [
             {"buffer": 0, "byteOffset": 0, "byteLength": length},
-            {"buffer": 0, "byteOffset": length, "byteLength": opaque.nbytes},
+            {"buffer": 0, "byteOffset": length, "byteLength": length},
         ],
         "accessors": [
             {"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3", **bounds},
-            {"bufferView": 1, "componentType": 5121, "count": count, "type": "VEC4"}
-            | {"normalized": True},
+            {"bufferView": 1, "componentType": 5126, "count": count, "type": "VEC3"},
         ],
     }
     text = json.dumps(document).encode()
