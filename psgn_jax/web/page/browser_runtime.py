@@ -5,6 +5,7 @@ machine without npm or network, `--runtime` names a folder or an archive of the 
 verify the checksum of every file, wherever it comes from.
 """
 
+import contextlib
 import hashlib
 import os
 import pathlib
@@ -46,7 +47,7 @@ def runtime_files(given: str | os.PathLike[str] = "") -> dict[str, bytes]:
     if given:
         return _checked(_read(pathlib.Path(given)), f"runtime={given}")
     kept = cache_folder() / f"onnxruntime-web-{VERSION}"
-    if all((kept / name).is_file() for name in FILES):
+    with contextlib.suppress(ConfigError):  # it is incomplete or damaged
         return _checked(_read(kept), str(kept))
     with tempfile.TemporaryDirectory(prefix="psgn-page-") as folder:
         files = _checked(_read(_packed(pathlib.Path(folder))), "the npm registry's package")

@@ -79,7 +79,12 @@ const open = guarded(async files => {
   const opaque = opaqueIn(rgba), share = sum(opaque) / opaque.length;
   if (masked >= 0) await openMask(files[masked]);
   else if (share > 0.0005 && share < 0.97) setMask(opaque);
-  else setMask(await findMask(page.photo));
+  else {
+    const { photo } = page, found = await findMask(photo);
+    if (page.photo !== photo || page.history.length) return; // another photo was opened, or a mask given
+    page.doubt = found.doubt;
+    setMask(found.mask);
+  }
 });
 
 const openMask = guarded(async file => {
@@ -121,9 +126,10 @@ async function findMask({ bitmap, width, height }) {
   const w = width - 2 * left, h = height - 2 * top, [again] = certainty >= doubtful ? await find(left, top, w, h) : [[]];
   const there = again.map((_, i) => mask[(top + Math.floor(i / w)) * width + left + i % w]);
   const agreement = sum(again.map((v, i) => v & there[i])) / sum(again.map((v, i) => v | there[i]));
-  if (!(certainty >= doubtful)) page.doubt = ` It is not certain which part is the object (${Math.floor(100 * certainty)} %): correct the mask if it is wrong.`;
-  else if (!(agreement >= least)) page.doubt = " The mask may be wrong: correct it if it is.";
-  return mask;
+  const doubt = !(certainty >= doubtful)
+    ? ` It is not certain which part is the object (${Math.floor(100 * certainty)} %): correct the mask if it is wrong.`
+    : agreement >= least ? "" : " The mask may be wrong: correct it if it is.";
+  return { mask, doubt };
 }
 
 // --- the mask --------------------------------------------------------------------------------------
