@@ -153,9 +153,9 @@ def without_this_package():
     return {**os.environ, "PYTHONPATH": installed, "PYTHONSAFEPATH": "1"}
 
 
-@pytest.mark.parametrize("random_size", [0, 3])
-def test_the_python_example_predicts_as_this_package(random_size, tmp_path):
-    run = make_run(model__random_size=random_size, model__fc_points=30)
+@pytest.mark.parametrize(("size", "random_size"), [((48, 64), 0), ((60, 60), 3)])
+def test_the_python_example_predicts_as_this_package(size, random_size, tmp_path):
+    run = make_run(size, model__random_size=random_size, model__fc_points=30)
     last = run.params["fc"]["points"]
     last["kernel"] *= np.float32(0.002)
     points = np.random.default_rng(1).uniform((-0.3, -0.2, 0), (0.3, 0.2, 0.15), (30, 3))
