@@ -31,6 +31,7 @@ from absl import logging
 
 from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.data import loader
+from psgn_jax.data.dataset import RecordReader
 from psgn_jax.evaluation.clouds import emd, fscore
 from psgn_jax.evaluation.table import aligned
 from psgn_jax.losses.chamfer import chamfer_sq_mean, nearest_both
@@ -49,11 +50,13 @@ _COARSE, _BY_CD, _BY_EMD = 128, 64, 16  # points of a first comparison; clouds k
 _RESAMPLES = 2000
 
 
-def measure(config: Config, params: Any, lite0: Any, split: str) -> dict[str, np.ndarray]:
-    """The metrics of all rows: {row: float64 [samples, len(METRICS)]}.
+def measure(
+    config: Config, params: Any, lite0: Any, split: str
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """The metrics of all rows, {row: float64 [samples, len(METRICS)]}, and the samples' models.
 
     Raises:
-      ConfigError: the training split is the evaluated one.
+      ConfigError: the training split is the evaluated one, or its records have too few points.
       RecordError: the records are missing or damaged.
     """
     if split == config.data.train_split:
@@ -62,11 +65,19 @@ def measure(config: Config, params: Any, lite0: Any, split: str) -> dict[str, np
     n, rng = network.num_points, np.random.default_rng(0)
     describe = jax.jit(lambda image: _features(lite0, image))
 
+    least = len(RecordReader(config.data.eval_folders, split)[0].points)
+    if least < 2 * n:
+        raise ConfigError(
+            f"--baselines: a record of split {split!r} has {least} points; accepted: at least "
+            f"{2 * n}, twice those of the network"
+        )
+
     def collect(split: str, count: int, wanted: int, predict: Any = None) -> list[np.ndarray]:
         parts = []
         for number, batch in enumerate(_batches(config, split, count, wanted)):
             keep = batch["valid"]
             rows = [batch["points"], np.asarray(describe(networks.network_inputs(("rgb",), batch)))]
+            rows += [np.array([*zip(batch["category"], batch["model_id"], strict=True)])]
             rows += [np.asarray(predict(batch, number))] if predict else []
             parts.append([row[keep] for row in rows])
         return [np.concatenate(part) for part in zip(*parts, strict=True)]
@@ -84,8 +95,8 @@ def measure(config: Config, params: Any, lite0: Any, split: str) -> dict[str, np
         return predicted(params, {key: batch[key] for key in keys}, r)
 
     logging.info("baselines: reading the training clouds")
-    train, train_features = collect(config.data.train_split, n, MOST_TRAINING)
-    both, features, predictions = collect(split, 2 * n, 0, predict)
+    train, train_features, _ = collect(config.data.train_split, n, MOST_TRAINING)
+    both, features, models, predictions = collect(split, 2 * n, 0, predict)
     both = both[:, rng.permutation(2 * n)]
     truth, floor = both[:, :n], both[:, n:]
     middle = train_features.mean(axis=0)
@@ -102,8 +113,9 @@ def measure(config: Config, params: Any, lite0: Any, split: str) -> dict[str, np
         "shuffled": np.roll(predictions[:, 0], max(1, len(truth) // 2), axis=0),
     }
     table = {name: np.asarray(pairs(c, truth), np.float64) for name, c in clouds.items()}
-    table["oracle"] = np.stack([_oracle(cloud, train) for cloud in truth])
-    return {name: table[name] for name in ROWS}
+    coarse = train[:, rng.permutation(n)[:_COARSE]]
+    table["oracle"] = np.stack([_oracle(cloud, train, coarse) for cloud in truth])
+    return {name: table[name] for name in ROWS}, np.unique(models, axis=0, return_inverse=True)[1]
 
 
 def _batches(config: Config, split: str, count: int, wanted: int) -> Iterator[Any]:
@@ -141,9 +153,9 @@ _cds = jax.jit(jax.vmap(chamfer_sq_mean, (0, None)))
 _all_metrics = jax.jit(lambda clouds, truth: jax.lax.map(lambda c: _metrics(c, truth), clouds))
 
 
-def _oracle(truth: np.ndarray, train: np.ndarray) -> np.ndarray:
-    coarse = np.asarray(_cds(train[:, :_COARSE], truth[: 4 * _COARSE]))
-    near = train[np.argsort(coarse)[:_BY_CD]]
+def _oracle(truth: np.ndarray, train: np.ndarray, coarse: np.ndarray) -> np.ndarray:
+    distances = np.asarray(_cds(coarse, truth[: 4 * _COARSE]))
+    near = train[np.argsort(distances)[:_BY_CD]]
     near = near[np.argsort(np.asarray(_cds(near, truth)))[:_BY_EMD]]
     values = np.asarray(_all_metrics(near, truth), np.float64)
     best = values[0].copy()
@@ -151,19 +163,26 @@ def _oracle(truth: np.ndarray, train: np.ndarray) -> np.ndarray:
     return best
 
 
-def intervals(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean of [samples, metrics] and the ends of its 95 % percentile bootstrap interval."""
-    index = np.random.default_rng(0).integers(len(values), size=(_RESAMPLES, len(values)))
-    low, high = np.percentile(values[index].mean(axis=1), (2.5, 97.5), axis=0)
+def intervals(values: np.ndarray, models: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean of [samples, metrics] and the ends of its 95 % percentile bootstrap interval.
+
+    Models are drawn with all their samples, because views of one model depend on each other.
+    """
+    counts, rng = np.bincount(models), np.random.default_rng(0)
+    sums = np.zeros((len(counts), values.shape[1]))
+    np.add.at(sums, models, values)
+    drawn = (rng.integers(len(counts), size=len(counts)) for _ in range(_RESAMPLES))
+    means = [sums[index].sum(axis=0) / counts[index].sum() for index in drawn]
+    low, high = np.percentile(means, (2.5, 97.5), axis=0)
     return values.mean(axis=0), low, high
 
 
-def text(rows: dict[str, np.ndarray], num_points: int) -> str:
+def text(rows: dict[str, np.ndarray], models: np.ndarray, num_points: int) -> str:
     """The table: mean [interval] of every metric."""
     lines = [["", *TITLES]]
     for name, values in rows.items():
         shown = []
-        for title, mean, low, high in zip(TITLES, *intervals(values), strict=True):
+        for title, mean, low, high in zip(TITLES, *intervals(values, models), strict=True):
             factor, digits = (100, 1) if title.endswith("[%]") else (1, 4)
             a, b, c = (f"{factor * v:.{digits}f}" for v in (mean, low, high))
             shown.append(f"{a} [{b}, {c}]")
@@ -171,15 +190,15 @@ def text(rows: dict[str, np.ndarray], num_points: int) -> str:
     count = len(next(iter(rows.values())))
     note = (
         f"{count} samples, {num_points} predicted and {num_points} true points; in brackets 95 %\n"
-        "bootstrap intervals over the samples. psgn_jax/evaluation/baselines.py describes the rows."
+        "bootstrap intervals over models. psgn_jax/evaluation/baselines.py describes the rows."
     )
     return f"{aligned(lines)}\n{note}\n"
 
 
-def json_text(rows: dict[str, np.ndarray], **others: Any) -> str:
+def json_text(rows: dict[str, np.ndarray], models: np.ndarray, **others: Any) -> str:
     """The table as JSON: {row: {metric: [mean, low, high]}}, and `others`."""
     table = {
-        name: dict(zip(METRICS, np.stack(intervals(values), axis=1).tolist(), strict=True))
+        name: dict(zip(METRICS, np.stack(intervals(values, models), axis=1).tolist(), strict=True))
         for name, values in rows.items()
     }
     return json.dumps({**others, "rows": table}, indent=2, allow_nan=False) + "\n"

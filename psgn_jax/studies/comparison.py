@@ -347,7 +347,6 @@ STUDY = runner.Study(
     train=train,
     recipe="base",
     split="test",
-    by_model=True,
     note="""* printed in the paper: other data (renderings of ShapeNet), networks and trainings. By
 category: means over samples; mean: over categories. u: a tenth of the grid's edge, the paper's
 unit; the edge is 2 radius. Unlike in the paper, more views gain nothing: this version predicts in

@@ -12,6 +12,7 @@ performance gain." The paper trains for 300,000 steps; sizes and measures here a
 
 import numpy as np
 
+from psgn_jax.evaluation.results import models_of
 from psgn_jax.studies import figures, runner
 
 LOSSES = {"cd": "chamfer_sq_mean", "emd": "emd_mean + 5*chamfer_sq_mean"}
@@ -64,6 +65,7 @@ def figure(results: runner.Results) -> figures.Figure:
     """Errors divided by `vanilla`'s, with the error over samples of the difference."""
     series: dict[str, list[float]] = {name: [] for name in NETWORKS}
     errors: dict[str, list[float]] = {name: [] for name in NETWORKS}
+    models = models_of(next(iter(results.values()))[0].names)
     for loss, metric in TRAINED_FOR.items():
         found = {
             name: np.mean([run.metrics[metric] for run in results[f"{name}_{loss}"]], axis=0)
@@ -72,7 +74,8 @@ def figure(results: runner.Results) -> figures.Figure:
         unit = found["vanilla"].mean()
         for name, values in found.items():
             series[name].append(values.mean() / unit)
-            errors[name].append(runner.standard_error(values - found["vanilla"]) / unit)
+            error = runner.standard_error(values - found["vanilla"], models)
+            errors[name].append(error / unit)
     groups = [f"{METRICS[m]}, trained with {loss.upper()}" for loss, m in TRAINED_FOR.items()]
     title = "Error divided by vanilla's; lower is better"
     return figures.bars({title: series}, groups, errors=errors)

@@ -21,7 +21,7 @@ from psgn_jax.config import recipes
 from psgn_jax.config.experiment import Config, ConfigError, check_paths, parse, to_dict
 from psgn_jax.data import loader
 from psgn_jax.data.manifest import load_manifest
-from psgn_jax.evaluation.results import SampleName
+from psgn_jax.evaluation.results import SampleName, models_of
 from psgn_jax.evaluation.table import Lines, aligned, csv_of, markdown
 from psgn_jax.studies import figures
 from psgn_jax.system.errors import UserError
@@ -131,7 +131,6 @@ class Study:
     train: Callable[[Run], None] = train_network  # trains a run, or resumes it
     recipe: str = "authors_small"  # with which all configurations begin
     split: str = ""  # measured if there is one; otherwise the evaluation split
-    by_model: bool = False  # standard errors over models; views of a model are averaged first
     note: str = ""  # definitions, below the tables
 
     def runs(
@@ -353,7 +352,7 @@ class Summary(NamedTuple):
     minus: str  # the configuration that is subtracted; "" for none
     metric: str
     mean: float  # over seeds and samples
-    error_samples: float  # standard error; seeds are averaged first. NaN for one sample
+    error_samples: float  # standard error; seeds are averaged first. NaN for one model
     error_seeds: float  # standard error. NaN for one seed
     # Share of samples that are better than in `minus`. NaN without `minus`, and for metrics of
     # which neither more nor less is better.
@@ -369,40 +368,34 @@ _SMALLER_IS_BETTER = ("cd", "emd", "aligned", "log_volume", "stray", "missed", "
 
 def summarise(results: Results, study: Study) -> list[Summary]:
     """The means of all metrics of the table, then the differences of `Study.pairs`."""
-    values = {metric: _values(results, metric, by_model=study.by_model) for metric in study.metrics}
-    means = [(n, "", m, array) for m, arrays in values.items() for n, array in arrays.items()]
+    values = {metric: _values(results, metric) for metric in study.metrics}
+    means = [(n, "", m, a, models) for m, (of, models) in values.items() for n, a in of.items()]
     changes = [
-        (one, other, metric, arrays[one] - arrays[other])
+        (one, other, metric, arrays[one] - arrays[other], models)
         for one, other in study.pairs
-        for metric, arrays in values.items()
+        for metric, (arrays, models) in values.items()
         if one in arrays and other in arrays
     ]
     return [_summary(*row) for row in [*means, *changes]]
 
 
-def _values(results: Results, metric: str, *, by_model: bool) -> dict[str, np.ndarray]:
-    """Name -> [seeds, samples or models]; samples without the metric in any run are left out."""
+def _values(results: Results, metric: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Name -> [seeds, samples with the metric], and the models of these samples."""
     arrays = {
         name: np.stack([measured.metrics[metric] for measured in many])
         for name, many in results.items()
         if metric in many[0].metrics
     }
     if not arrays:
-        return {}
+        return {}, np.array([])
     keep = ~np.isnan(np.concatenate(list(arrays.values()))).all(axis=0)
-    arrays = {name: array[:, keep] for name, array in arrays.items()}
-    if by_model:
-        models = [name.model_id for name in next(iter(results.values()))[0].names]
-        _, model = np.unique(np.array(models)[keep], return_inverse=True)
-        count = np.bincount(model)
-        arrays = {
-            name: np.stack([np.bincount(model, row) / count for row in array])
-            for name, array in arrays.items()
-        }
-    return arrays
+    names = next(iter(results.values()))[0].names
+    # A number of the whole run belongs to no model.
+    models = models_of(names) if len(names) == len(keep) else np.arange(len(keep))
+    return {name: array[:, keep] for name, array in arrays.items()}, models[keep]
 
 
-def _summary(name: str, minus: str, metric: str, array: np.ndarray) -> Summary:
+def _summary(name: str, minus: str, metric: str, array: np.ndarray, models: np.ndarray) -> Summary:
     seeds, samples = array.shape
     each, better = array.mean(axis=0), math.nan
     if minus and samples and metric.startswith(_LARGER_IS_BETTER):
@@ -410,13 +403,21 @@ def _summary(name: str, minus: str, metric: str, array: np.ndarray) -> Summary:
     elif minus and samples and metric.startswith(_SMALLER_IS_BETTER):
         better = float(np.mean(each < 0))
     mean = float(array.mean()) if array.size else math.nan
-    errors = standard_error(each), standard_error(array.mean(axis=1) if samples else each)
+    errors = standard_error(each, models), standard_error(array.mean(axis=1) if samples else each)
     return Summary(name, minus, metric, mean, *errors, better, samples, seeds)
 
 
-def standard_error(values: np.ndarray) -> float:
-    """Standard error of the mean of values [n]; NaN if n < 2."""
-    return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else math.nan
+def standard_error(values: np.ndarray, models: np.ndarray | None = None) -> float:
+    """Standard error of the mean of values [n]; NaN if n < 2.
+
+    Views of a model depend on each other: with `models` [n], only models count as independent.
+    """
+    _, model = np.unique(np.arange(len(values)) if models is None else models, return_inverse=True)
+    deviations = np.bincount(model, values - values.mean()) if len(values) else values
+    count = len(deviations)
+    if count < 2:
+        return math.nan
+    return float(np.sqrt(count / (count - 1) * np.square(deviations).sum()) / len(values))
 
 
 # --- Tables -------------------------------------------------------------------------------------

@@ -29,6 +29,8 @@ def rows(case):
 
 
 def test_what_the_rows_are_worth(rows):
+    rows, models = rows
+    assert len(set(models)) == 11
     assert tuple(rows) == baselines.ROWS
     values = np.stack(list(rows.values()))
     assert values.shape[1:] == (11, len(baselines.METRICS))
@@ -42,14 +44,23 @@ def test_what_the_rows_are_worth(rows):
 
 def test_intervals_and_files(rows):
     values = np.random.default_rng(1).normal(3, 2, (400, 2))
-    mean, low, high = baselines.intervals(values)
+    mean, low, high = baselines.intervals(values, np.arange(400))
     np.testing.assert_allclose(high - low, 2 * 1.96 * 2 / np.sqrt(400), rtol=0.15)
     assert (low < mean).all()
     assert (mean < high).all()
-    document = json.loads(baselines.json_text(rows, split="validation"))
-    assert document["rows"]["floor"]["cd_sq_radius2"][0] == rows["floor"][:, 0].mean()
+    # Four equal views of a model are worth one of them.
+    few = baselines.intervals(values[::4], np.arange(100))
+    np.testing.assert_allclose(
+        baselines.intervals(values[::4].repeat(4, axis=0), np.arange(100).repeat(4)), few
+    )
+    document = json.loads(baselines.json_text(*rows, split="validation"))
+    assert document["rows"]["floor"]["cd_sq_radius2"][0] == rows[0]["floor"][:, 0].mean()
 
 
-def test_the_training_split_is_no_test(case):
+def test_splits_that_cannot_be_compared_are_refused(case):
     with pytest.raises(ConfigError, match="split='train' is the training split"):
         baselines.measure(*case, None, "train")
+    many = weights.config(model__fc_points=10_000)
+    config = dataclasses.replace(many, data=case[0].data)
+    with pytest.raises(ConfigError, match="points; accepted: at least 20000, twice those"):
+        baselines.measure(config, None, None, "validation")
