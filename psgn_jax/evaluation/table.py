@@ -156,8 +156,9 @@ that of the frame; an object has radius 1 before it is placed and about 0.8 to 1
     if evaluation.refined:
         most = largest_share(evaluation.frame == "place")
         frame += f"""
-Predicted clouds were averaged with those of the mirror image, and points that projected outside the
-image's mask were moved into it, at their depth, if they were at most {most:.0%} of a cloud."""
+Predicted clouds were averaged with those of the mirror image, if the network has neither a random
+input nor depth. Points that projected outside the image's mask were moved into it, at their depth,
+if they were at most {most:.0%} of a cloud. Distances of several draws are without both."""
     num_pred, num_gt = evaluation.num_points
     return f"""
 Split {evaluation.split!r}, {num_pred} predicted points against {num_gt} true ones.

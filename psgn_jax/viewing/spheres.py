@@ -190,8 +190,8 @@ def turntable(points: np.ndarray, colours: np.ndarray, path: str | pathlib.Path)
 
 
 def check_picture(path: str | pathlib.Path, flag: str) -> None:
-    """Raises a ValueError if `write_picture` does not know the format of a file."""
-    if pathlib.Path(path).suffix.lower() not in Image.registered_extensions():
+    """Raises a ValueError if `write_picture` does not write the format of a file."""
+    if pathlib.Path(path).suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise ValueError(f"{flag}={path}: accepted: a name that ends with .png or .jpg")
 
 
