@@ -24,6 +24,7 @@ if os.environ["JAX_PLATFORMS"] == "cpu":
 import jax
 import numpy as np
 import pytest
+from jax.experimental.compilation_cache import compilation_cache
 from jaxtyping import config as jaxtyping_config
 from jaxtyping import install_import_hook
 
@@ -51,6 +52,26 @@ _AUTHORS = pathlib.Path(__file__).resolve().parents[2] / "shared" / "psgn_batche
 def quiet():
     """Orbax's threads may print errors that were raised as well; commands suppress them, too."""
     quiet_orbax()
+
+
+@pytest.fixture(scope="module")
+def keep_compiled(tmp_path_factory):
+    """Each program is compiled once for all tests of the module."""
+    own = {
+        "jax_compilation_cache_dir": str(tmp_path_factory.mktemp("compiled")),
+        "jax_persistent_cache_min_compile_time_secs": 0,
+        "jax_persistent_cache_min_entry_size_bytes": -1,
+    }
+    before = {name: jax.config.values[name] for name in own}
+
+    def use(values):
+        for name, value in values.items():
+            jax.config.update(name, value)
+        compilation_cache.reset_cache()
+
+    use(own)
+    yield
+    use(before)
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,7 @@
-"""Convolutions by oneDNN, and depthwise ones, have the values and gradients of XLA in float64."""
+"""Convolutions by oneDNN, and depthwise ones, have the values and gradients of XLA in float64.
+
+Those of XLA are compared with NumPy.
+"""
 
 import concurrent.futures
 import subprocess
@@ -39,6 +42,27 @@ def reference(*arrays_and_case):
         return jax.device_get(run(*(np.float64(a) for a in arrays), stride, transposed))
 
 
+def by_numpy(x, kernel, stride, transposed=False):
+    """The output as a sum over the taps of the kernel, with the SAME padding of TensorFlow."""
+    size, taps = np.array(x.shape[1:-1]), np.array(kernel.shape[:-2])
+    if transposed:  # zeros between the cells, then a convolution with stride 1
+        before = np.where(stride > taps - 1, taps - 1, (taps + stride - 1) // 2)
+        out, ends = stride * size, before + stride * (size - 1) + 1
+        cells = [slice(a, b, stride) for a, b in zip(before, ends, strict=True)]
+        padded, stride = np.zeros((len(x), *out + taps - 1, x.shape[-1])), 1
+        padded[:, *cells] = x
+    else:
+        out = -(-size // stride)
+        total = np.maximum((out - 1) * stride + taps - size, 0)
+        before = total // 2
+        padded = np.pad(x, [(0, 0), *zip(before, total - before, strict=True), (0, 0)])
+    y = 0.0
+    for tap in np.ndindex(*taps):
+        ends = tap + (out - 1) * stride + 1
+        y = y + padded[:, *map(slice, tap, ends, [stride] * len(out))] @ kernel[tap]
+    return y
+
+
 def assert_close(ours, expected, relative=3e-6):
     """Small errors relative to the largest number: the rounding depends on the largest terms."""
     for name, a, b in zip(("output", "dx", "dkernel"), ours, expected, strict=True):
@@ -61,9 +85,20 @@ CASES = {
 }
 
 
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+def test_xla_is_numpys_sum_over_the_taps(case):
+    """The gradients are compared along one random direction."""
+    (x, kernel, dy), (moved, changed, _) = (make(*case, seed=s) for s in (0, 1))
+    y, dx, dkernel = reference(x, kernel, dy, *case[-2:])
+    np.testing.assert_allclose(y, by_numpy(x, kernel, *case[-2:]), rtol=1e-5, atol=1e-5)
+    slopes = np.vdot(dx, moved), np.vdot(dkernel, changed)
+    along = by_numpy(moved, kernel, *case[-2:]), by_numpy(x, changed, *case[-2:])
+    np.testing.assert_allclose(slopes, [np.vdot(dy, change) for change in along], rtol=1e-4)
+
+
 @NEEDS_ONEDNN
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
-def test_is_the_definition(case):
+def test_onednn_is_xla(case):
     arrays = make(*case)
     assert_close(run(*arrays, *case[-2:]), reference(*arrays, *case[-2:]))
 
@@ -98,7 +133,9 @@ def test_bfloat16():
 def test_depthwise_is_one_convolution_for_each_channel(size, taps, stride):
     x, kernel, dy = make(size, 3, 1, taps, stride, False)
     arrays = x, kernel.swapaxes(2, 3), dy.repeat(3, -1)
-    assert_close(run(*arrays, stride, False), reference(*arrays, stride, False))
+    expected = reference(*arrays, stride, False)
+    assert_close(run(*arrays, stride, False), expected)
+    np.testing.assert_allclose(expected[0], by_numpy(x, np.eye(3) * arrays[1], stride), rtol=1e-5)
 
 
 @NEEDS_ONEDNN

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import shutil
 
 import jax
 import numpy as np
@@ -23,6 +24,7 @@ from psgn_jax.training.loop import train
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.run_folder import open_run
 
+pytestmark = pytest.mark.usefixtures("keep_compiled")
 VIEWS = 3
 
 
@@ -193,6 +195,23 @@ def test_the_source_is_copied_and_evaluation_repeats_training(refined, points_ru
     ):
         with pytest.raises(ConfigError, match="expects a run of the task 'points'"):
             wrong()
+
+
+@pytest.mark.parametrize("task", ["refiner", "views"])
+def test_a_run_without_its_last_checkpoint_ends_with_the_same_bits(
+    task, data, points_run, tmp_path
+):
+    """As after a kill. `test_batches_of_views` is about the views that each step reads."""
+    changes = {"train__checkpoint_every": 1, "train__eval_every": 0, "train__images_every": 0}
+    if task == "refiner":
+        changes["voxels__from_cd"] = str(points_run)
+    settings = config(data, task=task, voxels__max_views=1, **changes)
+    whole = jax.device_get(train(settings, tmp_path / "run").state)
+    assert Checkpoints(tmp_path / "run" / "checkpoints", read_only=True).steps() == [1, 2]
+    shutil.rmtree(tmp_path / "run" / "checkpoints" / "2")
+    again = jax.device_get(train(settings, tmp_path / "run").state)
+    assert int(again.step) == 2
+    jax.tree.map(np.testing.assert_array_equal, again, whole)
 
 
 def test_sources_that_do_not_fit(data, points_run, refined, tmp_path):

@@ -23,6 +23,7 @@ from psgn_jax.training.loop import train
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.run_folder import locked
 
+pytestmark = pytest.mark.usefixtures("keep_compiled")
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 TINY = {"model__name": "vanilla", "model__widths": (4, 6, 8)}
 

@@ -21,6 +21,7 @@ from psgn_jax.models import networks
 from psgn_jax.tasks import points
 from psgn_jax.training import from_config, step
 
+pytestmark = pytest.mark.usefixtures("keep_compiled")
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 # Loss, L2 term and gradient norm of the first two steps.
 GOLDEN = [(0.1786264, 0.01409594, 2.0352976), (0.15414756, 0.01406848, 1.7432686)]
