@@ -1,19 +1,18 @@
 """README.md and docs/: commands, flags and names in them exist, and the site builds."""
 
 import ast
-import pathlib
 import re
 import shlex
 import subprocess
 import sys
 
 import pytest
+from helpers.commands import ROOT
 
 import psgn_jax
 from psgn_jax.commands import psgn, study
 from psgn_jax.config import Config, recipes, to_dict
 
-ROOT = pathlib.Path(__file__).resolve().parents[1]
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
 PAGES = [p for p in PAGES if p.name not in ("CHANGELOG.md", "journal.md")]
 _FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)

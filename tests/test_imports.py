@@ -3,17 +3,15 @@
 import ast
 import functools
 import os
-import pathlib
 import re
 import subprocess
 import sys
 
+from helpers.commands import ROOT, python
 from helpers.small_runs import write_solids
 from helpers.weights import config as tiny
 
 from psgn_jax.config.experiment import to_dict
-
-ROOT = pathlib.Path(__file__).resolve().parents[1]
 
 # A package imports only itself and packages listed before it.
 LAYERS = [
@@ -74,7 +72,7 @@ def test_the_package_the_losses_and_the_records_are_light():
         ("psgn_jax.losses", {"flax", "optax", "grain", "orbax"}),
     ):
         code += f"import {module}; assert not {heavy} & set(sys.modules), {module!r}\n"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    done = python(code)
     assert done.returncode == 0, done.stderr
 
 
@@ -128,7 +126,7 @@ def test_importing_any_module_changes_nothing_else():
     }
     third = {name for name in third if not name.startswith(("psgn_jax", "data_gen"))}
     code = _IMPORT.replace("THIRD", repr(sorted(third))).replace("OWN", repr(sorted(own)))
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    done = python(code)
     assert done.returncode == 0, done.stderr
 
 

@@ -2,16 +2,14 @@
 
 import doctest
 import importlib
-import pathlib
 import re
 
 import pytest
+from helpers.commands import ROOT
 
 from psgn_jax import losses
 from psgn_jax.prediction.cloud import Prediction
 from psgn_jax.prediction.predictor import Predictor
-
-ROOT = pathlib.Path(__file__).resolve().parents[1]
 
 
 def examples_of(page):

@@ -67,6 +67,12 @@ from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.file import WeightsError, read_weights, write_weights
 from psgn_jax.weights.leaves import named_leaves
 
+FAULTS = {  # letter of `faults.c`, error number, accepted exit codes
+    "EIO": ("e", errno.EIO, {0, 1, 2}),
+    "no room": ("f", errno.ENOSPC, {0, 2, 5}),
+    "short write": ("s", 0, {0, 2, 5}),
+    "kill": ("k", 0, {0, 2, -9}),
+}
 TIMES = ("seconds", "samples_per_second", "seconds_per_sample")  # they depend on the clock
 
 
@@ -117,27 +123,25 @@ def picture(number=0):
 
 def result_of(out):
     """The result in a folder without times: leaves of the last checkpoint, or contents of files."""
+
+    def untimed(text):
+        tree = json.loads(text)
+        return {k: v for k, v in tree.items() if k not in TIMES} if isinstance(tree, dict) else tree
+
     if (out / "checkpoints").is_dir():
         last = Checkpoints(out / "checkpoints", read_only=True).restore_newest()
         lines = (out / "metrics.jsonl").read_text().splitlines()
-        leaves = {} if last is None else contents(last.leaves)
-        return leaves | {"metrics": [_without_times(json.loads(line)) for line in lines]}
-    found = {}
-    for path in out.rglob("*"):
-        if path.is_dir() or path.name == "models.jsonl" or path.name.startswith("."):
-            continue
-        content = path.read_bytes()
-        is_json = path.suffix == ".json"
-        found[path.relative_to(out)] = _without_times(json.loads(content)) if is_json else content
-    return found
+        return (contents(last.leaves) if last else {}) | {"metrics": list(map(untimed, lines))}
+    paths = [p for p in out.rglob("*") if p.is_file() and p.name[0] != "."]
+    return {
+        path.relative_to(out): (untimed if path.suffix == ".json" else bytes)(path.read_bytes())
+        for path in paths
+        if path.name != "models.jsonl"
+    }
 
 
 def contents(arrays):
     return {name: array.tobytes() for name, array in arrays.items()}
-
-
-def _without_times(tree):
-    return {k: v for k, v in tree.items() if k not in TIMES} if isinstance(tree, dict) else tree
 
 
 class Campaign:
@@ -152,9 +156,9 @@ class Campaign:
     def result(self, name):
         """The result of an undisturbed command, which stays in `work / name`."""
         if name not in self.results:
-            code, text = self.run(self.commands[name][0], self.work / name)
-            if code:
-                raise SystemExit(f"{name} fails undisturbed: {code}: {text[-2000:]}")
+            _, wrong = self.run(self.commands[name][0], self.work / name, {0})
+            if wrong:
+                raise SystemExit(f"{name} fails undisturbed: {wrong}")
             self.results[name] = result_of(self.work / name)
         return self.results[name]
 
@@ -166,16 +170,22 @@ class Campaign:
                 cwd=ROOT, env=self.environment | variables, text=True, start_new_session=True,
             )  # fmt: skip
 
-    def run(self, words, out, **variables):
-        """Runs a command to its end; returns exit code and output."""
+    def wrong_end(self, code, accepted):
+        """What did not hold when a command ended, or ""."""
+        text = self.log.read_text(errors="replace")
+        bad = code not in accepted or (code >= 0 and "Traceback" in text)
+        return f"it ends with {code}: {text[-600:]}" if bad else ""
+
+    def run(self, words, out, accepted, **variables):
+        """Runs a command to its end; returns its exit code and what did not hold."""
         code = self.start(words, out, **variables).wait(600)
-        return code, self.log.read_text(errors="replace")
+        return code, self.wrong_end(code, accepted)
 
     def again(self, name, out):
         """Runs a disturbed command to its end; returns what did not hold."""
-        code, text = self.run(self.commands[name][0], out)
-        if code or "Traceback" in text:
-            return f"the next start ends with {code}: {text[-600:]}"
+        _, wrong = self.run(self.commands[name][0], out, {0})
+        if wrong:
+            return f"the next start: {wrong}"
         if result_of(out) != self.result(name):
             return "the result differs from an undisturbed one"
         # `predict` and `evaluate` leave the temporary files of other processes alone.
@@ -185,43 +195,32 @@ class Campaign:
     def kill(self, out):
         name = self.rng.choice(list(self.commands))
         others = [signal.SIGTERM, signal.SIGINT] if name.startswith("train") else []
-        numbers = [signal.SIGKILL] * 4 + others
         for _ in range(self.rng.randint(1, 3)):
-            number, send = self.rng.choice(numbers), self.rng.choice((os.kill, os.killpg))
+            number = self.rng.choice([signal.SIGKILL] * 4 + others)
+            send = self.rng.choice((os.kill, os.killpg))
             kind = f"{name}: {number.name} to the {'group' if send is os.killpg else 'process'}"
             process = self.start(self.commands[name][0], out)
             time.sleep(self.rng.uniform(0, 12))
             send(process.pid, number)
-            code = process.wait(120)
-            text = self.log.read_text(errors="replace")
-            if code not in (0, -number, 128 + number) or ("Traceback" in text and code > 0):
-                return kind, f"exit code {code}: {text[-500:]}"
+            if wrong := self.wrong_end(process.wait(120), {0, -number, 128 + number}):
+                return kind, wrong
             if not processes.wait_until(lambda of=process.pid: not processes.of_group(of), 15):
                 return kind, f"processes live on: {processes.of_group(process.pid)}"
         return kind, self.again(name, out)
 
     def fault(self, out):
-        library = str(self.work / "faults.so")
-        if not os.path.exists(library):
-            source = str(pathlib.Path(__file__).with_name("faults.c"))
+        library = self.work / "faults.so"
+        if not library.exists():
+            source = pathlib.Path(__file__).with_name("faults.c")
             build = ["cc", "-shared", "-fPIC", "-O1", "-o", library, source, "-ldl"]
             subprocess.run(build, check=True)
-        faults = {
-            "EIO": ("e", errno.EIO, {0, 1, 2}),
-            "no room": ("f", errno.ENOSPC, {0, 2, 5}),
-            "short write": ("s", 0, {0, 2, 5}),
-            "kill": ("k", 0, {0, 2, -9}),
-        }
-        name, fault = self.rng.choice(list(self.commands)), self.rng.choice(list(faults))
-        letter, number, codes = faults[fault]
+        name, fault = self.rng.choice(list(self.commands)), self.rng.choice(list(FAULTS))
+        letter, number, codes = FAULTS[fault]
         at = int(2 ** self.rng.uniform(0, 8))
-        kind = f"{name}: {fault}"
-        variables = {"LD_PRELOAD": library, "PSGN_FAULT": f"{letter}:{number}:{at}:{out}"}
-        code, text = self.run(self.commands[name][0], out, **variables)
-        if code not in codes or "Traceback" in text:
-            return kind, f"operation {at}: exit code {code}: {text[-600:]}"
-        wrong = self.again(name, out)
-        return kind, wrong and f"operation {at}: {wrong}"
+        variables = {"LD_PRELOAD": str(library), "PSGN_FAULT": f"{letter}:{number}:{at}:{out}"}
+        _, wrong = self.run(self.commands[name][0], out, codes, **variables)
+        wrong = wrong or self.again(name, out)
+        return f"{name}: {fault}", wrong and f"operation {at}: {wrong}"
 
     def damage(self, out):
         name = self.rng.choice([name for name, (_, reader) in self.commands.items() if reader])
@@ -240,16 +239,13 @@ class Campaign:
         damage = self.rng.choice(list(damages))
         content = damages[damage]
         file.unlink() if content is None else file.write_bytes(content)
-        kind, where = f"{name}: {damage}", f"{file.relative_to(out)}: "
         words, reader = self.commands[name]
-        steps = (("the reader", reader, {0, 1, 2}), ("the next start", words, {0, 2}))
-        for what, command, codes in steps:
-            code, text = self.run(command, out)
-            if code not in codes or "Traceback" in text:
-                return kind, f"{where}{what} ends with {code}: {text[-600:]}"
-        if code == 0 and name == "train" and result_of(out) != self.result(name):
-            return kind, f"{where}the result differs from an undisturbed one"
-        return kind, ""
+        _, wrong = self.run(reader, out, {0, 1, 2})
+        if not wrong:
+            code, wrong = self.run(words, out, {0, 2})
+            if not wrong and code == 0 and name == "train" and result_of(out) != self.result(name):
+                wrong = "the result differs from an undisturbed one"
+        return f"{name}: {damage}", wrong and f"{file.relative_to(out)}: {wrong}"
 
 
 SECONDS, MEMORY = 20, 2 << 30  # for reading one input; growth of the peak memory in bytes

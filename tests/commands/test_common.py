@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 import pytest
-from helpers.commands import ROOT, psgn_each
+from helpers.commands import ROOT, psgn_each, python
 from jax.errors import JaxRuntimeError
 
 from psgn_jax.commands import psgn
@@ -27,7 +27,7 @@ logging.warning("their warning")
 python_logging.getLogger("distributed.utils").error("lost", exc_info=ValueError("lost"))
 exec(compile("logging.info('own%sprogress', chr(10))", convert.__file__, "exec"))
 """
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    result = python(code)
     lines = [line.partition(" ")[2] for line in result.stderr.splitlines()]
     assert lines == ["their warning", r"own\nprogress"], result.stderr
 

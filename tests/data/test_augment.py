@@ -75,10 +75,7 @@ def test_samples_of_rolled_cameras_are_not_stretched():
 
 @pytest.mark.parametrize(
     "change",
-    [
-        lambda view: augment.recrop(view, 0.8, (-6, 11.5)),
-        lambda view: augment.stretch(view, 0.75),
-    ],
+    [lambda view: augment.recrop(view, 0.8, (-6, 11.5)), lambda view: augment.stretch(view, 0.75)],
 )
 def test_pictures_behind_the_object_are_continued(change):
     """The background brightens to the right and is nowhere grey 191."""

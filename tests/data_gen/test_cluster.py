@@ -1,6 +1,5 @@
 import json
 import os
-import pathlib
 import signal
 import subprocess
 import sys
@@ -8,6 +7,7 @@ import warnings
 
 import pytest
 from helpers import processes
+from helpers.commands import ROOT
 from helpers.small_renders import SMALL, contents
 
 from data_gen import cluster, job, settings
@@ -21,7 +21,6 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore"),
 ]
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 OPTIONS = settings.parse({**SMALL, "job": {**SMALL["job"], "models_per_worker": 2}})
 
 

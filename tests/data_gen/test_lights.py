@@ -4,14 +4,6 @@ from data_gen import lights
 from data_gen.lights import LightSettings
 
 
-def test_shrink_keeps_the_mean(rng):
-    radiance = rng.random((64, 128, 3))
-    small = lights.shrink(radiance)
-    assert small.shape == (*lights.MAP_SIZE, 3)
-    np.testing.assert_allclose(small.mean(), radiance.mean())
-    assert np.isfinite(lights.shrink(np.full((10, 20, 3), np.nan))).all()
-
-
 def test_one_lamp_is_found_where_it_is():
     radiance = np.full((*lights.MAP_SIZE, 3), 0.01)
     toward = lights.directions_of(lights.MAP_SIZE)

@@ -1,7 +1,6 @@
 import functools
 import json
 import os
-import pathlib
 import subprocess
 import sys
 import time
@@ -9,7 +8,7 @@ import time
 import numpy as np
 import pytest
 from helpers import processes
-from helpers.commands import psgn_each
+from helpers.commands import ROOT, psgn_each
 from helpers.obj_text import CUBE, FACES
 from helpers.small_renders import SMALL, contents
 from helpers.solid_models import model_of, squares, view
@@ -33,7 +32,6 @@ from psgn_jax.data.manifest import load_manifest
 
 pytestmark = pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba is not installed")
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "data_gen" / "config.py"
 
 

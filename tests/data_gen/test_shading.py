@@ -5,11 +5,6 @@ from data_gen.lights import Lights
 from data_gen.mesh import Material, build_model
 
 
-def surfaces_of(material, uv=None):
-    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
-    return scene.flatten(build_model(corners, np.array([[0, 1, 2]]), materials=[material], uv=uv))
-
-
 def shade(material, normal, view, colour, *, light=0.8, darkest=0.0):
     """A surface of a colour under one light."""
     lights = Lights(
@@ -20,7 +15,8 @@ def shade(material, normal, view, colour, *, light=0.8, darkest=0.0):
     )  # fmt: skip
     values = (np.full((1, 3), colour), np.array([normal]), np.array([view]))
     row = np.zeros(1, np.int64)
-    surfaces = surfaces_of(material)
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
+    surfaces = scene.flatten(build_model(corners, np.array([[0, 1, 2]]), materials=[material]))
     return shading.blinn_phong(surfaces, lights, row, *(v.astype(np.float32) for v in values))[0]
 
 
@@ -35,22 +31,3 @@ def test_blinn_phong_by_hand():
     # Black is lifted and white clipped.
     assert (shade(Material(), [0, 0, 1], [0, 0, 1], 0.0, darkest=0.03) > 0.02).all()
     assert (shade(Material(), [0, 0, 1], [0, 0, 1], 1.0, light=9) == 1).all()
-
-
-def test_textures_are_read_as_points_are():
-    texture = np.zeros((2, 2, 4), np.uint8)
-    texture[0, 0], texture[1, 1] = (255, 0, 0, 255), (0, 255, 0, 20)
-    uv = np.array([[[0, 1], [1.2, 0.6], [0.4, -0.2]]], float) * 0.9 + 0.05
-    surfaces = surfaces_of(Material(diffuse=(1, 1, 1), texture=texture), uv)
-    weights = np.array([[0.9, 0.05, 0.05], [0.1, 0.45, 0.45]], np.float32)
-    colour, opacity = shading.look_up(surfaces, np.zeros(2, np.int64), weights)
-    np.testing.assert_allclose(colour[0], [1, 0, 0])
-    np.testing.assert_allclose(opacity, [1, 0])  # an opacity under a tenth is a hole
-
-
-def test_normals_face_the_viewer():
-    weights = np.full((2, 3), 1 / 3, np.float32)
-    rays = np.array([[0, 0, -1], [0, 0, 1]], np.float32)
-    faces = np.zeros(2, np.int64)
-    normal = shading.shading_normals(surfaces_of(Material()), faces, weights, np.eye(3), rays)
-    np.testing.assert_allclose(normal, -rays, atol=1e-6)

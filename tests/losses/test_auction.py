@@ -1,16 +1,12 @@
-import functools
-import itertools
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import reference
+from helpers.real_pairs import KINDS, authors_clouds, pairs_of
 
 from psgn_jax import losses
-from psgn_jax.data.sources import authors
 
-KINDS = ["near", "far", "init", "dup", "grid"]
 solve = losses.assign  # without `jit`, it is compiled once per size
 traced_solve = jax.jit(solve)
 solve_map = jax.jit(losses.map_pairs(losses.assign, platform="cpu"))
@@ -35,37 +31,10 @@ def clouds(rng, n, scale=1.0, offset=0.0):
     return a.astype(np.float32), b.astype(np.float32)
 
 
-def pairs_of(whole, kind, n, rng):
-    """Pairs like those during a training, drawn from complete clouds [pairs, 16384, 3]."""
-    a, b = [], []
-    for cloud in whole:
-        order = rng.permutation(len(cloud))
-        a.append(cloud[order[:n]])
-        b.append(cloud[order[n : 2 * n]])
-    a, b = np.stack(a), np.stack(b)
-    if kind != "near":
-        a = np.roll(a, 1, axis=0)
-    if kind == "init":
-        a = rng.normal(0, 3e-4, a.shape)
-    if kind == "dup":
-        few = rng.integers(0, n // 8, (2, n))
-        a, b = a[:, few[0]], b[:, few[1]]
-    if kind == "grid":
-        a, b = np.round(a * 8) / 8, np.round(b * 8) / 8
-    return a.astype(np.float32), b.astype(np.float32)
-
-
-@functools.cache
-def real_clouds(folder, pairs):
-    batches = map(authors.read_batch, sorted(folder.glob("*.gz")))
-    entries = itertools.islice(itertools.chain.from_iterable(batches), pairs)
-    return np.stack([entry.sample.points for entry in entries])
-
-
 @pytest.mark.parametrize(("n", "pairs"), [(384, 6), pytest.param(1024, 8, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", KINDS)
 def test_real_pairs(authors_batches, rng, kind, n, pairs):
-    a, b = pairs_of(real_clouds(authors_batches, pairs), kind, n, rng)
+    a, b = pairs_of(authors_clouds(authors_batches, pairs), kind, n, n, rng)
     found = solve_map(a, b)
     for i in range(len(a)):
         check(a[i], b[i], jax.tree.map(lambda x, i=i: x[i], found))

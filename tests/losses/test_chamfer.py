@@ -93,7 +93,7 @@ def test_forward_mode_is_refused(rng):
         jax.jacfwd(losses.chamfer_sq)(a, b)
 
 
-@pytest.mark.parametrize("name", ["chamfer_sq", "chamfer_l1_mean"])
+@pytest.mark.parametrize("name", ["chamfer_sq", "chamfer_l1_mean", "emd_mean"])
 def test_coincident_points_have_zero_gradient(rng, name):
     a, _ = clouds(rng, 70, 1)
     value, grads = jax.value_and_grad(getattr(losses, name), argnums=(0, 1))(a, a[::-1])
@@ -108,12 +108,13 @@ def test_float64_of_numpy_needs_no_warning(rng):
     assert losses.chamfer_sq(pred, gt) == single
 
 
-def test_bfloat16_is_computed_in_float32(rng):
-    a, b = (jnp.asarray(x, jnp.bfloat16) for x in clouds(rng, 70, 33))
-    value, grad = jax.value_and_grad(losses.chamfer_sq_mean)(a, b)
+@pytest.mark.parametrize("loss", [losses.chamfer_sq_mean, losses.emd_mean])
+def test_bfloat16_is_computed_in_float32(rng, loss):
+    a, b = (jnp.asarray(x, jnp.bfloat16) for x in clouds(rng, 70, 70))
+    value, grad = jax.value_and_grad(loss)(a, b)
     assert value.dtype == jnp.float32
     assert grad.dtype == jnp.bfloat16
-    np.testing.assert_allclose(value, reference.chamfer_sq_mean(a, b), rtol=1e-5)
+    assert value == loss(a.astype(jnp.float32), b.astype(jnp.float32))
 
 
 @pytest.mark.parametrize(("argument", "bad"), [("pred", np.inf), ("gt", np.nan)])

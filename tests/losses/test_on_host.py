@@ -3,15 +3,14 @@
 No accelerator is needed: JAX is told that its default backend is a GPU, and computes on the CPU.
 """
 
-import pathlib
 import socket
 import subprocess
 import sys
 
 import pytest
+from helpers.commands import ROOT
 
 pytestmark = pytest.mark.slow
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 START = """
 import sys, threading
 import jax, jax.numpy as jnp, numpy as np

@@ -4,13 +4,12 @@ Those of XLA are compared with NumPy.
 """
 
 import concurrent.futures
-import subprocess
-import sys
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers.commands import python
 
 from psgn_jax.models import cpu_convolution, onednn
 from psgn_jax.models.layers import convolve, convolve_transposed
@@ -235,6 +234,5 @@ many(x)  # still runs when the interpreter ends
 @NEEDS_ONEDNN
 @pytest.mark.parametrize("code", [DEVICES, ENDING], ids=["two devices", "end during a call"])
 def test_in_a_process_of_its_own(code):
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    done = python(code)
     assert (done.returncode, done.stderr) == (0, "")

@@ -11,10 +11,7 @@ from psgn_jax.portable import folder
 from psgn_jax.prediction.cloud import colours_from_view, stray_points
 from psgn_jax.prediction.refine import into_silhouette, mean_of_matched
 
-MODULES = {
-    "framing": folder.TEMPLATES / "framing.js",
-    "resample": folder.TEMPLATES / "resample.js",
-}
+MODULES = {"framing": folder.TEMPLATES / "framing.js", "resample": folder.TEMPLATES / "resample.js"}
 pytestmark = pytest.mark.skipif(javascript.NODE is None, reason="no node")
 
 

@@ -1,12 +1,12 @@
 """Settings for programs on a CPU; memory in separate processes, because it is permanent."""
 
-import subprocess
 import sys
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers.commands import python
 
 from psgn_jax.system import cpu
 
@@ -35,8 +35,8 @@ thread.join()
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a setting of glibc")
 def test_memory_is_used_again_without_page_faults():
-    command = [sys.executable, "-c", _PAGE_FAULTS_OF_SECOND]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    done = python(_PAGE_FAULTS_OF_SECOND)
+    assert done.returncode == 0, done.stderr
     # 128 MiB are 32,768 pages of 4 KiB, or 64 huge pages.
     assert max(map(int, done.stdout.split())) < 50
 

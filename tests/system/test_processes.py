@@ -4,17 +4,16 @@
 """
 
 import os
-import pathlib
 import subprocess
 import sys
 
 import pytest
+from helpers.commands import ROOT
 from helpers.processes import write_modules
 
 from data_gen.engine import has_mitsuba
 from psgn_jax.system import processes
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 CONSOLE_SCRIPT = """import sys
 from psgn_jax.commands.psgn import main
 if __name__ == "__main__":  # as in the scripts that pip installs

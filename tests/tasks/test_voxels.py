@@ -20,6 +20,7 @@ from psgn_jax.evaluation import table as table_lib
 from psgn_jax.evaluation.results import Evaluation, SampleName
 from psgn_jax.evaluation.run import evaluate_run, report_runs
 from psgn_jax.tasks import refiner
+from psgn_jax.training.log import read_metrics
 from psgn_jax.training.loop import train
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.run_folder import open_run
@@ -76,14 +77,14 @@ def config(data, **changes):
         "train__batch_size": 2,
         "train__steps": 2,
         "train__eval_every": 2,
+        "train__checkpoint_every": 1,
         "train__images_every": 2,
     }
     return standin.config(**small | changes)
 
 
 def entries(workdir, kind):
-    lines = (workdir / "metrics.jsonl").read_text().splitlines()
-    return [entry for line in lines if (entry := json.loads(line))["kind"] == kind]
+    return [line for line in read_metrics(workdir / "metrics.jsonl") if line["kind"] == kind]
 
 
 def number_and_view(image):
@@ -197,21 +198,17 @@ def test_the_source_is_copied_and_evaluation_repeats_training(refined, points_ru
             wrong()
 
 
-@pytest.mark.parametrize("task", ["refiner", "views"])
-def test_a_run_without_its_last_checkpoint_ends_with_the_same_bits(
-    task, data, points_run, tmp_path
-):
-    """As after a kill. `test_batches_of_views` is about the views that each step reads."""
-    changes = {"train__checkpoint_every": 1, "train__eval_every": 0, "train__images_every": 0}
-    if task == "refiner":
-        changes["voxels__from_cd"] = str(points_run)
-    settings = config(data, task=task, voxels__max_views=1, **changes)
-    whole = jax.device_get(train(settings, tmp_path / "run").state)
-    assert Checkpoints(tmp_path / "run" / "checkpoints", read_only=True).steps() == [1, 2]
-    shutil.rmtree(tmp_path / "run" / "checkpoints" / "2")
-    again = jax.device_get(train(settings, tmp_path / "run").state)
-    assert int(again.step) == 2
-    jax.tree.map(np.testing.assert_array_equal, again, whole)
+def check_resuming(settings, workdir, state):
+    """A run that loses its last checkpoint, as by a kill, ends with the same bits."""
+    shutil.rmtree(workdir / "checkpoints" / "2")
+    assert Checkpoints(workdir / "checkpoints", read_only=True).steps() == [1]
+    again = train(settings, workdir).state
+    jax.tree.map(np.testing.assert_array_equal, *jax.device_get((again, state)))
+
+
+def test_a_refiner_resumes_to_the_same_bits(refined, tmp_path):
+    settings, workdir, outcome = refined
+    check_resuming(settings, shutil.copytree(workdir, tmp_path / "run"), outcome.state)
 
 
 def test_sources_that_do_not_fit(data, points_run, refined, tmp_path):
@@ -239,11 +236,13 @@ def test_all_inputs_of_a_refiner(data, points_run, tmp_path):
 
 @pytest.mark.slow
 def test_3d_r2n2_on_one_to_three_views(data, tmp_path):
-    train(config(data, task="views"), tmp_path / "run")
+    settings = config(data, task="views")
+    outcome = train(settings, tmp_path / "run")
     (found,) = entries(tmp_path / "run", "eval")
     assert {"iou_1_views", "iou_3_views", "threshold_of_iou_3_views"} <= set(found)
     result = evaluate_run(open_run(tmp_path / "run"), tasks.create)
     assert result.means["iou_3_views"] == pytest.approx(found["iou_3_views"], rel=1e-6)
+    check_resuming(settings, tmp_path / "run", outcome.state)
 
 
 def test_thresholds_are_chosen_or_taken():

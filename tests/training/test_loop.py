@@ -13,6 +13,7 @@ import sys
 import numpy as np
 import pytest
 from helpers import standin
+from helpers.commands import ROOT
 from helpers.processes import wait_until
 from helpers.small_runs import quick_environment, write_config, write_solids
 
@@ -24,7 +25,6 @@ from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.run_folder import locked
 
 pytestmark = pytest.mark.usefixtures("keep_compiled")
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 TINY = {"model__name": "vanilla", "model__widths": (4, 6, 8)}
 
 

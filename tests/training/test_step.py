@@ -1,15 +1,13 @@
 """The training step: golden numbers, one device and eight, objectives, L2, schedules."""
 
 import functools
-import pathlib
-import subprocess
-import sys
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import standin
+from helpers.commands import python
 from helpers.weights import random_params
 
 from psgn_jax import tasks
@@ -22,7 +20,6 @@ from psgn_jax.tasks import points
 from psgn_jax.training import from_config, step
 
 pytestmark = pytest.mark.usefixtures("keep_compiled")
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 # Loss, L2 term and gradient norm of the first two steps.
 GOLDEN = [(0.1786264, 0.01409594, 2.0352976), (0.15414756, 0.01406848, 1.7432686)]
 TINY = {"model__name": "vanilla", "model__widths": (4, 6, 8)}
@@ -203,9 +200,7 @@ with pytest.raises(ConfigError, match="train.batch_size=3: accepted: a multiple 
 @pytest.mark.slow
 def test_eight_devices_give_the_same_numbers_as_one(tmp_path):
     """Training refuses a batch that they do not divide; an evaluation then uses one device."""
-    environment = {"JAX_PLATFORMS": "cpu", "PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin"}
-    environment["XLA_FLAGS"] = "--xla_backend_optimization_level=0"
-    command = [sys.executable, "-c", EIGHT_DEVICES, str(tmp_path / "refused")]
-    result = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=ROOT)
+    flags = "--xla_backend_optimization_level=0"
+    result = python(EIGHT_DEVICES, tmp_path / "refused", XLA_FLAGS=flags)
     assert result.returncode == 0, result.stderr[-3000:]
     assert not (tmp_path / "refused").exists()

@@ -31,8 +31,7 @@ def test_own_batch_file(authors_file, make):
     # Nothing is lost in a record.
     stored = decode_stored(entry.encode())
     np.testing.assert_array_equal(
-        np.sort(_lattice_keys(stored.points.codes)),
-        np.sort(_lattice_keys(content["points"][3])),
+        np.sort(_lattice_keys(stored.points.codes)), np.sort(_lattice_keys(content["points"][3]))
     )
     np.testing.assert_array_equal(stored.depth.codes, content["depth"][3])
     np.testing.assert_array_equal(stored.image, entry.sample.image)

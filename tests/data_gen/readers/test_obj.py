@@ -51,15 +51,16 @@ def test_blocks_of_lines_do_not_change_the_arrays(tmp_path, monkeypatch):
 
 
 def test_a_concave_polygon_is_not_filled(write):
-    # An L of area 3 in a square of area 4, with each corner as the first one.
+    # An L of area 3 in a square of area 4, with each corner as the first one, in six heights.
     outline = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
+    text = ""
     for start in range(6):
-        turned = outline[start:] + outline[:start]
-        text = "".join(f"v {x} {y} 0\n" for x, y in turned) + "f 1 2 3 4 5 6\n"
-        model = load_model(write("l.obj", text))
-        extent = np.ptp(model.vertices, axis=0).max()
-        area = face_areas(model.vertices, model.faces).sum() * 4 / extent**2
-        assert area == pytest.approx(3)
+        text += "".join(f"v {x} {y} {start / 9}\n" for x, y in outline[start:] + outline[:start])
+        text += "f -6 -5 -4 -3 -2 -1\n"
+    model = load_model(write("l.obj", text))
+    extent = np.ptp(model.vertices, axis=0).max()
+    areas = face_areas(model.vertices, model.faces).reshape(6, 4).sum(axis=1) * 4 / extent**2
+    np.testing.assert_allclose(areas, 3)
 
 
 def test_materials_and_missing_files(write):
