@@ -25,14 +25,10 @@ def random_sample(rng, *, num_points=200, **changes):
         "depth": np.where(mask, rng.uniform(2, 5, size), 0).astype(np.float32),
         "points": rng.uniform(-1, 1, (num_points, 3)).astype(np.float32),
         "normals": (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
-        "occupancy": rng.random((32, 32, 32)) < 0.3,
-        "intrinsics": intrinsics,
-        "extrinsics": extrinsics,
-        "category": "chair",
-        "model_id": "m1",
-        "view": 3,
+        "occupancy": rng.random((32, 32, 32)) < 0.3, "intrinsics": intrinsics,
+        "extrinsics": extrinsics, "category": "chair", "model_id": "m1", "view": 3,
         "source": "test",
-    }
+    }  # fmt: skip
     return schema.Sample(**(fields | changes))
 
 

@@ -19,15 +19,9 @@ from psgn_jax.system.errors import UserError
 @pytest.fixture(scope="module")
 def cfg(dataset):
     return DataConfig(
-        path=str(dataset),
-        image_size=(24, 32),
-        inputs=("rgb", "mask", "depth"),
-        num_points=100,
-        num_eval_points=150,
-        flip=True,
-        stretch=0.1,
-        colour_jitter=0.2,
-    )
+        path=str(dataset), image_size=(24, 32), inputs=("rgb", "mask", "depth"), num_points=100,
+        num_eval_points=150, flip=True, stretch=0.1, colour_jitter=0.2,
+    )  # fmt: skip
 
 
 def take(count, cfg, **options):

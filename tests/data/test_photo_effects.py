@@ -10,16 +10,9 @@ from psgn_jax.config.data import DataConfig, PhotoEffects
 from psgn_jax.data import framing, loader, photo_effects
 
 EFFECTS = {
-    "erode": 3.0,
-    "dilate": 3.0,
-    "ragged": 2.5,
-    "occluders": 1.0,
-    "blur": 2.0,
-    "noise": 0.1,
-    "jpeg": 1.0,
-    "white_balance": 0.3,
-    "exposure": 1.0,
-}
+    "erode": 3.0, "dilate": 3.0, "ragged": 2.5, "occluders": 1.0, "blur": 2.0, "noise": 0.1,
+    "jpeg": 1.0, "white_balance": 0.3, "exposure": 1.0,
+}  # fmt: skip
 OF_MASK = ("erode", "dilate", "ragged")
 
 

@@ -37,13 +37,9 @@ CONFIG = ROOT / "data_gen" / "config.py"
 
 def flat_light():
     return lights.Lights(
-        directions=np.array([[0, 0, 1]], np.float32),
-        colours=np.zeros((1, 3), np.float32),
-        sky=np.ones(3, np.float32),
-        ground=np.ones(3, np.float32),
-        specular=0.0,
-        darkest=0.0,
-    )
+        directions=np.array([[0, 0, 1]], np.float32), colours=np.zeros((1, 3), np.float32),
+        sky=np.ones(3, np.float32), ground=np.ones(3, np.float32), specular=0.0, darkest=0.0,
+    )  # fmt: skip
 
 
 def shot(model, camera, **options):

@@ -84,18 +84,14 @@ def degenerate(rng):
         "two points": (0 * a, 0 * b + 1),
         "two places": (ends[rng.integers(0, 2, 128)], ends[rng.integers(0, 2, 128)]),
         "collinear lattice": tuple(rng.integers(0, 50, (128, 1)) * [1, 2, 3] for _ in range(2)),
-        "planar": (a * [1, 1, 0], b * [1, 1, 0]),
-        "same": (a, a),
-        "permuted": (a, rng.permutation(a)),
-        "lattice": lattice(rng, 128),
+        "planar": (a * [1, 1, 0], b * [1, 1, 0]), "same": (a, a),
+        "permuted": (a, rng.permutation(a)), "lattice": lattice(rng, 128),
         "shifted lattice": tuple(x + d for x, d in zip(lattice(rng, 128), (0, 0.5), strict=True)),
         "duplicates": (a[rng.integers(0, 5, 128)], b[rng.integers(0, 7, 128)]),
-        "far apart": (a, b + 1000),
-        "first prediction": (a * 3e-4, b),
-        "one point": (a[:1], b[:1]),
+        "far apart": (a, b + 1000), "first prediction": (a * 3e-4, b), "one point": (a[:1], b[:1]),
         "odd number": (a[:17], b[:17]),
         "outlier": (a, np.concatenate([b[:-1], b[-1:] + 300])),
-    }
+    }  # fmt: skip
 
 
 def test_degenerate_clouds(rng):

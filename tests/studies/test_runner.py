@@ -19,20 +19,11 @@ from psgn_jax.studies import runner as lib
 from psgn_jax.system.errors import UserError
 
 TINY = {
-    "data.image_size": (12, 16),
-    "data.num_points": 64,
-    "data.num_eval_points": 256,
-    "model.widths": (4, 6),
-    "model.deconv_level": 0,
-    "model.fc_points": 20,
-    "model.fc_widths": (8,),
-    "loss.name": "chamfer_sq_mean",
-    "train.batch_size": 4,
-    "train.steps": 2,
-    "train.log_every": 1,
-    "eval.batch_size": 8,
-    "eval.emd_tolerance": 0,
-}
+    "data.image_size": (12, 16), "data.num_points": 64, "data.num_eval_points": 256,
+    "model.widths": (4, 6), "model.deconv_level": 0, "model.fc_points": 20, "model.fc_widths": (8,),
+    "loss.name": "chamfer_sq_mean", "train.batch_size": 4, "train.steps": 2, "train.log_every": 1,
+    "eval.batch_size": 8, "eval.emd_tolerance": 0,
+}  # fmt: skip
 STUDY = dataclasses.replace(completion.STUDY, base=TINY)
 
 

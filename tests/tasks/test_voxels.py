@@ -39,15 +39,10 @@ def box(number, view):
     intrinsics, extrinsics = camera.default_camera((16, 32))
     return schema.Sample(
         image=np.full((16, 32, 3), 10 * number + view, np.uint8),
-        mask=np.ones((16, 32), bool),
-        points=points,
-        intrinsics=intrinsics,
-        extrinsics=extrinsics,
-        occupancy=occupancy,
-        category=("box", "crate")[number % 2],
-        model_id=f"m{number}",
+        mask=np.ones((16, 32), bool), points=points, intrinsics=intrinsics, extrinsics=extrinsics,
+        occupancy=occupancy, category=("box", "crate")[number % 2], model_id=f"m{number}",
         view=view,
-    )
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -61,25 +56,13 @@ def data(tmp_path_factory):
 
 def config(data, **changes):
     small = {
-        "data__path": data,
-        "data__inputs": ("rgb",),
-        "data__num_points": 20,
-        "data__num_eval_points": 20,
-        "model__name": "vanilla",
-        "model__widths": (4, 4),
-        "model__random_size": 0,
-        "loss__l2": "none",
-        "optim__learning_rate": 1e-2,
-        "voxels__widths": (2,) * 5,
-        "voxels__width_multiplier": 1e-3,
-        "voxels__max_views": VIEWS,
-        "voxels__eval_views": (1, VIEWS),
-        "train__batch_size": 2,
-        "train__steps": 2,
-        "train__eval_every": 2,
-        "train__checkpoint_every": 1,
-        "train__images_every": 2,
-    }
+        "data__path": data, "data__inputs": ("rgb",), "data__num_points": 20,
+        "data__num_eval_points": 20, "model__name": "vanilla", "model__widths": (4, 4),
+        "model__random_size": 0, "loss__l2": "none", "optim__learning_rate": 1e-2,
+        "voxels__widths": (2,) * 5, "voxels__width_multiplier": 1e-3, "voxels__max_views": VIEWS,
+        "voxels__eval_views": (1, VIEWS), "train__batch_size": 2, "train__steps": 2,
+        "train__eval_every": 2, "train__checkpoint_every": 1, "train__images_every": 2,
+    }  # fmt: skip
     return standin.config(**small | changes)
 
 

@@ -206,17 +206,10 @@ def test_resuming_on_records_with_augmentation_and_a_posterior(tmp_path, monkeyp
     monkeypatch.undo()  # the real loader
     records = write_solids(tmp_path / "records")
     config = standin.config(
-        **TINY,
-        model__posterior=True,
-        model__posterior_widths=(2, 2, 2),
-        model__posterior_hidden=4,
-        loss__kl_weight=0.01,
-        train__eval_every=0,
-        data__path=str(records),
-        data__flip=True,
-        data__stretch=0.2,
-        data__colour_jitter=0.3,
-    )
+        **TINY, model__posterior=True, model__posterior_widths=(2, 2, 2), model__posterior_hidden=4,
+        loss__kl_weight=0.01, train__eval_every=0, data__path=str(records), data__flip=True,
+        data__stretch=0.2, data__colour_jitter=0.3,
+    )  # fmt: skip
     train(config, tmp_path / "whole")
     train(shorter(config, 5), tmp_path / "run")
     train(config, tmp_path / "run")

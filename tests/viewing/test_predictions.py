@@ -15,17 +15,12 @@ from psgn_jax.viewing.predictions import PredictionFileError, read_prediction
 
 def arrays(**changes):
     return {
-        "points": np.zeros((2, 50, 3), np.float32),
-        "colours": np.zeros((2, 50, 3), np.uint8),
-        "seen": np.ones((2, 50), bool),
-        "branch": np.zeros(50, np.uint8),
-        "image": np.zeros((48, 64, 3), np.uint8),
-        "intrinsics": np.eye(3),
-        "extrinsics": np.eye(3, 4),
-        "photo": np.zeros((30, 40, 3), np.uint8),
-        "to_view": np.diag([2.0, 2.0, 1.0]),
-        **changes,
-    }
+        "points": np.zeros((2, 50, 3), np.float32), "colours": np.zeros((2, 50, 3), np.uint8),
+        "seen": np.ones((2, 50), bool), "branch": np.zeros(50, np.uint8),
+        "image": np.zeros((48, 64, 3), np.uint8), "intrinsics": np.eye(3),
+        "extrinsics": np.eye(3, 4), "photo": np.zeros((30, 40, 3), np.uint8),
+        "to_view": np.diag([2.0, 2.0, 1.0]), **changes,
+    }  # fmt: skip
 
 
 def test_a_prediction_is_read(tmp_path):
