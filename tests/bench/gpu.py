@@ -14,13 +14,13 @@ to the table OUT/gpu.md as soon as it is measured.
 import argparse
 import dataclasses
 import itertools
+import multiprocessing
 import os
 import pathlib
-import signal
-import subprocess
 import sys
 
 import numpy as np
+import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
@@ -76,7 +76,7 @@ def measure_steps(tiny):
         model = {"name": name, "compute_dtype": precision, **(small if tiny else {})}
         if name == "vanilla" and not tiny:
             model["fc_points"] = 1024
-        data = {"image_size": size, "num_points": 64 if tiny else 4096}
+        data = {"image_size": size, "num_points": 256 if tiny else 4096}
         config = parse({"model": model, "data": data, "train": {"batch_size": batch}})
         full_name = loss.format(networks.build(config.model).num_points)
         config = dataclasses.replace(config, loss=LossConfig(name=full_name))
@@ -99,7 +99,10 @@ def measure_steps(tiny):
 
 
 def run_part(name, arguments):
-    """Measures one part in this process."""
+    """Measures one part in this process, or runs the tests."""
+    if name == "tests":
+        folders = ["losses/test_min_of_n.py"] if arguments.tiny else ["losses", "models"]
+        sys.exit(pytest.main(["-q", *(str(ROOT / "tests" / folder) for folder in folders)]))
     import jax
 
     device = f"{jax.devices()[0].device_kind}, jax {jax.__version__}"
@@ -117,28 +120,18 @@ def main():
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("gpu"))
     parser.add_argument("--limit", type=float, default=480, help="seconds of each part")
     parser.add_argument("--tiny", action="store_true")
-    parser.add_argument("--in_this_process", action="store_true")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
-    table = arguments.out / "gpu.md"
-    if not table.exists():
+    if not (table := arguments.out / "gpu.md").exists():
         table.write_text("| figure | value | on |\n|---|---|---|\n")
-    if arguments.in_this_process:
-        run_part(arguments.parts[0], arguments)
-        return
-    environment = {"JAX_PLATFORMS": "cuda,cpu"} | os.environ | {"PYTHONPATH": str(ROOT)}
-    part = [__file__, "--in_this_process", f"--out={arguments.out}", *["--tiny"] * arguments.tiny]
-    tests = ["-m", "pytest", "-q", "tests/losses/test_min_of_n.py"]
-    if not arguments.tiny:
-        tests[-1:] = ["tests/losses", "tests/models"]
+    os.environ.setdefault("JAX_PLATFORMS", "cuda,cpu")
     for name in arguments.parts:
-        command = [sys.executable, *(tests if name == "tests" else [*part, f"--parts={name}"])]
-        with subprocess.Popen(command, env=environment, cwd=ROOT) as process:
-            try:
-                process.wait(arguments.limit)
-            except subprocess.TimeoutExpired:
-                process.send_signal(signal.SIGTERM)
-        print(f"{name}: exit code {process.returncode}", flush=True)
+        part = multiprocessing.get_context("spawn").Process(target=run_part, args=(name, arguments))
+        part.start()
+        part.join(arguments.limit)
+        part.terminate()
+        part.join()
+        print(f"{name}: exit code {part.exitcode}", flush=True)
 
 
 if __name__ == "__main__":

@@ -2,18 +2,17 @@
 
 import io
 import os
-import pathlib
 import struct
 import zlib
 
 import numpy as np
 import pytest
+from helpers.commands import PHOTOS
 from PIL import Image, ImageFilter
 
 from psgn_jax.data import framing, photo, resize
 
 GREY = 191
-PHOTOS = pathlib.Path(__file__).resolve().parents[2] / "docs" / "photos"
 
 
 def scene(height=120, width=160, box=(30, 90, 50, 130), colour=(200, 60, 20), back=(GREY,) * 3):

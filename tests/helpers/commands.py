@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+PHOTOS = ROOT / "docs" / "photos"
 
 _USUAL = ("psgn_jax.commands.default_data", "psgn_jax.evaluation.baselines")
 

@@ -1,12 +1,12 @@
 """A prediction from Python: its files, which keep the frame, its colours, page and camera."""
 
 import io
-import pathlib
 import sys
 
 import numpy as np
 import pytest
 import trimesh
+from helpers.commands import PHOTOS
 from PIL import Image
 
 import psgn_jax
@@ -14,8 +14,6 @@ from psgn_jax.data import camera, framing, photo
 from psgn_jax.prediction.cloud import Prediction, colours_from_view, stray_points
 from psgn_jax.viewing.page import FIELDS, case_of, document_of
 from psgn_jax.viewing.predictions import read_prediction
-
-PHOTOS = pathlib.Path(__file__).resolve().parents[2] / "docs" / "photos"
 
 # A cloud that shows any exchange or mirroring of axes: the origin, one unit along +x (to the
 # camera), two along +y (image right), three along +z (up).

@@ -1,16 +1,14 @@
 """Masks that are found: by the background, and by the network of the package."""
 
 import io
-import pathlib
 
 import numpy as np
 import pytest
+from helpers.commands import PHOTOS
 from PIL import Image
 
 from psgn_jax.data import photo
 from psgn_jax.prediction import masks
-
-PHOTOS = pathlib.Path(__file__).resolve().parents[2] / "docs" / "photos"
 
 
 def test_alpha_and_a_plain_background_come_before_the_network():

@@ -42,39 +42,30 @@ def header(count):
 
 
 NESTED = b"{'descr': '<f4', 'fortran_order': False, 'shape': " + b"(" * 9000
+UNREADABLE, NO_ARCHIVE = "cannot be read as a prediction", "expected a file NAME.npz"
 WHOLE = io.BytesIO()
 np.savez(WHOLE, **arrays())
+WHOLE = WHOLE.getvalue()
 
 # The content of points.npy in a file, and what is said about it.
 MEMBERS = {
-    "nested": (
-        b"\x93NUMPY\x01\x00" + len(NESTED).to_bytes(2, "little") + NESTED,
-        "cannot be read as a prediction",
-    ),
+    "nested": (b"\x93NUMPY\x01\x00" + len(NESTED).to_bytes(2, "little") + NESTED, UNREADABLE),
     "claims": (header(10**12), r"points is float32 \[1, 1000000000000, 3\] in [0-9]+ bytes"),
     "bomb": (bytes(26 << 20), "points takes [0-9]+ bytes, expected at most"),
 }
 # The content of a file that is no archive.
 CONTENTS = {
-    "text": (b"nothing", "as a prediction: expected a file NAME.npz"),
-    "cut": (WHOLE.getvalue()[:3000], "as a prediction: expected a file NAME.npz"),
-    "flipped": (
-        WHOLE.getvalue()[:300] + b"x" * 200 + WHOLE.getvalue()[500:],
-        "cannot be read as a prediction",
-    ),
+    "text": (b"nothing", NO_ARCHIVE),
+    "cut": (WHOLE[:3000], NO_ARCHIVE),
+    "flipped": (WHOLE[:300] + b"x" * 200 + WHOLE[500:], UNREADABLE),
 }
 # Arrays that replace those of a prediction.
+MILLION = {"points": np.zeros((1, 10**6, 3), "f4"), "seen": np.ones((1, 10**6), bool)}
 ARRAYS = {
-    "object": ({"points": np.array([{}, []], object)}, "cannot be read as a prediction"),
-    "shape": (
-        {"colours": np.zeros((2, 49, 3), np.uint8)},
-        r"colours is uint8 \[2, 49, 3\], expected uint8 \[k, n, 3\]",
-    ),
+    "object": ({"points": np.array([{}, []], object)}, UNREADABLE),
+    "shape": ({"colours": np.zeros((2, 49, 3), np.uint8)}, r"\[2, 49, 3\], expected uint8 \[k, n"),
     "huge": ({"image": np.zeros((2049, 1000, 3), np.uint8)}, "expected uint8 .* with h up to 2048"),
-    "million": (
-        {"points": np.zeros((1, 10**6, 3), "f4"), "seen": np.ones((1, 10**6), bool)},
-        "with k up to 64, n up to 16384",
-    ),
+    "million": (MILLION, "with k up to 64, n up to 16384"),
     "nan": ({"points": np.full((2, 50, 3), np.nan)}, "points is not finite"),
     "camera": ({"extrinsics": np.ones((3, 4))}, "extrinsics"),
     "branch": ({"branch": np.full(50, 2, np.uint8)}, "branch is 2, expected 0 or 1"),
