@@ -15,13 +15,10 @@ from psgn_jax.config.command_line import load_file
 from psgn_jax.config.experiment import ConfigError
 
 
-def test_help_lists_each_command(capsys):
+def test_help_and_errors_list_commands_and_configurations(capsys):
     assert cli.main([]) == cli.main(["--help"]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert all(lines.count([name, *text.split()]) == 2 for name, text in cli.COMMANDS.items())
-
-
-def test_an_unknown_command_ends_in_one_line(capsys):
     assert cli.main(["trian"]) == 2
     shown = capsys.readouterr()
     assert shown.out == ""
@@ -29,6 +26,11 @@ def test_an_unknown_command_ends_in_one_line(capsys):
     assert line.startswith(
         "error: psgn trian: no such command; did you mean 'train'? expected one of train"
     )
+    assert cli.main(["train", "--workdir=runs/none"]) == 2
+    first, *lines = capsys.readouterr().err.splitlines()
+    assert first == "error: --config is missing: a file, or one of these names"
+    assert [line.split()[0] for line in lines] == config_files.names()
+    assert "the default data set" in next(line for line in lines if "quickstart" in line)
 
 
 @pytest.mark.parametrize(
@@ -49,14 +51,6 @@ def test_output_that_nothing_can_take_ends_without_a_traceback(
     environment["PYTHONPATH"] = str(ROOT)
     done = subprocess.run(program, capture_output=True, text=True, cwd=tmp_path, env=environment)
     assert (done.returncode, done.stderr) == (code, error)
-
-
-def test_configurations_are_listed_when_none_is_named(capsys):
-    assert cli.main(["train", "--workdir=runs/none"]) == 2
-    first, *lines = capsys.readouterr().err.splitlines()
-    assert first == "error: --config is missing: a file, or one of these names"
-    assert [line.split()[0] for line in lines] == config_files.names()
-    assert "the default data set" in next(line for line in lines if "quickstart" in line)
 
 
 @pytest.mark.slow

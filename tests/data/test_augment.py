@@ -115,11 +115,18 @@ def test_recrop_keeps_the_object_in_the_image():
         assert_consistent(cropped)
 
 
-def test_colour_jitter_stays_on_the_object():
+def test_jitter_stays_on_the_object_and_effects_follow_the_configuration():
     view = solids.view_of("ellipsoid", SIZE)
     jittered = augment.colour_jitter(view, np.random.default_rng(1), 0.4)
     assert (jittered.image[~view.mask] == schema.BACKGROUND_GREY).all()
     assert (jittered.image[view.mask] != view.image[view.mask]).any()
+    view = dataclasses.replace(solids.view_of("box", SIZE), depth=None)
+    placed = augmented(view, 0, place=1.0)
+    assert framing.rule_move_within(placed.mask).scale == pytest.approx(1, abs=0.05)
+    noisy = augmented(view, 0, photo=PhotoEffects(noise=0.1))
+    assert noisy.points is view.points
+    assert (noisy.image != view.image).any()
+    assert augmented(view, 0) is view
 
 
 @pytest.mark.parametrize(
@@ -151,13 +158,3 @@ def test_depth_with_holes_stays_on_the_surface(change):
     assert np.median(nearest) < 0.02
     # The distance of the origin, which the network's depth channel is relative to, is the same.
     assert changed.extrinsics[2, 3] == view.extrinsics[2, 3]
-
-
-def test_framing_and_photo_effects_follow_the_configuration():
-    view = dataclasses.replace(solids.view_of("box", SIZE), depth=None)
-    placed = augmented(view, 0, place=1.0)
-    assert framing.rule_move_within(placed.mask).scale == pytest.approx(1, abs=0.05)
-    noisy = augmented(view, 0, photo=PhotoEffects(noise=0.1))
-    assert noisy.points is view.points
-    assert (noisy.image != view.image).any()
-    assert augmented(view, 0) is view

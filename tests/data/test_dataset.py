@@ -179,7 +179,7 @@ def test_no_damage_goes_unseen_or_ends_the_process(copied):
             assert good, (trial, i)
 
 
-def test_failed_writing_leaves_nothing_under_the_name(tmp_path, sample):
+def test_failed_writing_leaves_nothing_and_a_data_set_is_not_overwritten(tmp_path, sample, copied):
     def fail():
         with ShardWriter(tmp_path, "train", 0) as writer:
             writer.write(encode(sample))
@@ -190,9 +190,6 @@ def test_failed_writing_leaves_nothing_under_the_name(tmp_path, sample):
     assert not list(tmp_path.iterdir())
     with pytest.raises(ValueError, match="split"):
         shard_name("../train", 0)
-
-
-def test_a_data_set_is_not_overwritten(copied, sample):
     with pytest.raises(RecordError, match="exists; give another folder"):
         write_dataset(copied, {"train": [sample]}, source="test")
     assert len(RecordReader(copied, "train")) == 37

@@ -73,16 +73,22 @@ def test_a_sample_is_placed_as_a_photo_is(size):
     assert again.scale == pytest.approx(1, abs=4 / size[0])
 
 
-def test_moves_are_reduced_so_that_the_object_stays_inside():
+def test_moves_keep_the_object_inside_and_tiny_objects_are_not_placed():
     mask = np.zeros((96, 128), bool)
     mask[20:60, 30:90] = True
     for move in (framing.Move(1, 90, 0), framing.Move(3, 0, 0), framing.Move(0.7, -50, 60)):
         corners = framing.keep_inside(move, mask).matrix() @ [[30, 90], [20, 60], [1, 1]]
         assert corners[:2].min() >= -1e-9
         assert (corners[:2].max(axis=1) <= [128 + 1e-9, 96 + 1e-9]).all()
+    small = np.zeros((96, 128), bool)
+    small[3:6, 3:6] = True
+    assert framing.rule_move_within(small) is None
+    sliver = np.zeros((96, 128), bool)
+    sliver[66:71, 34:49] = True  # a plate seen edge-on, which the rule would enlarge by far
+    assert framing.rule_move_within(sliver) is None
 
 
-def test_reframe_scatters_as_configured():
+def test_reframe_scatters_as_configured_and_places_a_share():
     view = augment.place(dataclasses.replace(solids.view_of("box", (96, 128)), depth=None))
     scales, rows = [], []
     for seed in range(300):
@@ -96,9 +102,6 @@ def test_reframe_scatters_as_configured():
     assert np.std(scales) == pytest.approx(0.96 * 0.1, abs=0.02)
     assert np.std(rows) == pytest.approx(0.96 * 0.03 * 96, abs=0.6)
     assert np.abs(scales).max() < 0.201
-
-
-def test_reframe_places_a_share():
     view = solids.view_of("cone", (96, 128))
     results = [augment.reframe(view, np.random.default_rng(s), place_share=0.3) for s in range(60)]
     share = np.mean([result is not view for result in results])
@@ -139,12 +142,3 @@ def seen_from(points, tilt):
         mask[rows + down, columns] = True
     image = np.where(mask[..., None], np.uint8(90), np.uint8(191)).repeat(3, axis=2)
     return augment.View(image, mask, None, points, intrinsics, extrinsics)
-
-
-def test_objects_that_are_hardly_seen_are_not_placed():
-    small = np.zeros((96, 128), bool)
-    small[3:6, 3:6] = True
-    assert framing.rule_move_within(small) is None
-    sliver = np.zeros((96, 128), bool)
-    sliver[66:71, 34:49] = True  # a plate seen edge-on, which the rule would enlarge by far
-    assert framing.rule_move_within(sliver) is None

@@ -211,13 +211,10 @@ def test_training_renderings_keep_their_frame():
         framing.place(image[:, :200], mask[:, :200], move=False)
 
 
-def test_behind_the_object_nothing_bleeds_into_it():
+def test_placing_lets_nothing_bleed_in_and_refuses_wrong_masks():
     image, mask = scene(600, 800, (100, 500, 200, 600), colour=(0, 0, 0), back=(255, 255, 255))
     view = framing.place(image, mask)
     assert view.image[view.mask].max() <= 2
-
-
-def test_placing_refuses():
     image, mask = scene()
     dot = np.zeros_like(mask)
     dot[5, 5] = True

@@ -3,14 +3,11 @@ import numpy as np
 from psgn_jax.data import resize
 
 
-def test_images_are_averaged_by_area(rng):
+def test_images_are_averaged_by_area_and_masks_by_majority(rng):
     image = rng.integers(0, 256, (6, 9, 3), np.uint8)
     fine = np.repeat(np.repeat(image, 4, 0), 4, 1).astype(float)  # 24 x 36 -> 4 x 4 by 6 x 9
     want = fine.reshape(4, 6, 4, 9, 3).mean(axis=(1, 3))
     assert np.abs(resize.resize_image(image, (4, 4)) - want).max() <= 0.5 + 1e-4
-
-
-def test_masks_by_majority_and_ties():
     mask = np.zeros((3, 4), np.bool_)
     mask[:, 0] = mask[0, 2] = True
     # New cells are 1.5 x 2 old ones. The left cells are half covered; the right ones 1/3 and 0.

@@ -129,7 +129,7 @@ def test_damaged_samples_are_made_again(once, tmp_path):
     assert contents(grown) == contents(once)
 
 
-def test_a_larger_limit_goes_on(once, tmp_path):
+def test_a_larger_limit_goes_on_and_models_may_come_between(once, tmp_path):
     make(tmp_path, TEN, limit=5)
     assert models_of(tmp_path) == TEN[:5]
     first = tmp_path / next(s.file for s in load_manifest(tmp_path).shards if s.count == 3)
@@ -141,9 +141,6 @@ def test_a_larger_limit_goes_on(once, tmp_path):
     assert first.stat().st_ino == untouched.st_ino
     assert [line["model_id"] for line in shards.read_report(tmp_path)] == TEN
     assert make(tmp_path, TEN)[1] == []
-
-
-def test_models_that_come_between_the_old_ones(tmp_path):
     later = ["chair/0", "table/0", "chair/refused", "table/1", "chair/3", "table/2", "chair/4"]
     make(tmp_path / "once", later)
     make(tmp_path / "grown", [name for name in later if name.startswith("chair")])

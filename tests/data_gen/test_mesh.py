@@ -10,7 +10,7 @@ def normals_of(shape):
     return np.repeat(face_normals(shape.vertices, shape.faces)[:, None], 3, 1)
 
 
-def test_build_drops_what_is_no_surface():
+def test_build_drops_what_is_no_surface_and_refuses_what_it_cannot_use():
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0], [9, 9, 9]], float)
     faces = np.array([[0, 1, 2], [0, 1, 3], [0, 0, 1], [0, 1, 7], [0, 2, -1], [1, 2, 4]])
     materials = [Material(), Material(opacity=0.0)]
@@ -20,9 +20,6 @@ def test_build_drops_what_is_no_surface():
     assert len(model.vertices) == 3
     assert any("2 degenerate" in w for w in model.warnings)
     assert any("missing vertices" in w for w in model.warnings)
-
-
-def test_build_refuses_what_is_not_finite_empty_or_too_large():
     with pytest.raises(UnusableModelError, match="not finite"):
         build_model(cube().vertices * np.inf, cube().faces)
     with pytest.raises(UnusableModelError, match="empty"):
@@ -41,7 +38,7 @@ def test_crease_normals_of_a_cube_are_flat_and_of_a_sphere_round():
         np.testing.assert_allclose(model.normals, model.corners(), atol=0.02)
 
 
-def test_missing_normals_are_made_and_given_ones_kept():
+def test_normals_are_made_kept_and_decide_which_side_is_outside():
     given = normals_of(cube())
     given[0] = 0
     given[1, 1] = np.nan
@@ -49,9 +46,6 @@ def test_missing_normals_are_made_and_given_ones_kept():
     model = model_of(cube(), normals=given)
     np.testing.assert_allclose(model.normals, normals_of(model), atol=1e-6)
     assert any("4 corner normals" in w for w in model.warnings)
-
-
-def test_a_face_is_turned_over_to_agree_with_its_normals():
     solid = cube()
     faces = solid.faces.copy()
     faces[3] = faces[3][::-1]

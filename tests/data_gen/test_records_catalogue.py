@@ -38,7 +38,7 @@ def test_the_surfels_cover_the_surface():
     assert np.abs(model.normals[top][..., 2]).min() > 0.99
 
 
-def test_no_surfel_extends_below_the_ground_or_out_of_the_unit_ball():
+def test_surfels_stay_in_the_unit_hemisphere_and_have_the_colours_of_the_image():
     sample = box_sample()
     points = sample.points / np.linalg.norm(sample.points, axis=1).max()
     points[:, 2] -= points[:, 2].min()
@@ -46,10 +46,6 @@ def test_no_surfel_extends_below_the_ground_or_out_of_the_unit_ball():
     model = surfels(dataclasses.replace(sample, points=points))
     assert model.vertices[:, 2].min() >= 0
     assert np.linalg.norm(model.vertices, axis=1).max() <= 1 + 1e-12
-
-
-def test_colours_are_those_of_the_image():
-    sample = box_sample()
     image = np.where(sample.mask[..., None], np.array([200, 40, 80], np.uint8), np.uint8(191))
     (material,) = surfels(dataclasses.replace(sample, image=image)).materials
     used = material.texture[material.texture[..., 3] > 0]

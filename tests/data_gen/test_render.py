@@ -218,13 +218,23 @@ def test_refused_models_have_reasons_and_do_not_stop_the_job(here, write, tmp_pa
     assert "not finite" in reasons["good/nan.obj"]
 
 
-def test_a_wrong_light_marks_no_folder(tmp_path):
+def test_a_wrong_light_marks_no_folder_and_a_wrong_library_is_no_variant(tmp_path, monkeypatch):
     source = open_catalogue("procedural", "chair=1")
     (tmp_path / "torn.hdr").write_bytes(b"#?RADIANCE\ntorn")
     wrong = {"source": "folder", "folder": str(tmp_path)}
     with pytest.raises(ValueError, match=r"environment map .*torn\.hdr"):
         job.render_catalogue(source, tmp_path / "out", options(light=wrong))
     assert not (tmp_path / "out").exists()
+    bogus = tmp_path / "libLLVM-19.so"
+    bogus.write_bytes(b"no library")
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(bogus))
+    assert engine.llvm_candidates()[0] == str(bogus)
+    monkeypatch.setattr(engine, "llvm_candidates", lambda: [str(bogus)])
+    variant, message = choose_variant("auto")
+    assert variant == Variant("scalar_rgb")
+    assert "libllvm19" in message
+    with pytest.raises(RuntimeError, match="libllvm19"):
+        choose_variant("llvm")
 
 
 # Executed in the worker: a loader must be importable there.
@@ -258,19 +268,6 @@ def test_processes_that_cannot_start_are_told_apart_from_models(monkeypatch):
     context = Context(options(), "procedural", Variant("no such variant"), None)
     with pytest.raises(RuntimeError, match="before they were ready"):
         list(pool.render_local([(0, open_catalogue("procedural", "table=1").models[0])], context))
-
-
-def test_choice_of_the_variant(monkeypatch, tmp_path):
-    bogus = tmp_path / "libLLVM-19.so"
-    bogus.write_bytes(b"no library")
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(bogus))
-    assert engine.llvm_candidates()[0] == str(bogus)
-    monkeypatch.setattr(engine, "llvm_candidates", lambda: [str(bogus)])
-    variant, message = choose_variant("auto")
-    assert variant == Variant("scalar_rgb")
-    assert "libllvm19" in message
-    with pytest.raises(RuntimeError, match="libllvm19"):
-        choose_variant("llvm")
 
 
 def test_command_has_help_and_refuses_wrong_arguments(tmp_path):

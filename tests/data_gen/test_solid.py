@@ -135,14 +135,11 @@ def test_no_step_of_air_crosses_a_marked_sliver(rng):
             np.testing.assert_array_equal(crossed[axes[-1]].transpose(axes)[..., :-1], met)
 
 
-def test_the_volume_of_a_flat_box_has_no_bias():
+def test_occupancy_has_no_bias_is_indexed_x_y_z_and_turned():
     # Tops above and below the middle of cells: a cell counts if at least half of it is full.
     for height, layers in ((0.46, 7), (0.49, 8), (0.52, 8)):
         box = model_of(solids.box(1.6, 0.9, height).at(z=height / 2))
         assert solid_occupancy(box, ALONG).any(axis=(0, 1)).sum() == layers
-
-
-def test_occupancy_is_indexed_x_y_z_and_turned():
     bar = normalize(model_of(solids.box(4, 1, 1)))
     along = solid_occupancy(bar, ALONG)
     quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
@@ -152,7 +149,7 @@ def test_occupancy_is_indexed_x_y_z_and_turned():
     np.testing.assert_array_equal(solid_occupancy(bar, quarter), along.transpose(1, 0, 2))
 
 
-def test_occupancy_fills_through_cracks_and_an_open_bottom():
+def test_occupancy_fills_through_cracks_and_an_open_bottom_but_no_open_vessel():
     box = solids.box(1, 1, 1)
     closed = normalize(model_of(box))
     normal = face_normals(box.vertices, box.faces)
@@ -165,9 +162,6 @@ def test_occupancy_fills_through_cracks_and_an_open_bottom():
     got = solid_occupancy(apart, ALONG)
     assert got[16, 16, 5]
     assert (got & want).sum() / want.sum() > 0.95
-
-
-def test_occupancy_keeps_an_open_vessel_open():
     normal = face_normals(cube().vertices, cube().faces)
     vessel = normalize(build_model(cube().vertices, cube().faces[normal[:, 2] < 0.5]))
     got = solid_occupancy(vessel, ALONG)

@@ -59,9 +59,6 @@ def test_normals_point_outward_where_the_mesh_can_tell():
         sample = sample_surface(normalize(build_model(ball.vertices, faces)), 4000, 0)
         outward = sample.points - [0, 0, sample.points[:, 2].max() / 2]
         assert ((outward * sample.normals).sum(axis=1) > 0).mean() > 0.99
-
-
-def test_an_inner_wall_keeps_its_normals():
     inner, outer = solids.ball(1.4, 1.4, 1.4, 24), solids.ball(2, 2, 2, 24)
     vertices, faces = joined(outer, inner)
     faces[len(outer.faces) :] = faces[len(outer.faces) :, ::-1]

@@ -32,7 +32,8 @@ def test_metrics_equal_reference(pair):
         np.testing.assert_allclose(got[name], value, rtol=1e-5, err_msg=name)
 
 
-def test_scores_of_equal_and_of_distant_clouds_and_of_a_part(pair):
+@pytest.mark.usefixtures("unchecked_annotations")
+def test_scores_of_equal_and_of_distant_clouds_and_wrong_thresholds(pair):
     def scores(pred, gt):
         got = metrics_lib.evaluate_pair(pred, gt)
         return tuple(got[name] for name in SCORES)
@@ -42,6 +43,9 @@ def test_scores_of_equal_and_of_distant_clouds_and_of_a_part(pair):
     assert scores(cloud, cloud + 5) == (0, 0, 0)
     gt = np.array([[0, 0, 0], [1, 0, 0]], np.float32)
     assert scores(gt[:1], gt)[1:] == (1, 0.5)
+    for threshold in (0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(ValueError, match="threshold: got"):
+            metrics_lib.evaluate_pair(*pair, threshold=threshold)
 
 
 def test_nan_is_never_a_score(pair):
@@ -53,13 +57,6 @@ def test_nan_is_never_a_score(pair):
     got = jax.jit(metrics_lib.evaluate_pair)(pred, pair[1], visible)
     for name in ("cd_sq_radius2", "cd_l1_radius", "precision", "fscore", *NAMES):
         assert jnp.isnan(got[name.format("hidden")]), name
-
-
-@pytest.mark.usefixtures("unchecked_annotations")
-def test_wrong_threshold(pair):
-    for threshold in (0, -1.0, float("nan"), float("inf")):
-        with pytest.raises(ValueError, match="threshold: got"):
-            metrics_lib.evaluate_pair(*pair, threshold=threshold)
 
 
 @pytest.mark.parametrize("share", [0.3, 0, 1])

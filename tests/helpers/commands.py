@@ -38,27 +38,27 @@ print(json.dumps(done))
 
 
 def python(code, *arguments, cwd=ROOT, **environment):
-    """Python code in a process of its own; its output is captured as text."""
-    return _run(["-c", code, *map(str, arguments)], cwd, environment)
+    """Python code in a process of its own, which must succeed; its output is captured as text."""
+    return _succeeds(["-c", code, *map(str, arguments)], cwd, environment)
 
 
 def psgn(*arguments, cwd=ROOT, **environment):
-    """`psgn ARGUMENTS` in a process of its own; its output is captured as text."""
-    command = ["-m", "psgn_jax.commands.psgn", *map(str, arguments)]
-    return _run(command, cwd, environment)
+    """`psgn ARGUMENTS` in a process of its own, which must succeed."""
+    return _succeeds(["-m", "psgn_jax.commands.psgn", *map(str, arguments)], cwd, environment)
 
 
 def psgn_each(*commands, cwd=ROOT, imports=_USUAL, **environment):
     """`psgn` with each list of arguments; the modules in `imports` are imported only once."""
     commands = [[str(argument) for argument in arguments] for arguments in commands]
-    done = _run(["-c", _EACH, json.dumps(imports), json.dumps(commands)], cwd, environment)
-    assert done.returncode == 0, done.stderr
+    done = python(_EACH, json.dumps(imports), json.dumps(commands), cwd=cwd, **environment)
     return [subprocess.CompletedProcess(*outcome) for outcome in json.loads(done.stdout)]
 
 
-def _run(arguments, cwd, environment):
+def _succeeds(arguments, cwd, environment):
     environment = {**os.environ, "JAX_PLATFORMS": "cpu", "PYTHONPATH": str(ROOT), **environment}
     command = [sys.executable, *arguments]
-    return subprocess.run(
+    done = subprocess.run(
         command, capture_output=True, text=True, cwd=cwd, env=environment, timeout=400
     )
+    assert done.returncode == 0, done.stderr
+    return done

@@ -40,7 +40,7 @@ def test_real_pairs(authors_batches, rng, kind, n, pairs):
         check(a[i], b[i], jax.tree.map(lambda x, i=i: x[i], found))
 
 
-def test_any_tolerance_and_budget(rng):
+def test_any_tolerance_and_budget_and_prices_prove_the_gap(rng):
     a, b = clouds(rng, 128)
     for tolerance in (0.1, 0.001):
         check(a, b, solve(a, b, tolerance=tolerance), tolerance)
@@ -52,10 +52,6 @@ def test_any_tolerance_and_budget(rng):
         assert not found.converged
         gaps[max_bids] = float(found.gap)
     assert gaps[64] > 2 * gaps[256] > 4 * gaps[1024]
-
-
-def test_prices_prove_the_gap(rng):
-    a, b = clouds(rng, 128)
     found = solve(a, b)
     jax.tree.map(np.testing.assert_array_equal, found, solve(a, b))  # the same bits every time
     lower = reference.emd_lower_bound(a, b, found.prices)

@@ -10,10 +10,15 @@ from psgn_jax.config.experiment import ConfigError, LossConfig
 from psgn_jax.losses.by_name import chosen_points, configured_loss
 
 
-def test_the_tolerance_reaches_the_loss(rng):
+def test_the_tolerance_reaches_the_loss_and_chosen_points_are_spread(rng):
     pred, gt = rng.normal(size=(2, 4, 3)).astype("f4")
     rough = configured_loss(LossConfig(name="emd_mean", emd_tolerance=1e3))(pred, gt)[0]
     assert rough == losses.emd_mean(pred, gt, tolerance=1e3) > losses.emd_mean(pred, gt)
+    gt = jnp.arange(300.0).reshape(100, 3)
+    chosen = np.asarray(chosen_points(gt, 50))
+    assert len(np.unique(chosen[:, 0])) == 50
+    assert 20 <= int((chosen[:, 0] < 150).sum()) <= 30
+    np.testing.assert_array_equal(chosen_points(gt, 100), gt)
 
 
 def test_a_sum_and_its_gradient_are_those_written_by_hand(rng):
@@ -37,14 +42,6 @@ def test_a_sum_and_its_gradient_are_those_written_by_hand(rng):
     alone = configured_loss(LossConfig(name="2e-1*chamfer_sq@12"))(pred, gt)[0]
     want = 0.2 * losses.chamfer_sq(pred, chosen_points(gt, 12))
     np.testing.assert_allclose(alone, want, rtol=1e-6)
-
-
-def test_chosen_points_are_spread_over_a_sorted_cloud():
-    gt = jnp.arange(300.0).reshape(100, 3)
-    chosen = np.asarray(chosen_points(gt, 50))
-    assert len(np.unique(chosen[:, 0])) == 50
-    assert 20 <= int((chosen[:, 0] < 150).sum()) <= 30
-    np.testing.assert_array_equal(chosen_points(gt, 100), gt)
 
 
 @pytest.mark.parametrize(

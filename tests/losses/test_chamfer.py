@@ -32,13 +32,10 @@ def test_nearest_equals_reference(rng, n, m):
     check_nearest(*clouds(rng, n, m))
 
 
-def test_nearest_at_any_scale_and_offset(rng):
+def test_nearest_at_any_scale_offset_and_distance(rng):
     # At the largest offsets few significant digits are left, and many points coincide.
     for scale, offset in ((1e-6, 0), (1e6, 0), (1, 1e3), (1, -1e6), (1e-3, 1e3)):
         check_nearest(*clouds(rng, 100, 210, scale, offset))
-
-
-def test_near_points_keep_their_digits(rng):
     # Neighbours at a distance of 1e-6 in a cloud of radius 1. The expansion |a|^2 - 2ab + |b|^2
     # would return errors of 1e-7.
     a, _ = clouds(rng, 500, 1)

@@ -23,17 +23,13 @@ def test_ties_go_to_the_lowest_index_and_no_index_repeats():
     assert sorted(losses.farthest_point_indices(points, 180).tolist()) == list(range(180))
 
 
-def test_gradient_reaches_the_chosen_points(rng):
+def test_gradient_reaches_the_chosen_points_and_errors_are_named(rng):
     points = rng.normal(size=(50, 3)).astype(np.float32)
     index = np.asarray(losses.farthest_point_indices(points, 5))
     pulled = jax.grad(lambda p: losses.farthest_points(p, 5).sum())(jnp.asarray(points))
     want = np.zeros((50, 3))
     want[index] = 1
     np.testing.assert_array_equal(pulled, want)
-
-
-def test_wrong_points_and_numbers(rng):
-    points = rng.normal(size=(50, 3)).astype(np.float32)
     for count in (0, 51):
         with pytest.raises(ValueError, match=f"num_samples: got {count}"):
             losses.farthest_point_indices(points, count)

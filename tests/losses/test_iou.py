@@ -27,13 +27,16 @@ def test_soft_equals_hard_on_bits(rng):
     assert losses.soft_iou_loss(jnp.ones(4), jnp.ones(4)) == 0
 
 
-def test_empty_volumes():
+def test_empty_volumes_and_nan():
     nothing, all_ = np.zeros(5, np.float32), np.ones(5, np.float32)
     assert soft_iou(nothing, nothing) == 1
     assert iou(nothing, np.zeros(5, bool)) == 1
     assert soft_iou(all_, nothing) == 0
     assert iou(nothing, np.ones(5, bool)) == 0
     assert np.isfinite(jax.jit(jax.grad(losses.soft_iou))(nothing, nothing)).all()
+    pred = np.array([0.2, np.nan], np.float32)
+    assert np.isnan(iou(pred, np.zeros(2, bool)))
+    assert np.isnan(soft_iou(pred, np.ones(2, np.float32)))
 
 
 def test_gradient_against_a_directional_difference(rng):
@@ -43,12 +46,6 @@ def test_gradient_against_a_directional_difference(rng):
         h = 1e-6
         ends = [soft_iou(pred + s * h * direction, gt) for s in (1, -1)]
         np.testing.assert_allclose(slope, (ends[0] - ends[1]) / (2 * h), rtol=1e-6)
-
-
-def test_nan_is_never_a_score():
-    pred = np.array([0.2, np.nan], np.float32)
-    assert np.isnan(iou(pred, np.zeros(2, bool)))
-    assert np.isnan(soft_iou(pred, np.ones(2, np.float32)))
 
 
 @pytest.mark.usefixtures("unchecked_annotations")

@@ -32,14 +32,11 @@ def test_value_and_gradient_are_those_of_the_nearest(rng, distance, draws):
     assert not np.delete(grads[0], j, axis=0).any()
 
 
-def test_of_equally_near_draws_the_first_wins(rng):
+def test_of_equally_near_draws_the_first_wins_and_a_nan_of_any_draw_shows(rng):
     preds, gt = case(rng, 1)
     preds = np.concatenate([preds + 3, preds, preds])
     grads = jax.jit(jax.grad(lambda preds: losses.min_of_n(CD)(preds, gt).value))(preds)
     assert np.abs(grads).max(axis=(1, 2)).astype(bool).tolist() == [False, True, False]
-
-
-def test_a_nan_of_any_draw_shows(rng):
     preds, gt = case(rng, 3)
     min_of_n = jax.jit(losses.min_of_n(CD))
     preds[1, 5, 1] = np.nan

@@ -30,14 +30,11 @@ def test_divergence_is_the_integral(mean, log_variance):
     np.testing.assert_allclose(posterior.kl_of_dims(q)[0, 0], integral, rtol=1e-5, atol=1e-7)
 
 
-def test_a_draw_has_the_mean_and_the_variance():
+def test_a_draw_and_the_start_near_the_prior(rng):
     q = posterior.Gaussian(np.float32([[2, -1]]), np.log(np.float32([[0.25, 4]])))
     for noise, want in ((0, [[2, -1]]), (1, [[2.5, 1]])):
         drawn = posterior.reparameterise(q, np.full((1, 2), noise, np.float32))
         np.testing.assert_allclose(drawn, want, rtol=1e-6)
-
-
-def test_it_starts_near_the_prior_but_differs_for_different_shapes(rng):
     config = ModelConfig(random_size=5, posterior=True, posterior_widths=(4, 6), posterior_hidden=8)
     net = networks.build_posterior(config)
     volumes = (rng.random((3, 32, 32, 32)) < 0.01).astype(np.float32)

@@ -29,14 +29,11 @@ def test_sizes_of_the_published_network(size):
     assert sum(leaf.size for leaf in jax.tree.leaves(params)) == 35_968_706
 
 
-def test_unpooling_puts_numbers_in_the_corner(rng):
+def test_unpooling_and_cross_entropy(rng):
     x = rng.normal(size=(2, 2, 2, 2, 3)).astype(np.float32)
     got = np.asarray(unpool(x))
     np.testing.assert_array_equal(got[:, ::2, ::2, ::2], x)
     assert np.count_nonzero(got) == np.count_nonzero(x)
-
-
-def test_cross_entropy_is_optaxs(rng):
     logits = 5 * rng.normal(size=(4, 4, 4, 2)).astype(np.float32)
     gt = rng.random((4, 4, 4)) < 0.3
     want = optax.softmax_cross_entropy_with_integer_labels(logits, gt.astype(int)).mean()

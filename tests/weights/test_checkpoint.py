@@ -101,7 +101,7 @@ def test_damaged_scores_are_none_with_a_warning(tmp_path, caplog):
     assert Checkpoints(folder).best_step() == 2
 
 
-def test_leftovers_of_a_kill_are_removed_but_not_by_a_reader(tmp_path):
+def test_leftovers_are_removed_but_unreadable_checkpoints_stay(tmp_path):
     fill(tmp_path / "c", [1])
     leftovers = [tmp_path / "c" / n for n in ("2.orbax-checkpoint-tmp", "0.deleting")]
     for leftover in leftovers:
@@ -111,6 +111,13 @@ def test_leftovers_of_a_kill_are_removed_but_not_by_a_reader(tmp_path):
     assert all(leftover.exists() for leftover in leftovers)
     assert Checkpoints(tmp_path / "c").restore_newest().step == 1
     assert not any(leftover.exists() for leftover in leftovers)
+    fill(tmp_path, [1])
+    for path in [p for p in (tmp_path / "1").rglob("*") if p.is_file()]:
+        path.write_bytes(b"")
+    again = Checkpoints(tmp_path)
+    with pytest.raises(CheckpointError, match="none of the 1 checkpoints in"):
+        again.restore_newest()
+    assert again.steps() == [1]
 
 
 def test_a_full_disk_is_one_error_and_damages_nothing(tmp_path):
@@ -124,13 +131,3 @@ def test_a_full_disk_is_one_error_and_damages_nothing(tmp_path):
             checkpoints.close()
     assert caught.value.filename == str(tmp_path / "c")
     assert Checkpoints(tmp_path / "c").restore_newest().step == 1
-
-
-def test_none_readable_is_an_error_and_moves_nothing(tmp_path):
-    fill(tmp_path, [1])
-    for path in [p for p in (tmp_path / "1").rglob("*") if p.is_file()]:
-        path.write_bytes(b"")
-    again = Checkpoints(tmp_path)
-    with pytest.raises(CheckpointError, match="none of the 1 checkpoints in"):
-        again.restore_newest()
-    assert again.steps() == [1]

@@ -51,7 +51,7 @@ def refused(path, message):
     assert len(str(caught.value)) < 500
 
 
-def test_truncated_files_are_refused(file, tmp_path):
+def test_truncated_and_foreign_files_are_refused(file, tmp_path):
     content = file.read_bytes()
     cut = tmp_path / "cut.safetensors"
     for part in (content[:7], content[:100], content[:-1], content + b"\0"):
@@ -62,6 +62,15 @@ def test_truncated_files_are_refused(file, tmp_path):
     refused(tmp_path, "it is a folder, expected a file")
     os.mkfifo(tmp_path / "pipe.safetensors")
     refused(tmp_path / "pipe.safetensors", "it is a named pipe, expected a file")
+    path = tmp_path / "foreign.safetensors"
+    for content, message in (
+        (save({"a": np.zeros(3, np.float32)}), "a file of another program"),
+        (b"\x80\x04\x95" + b"pickle" * 20, "not a file of weights"),
+        ((12).to_bytes(8, "little") + b"not json at all", "not readable as weights"),
+        ((1 << 62).to_bytes(8, "little") + b"{}", "with a header of 4611686018427387904"),
+    ):
+        path.write_bytes(content)
+        refused(path, message)
 
 
 def test_every_flipped_bit_is_noticed(file, tmp_path):
@@ -78,18 +87,6 @@ def test_every_flipped_bit_is_noticed(file, tmp_path):
         flipped.write_bytes(damaged)
         with pytest.raises(WeightsError):
             read_weights(flipped)
-
-
-def test_foreign_files_are_refused(tmp_path):
-    path = tmp_path / "foreign.safetensors"
-    for content, message in (
-        (save({"a": np.zeros(3, np.float32)}), "a file of another program"),
-        (b"\x80\x04\x95" + b"pickle" * 20, "not a file of weights"),
-        ((12).to_bytes(8, "little") + b"not json at all", "not readable as weights"),
-        ((1 << 62).to_bytes(8, "little") + b"{}", "with a header of 4611686018427387904"),
-    ):
-        path.write_bytes(content)
-        refused(path, message)
 
 
 def forged(weights, path, *, leaves=None, figures=None, sources=()):

