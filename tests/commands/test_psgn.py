@@ -81,12 +81,22 @@ for name in ("LOGNAME", "USER", "LNAME", "USERNAME", "PSGN_CACHE"):
     assert (out / "cup.ply").is_file()
 
 
-def test_a_configuration_is_a_path_or_a_name():
+def test_a_configuration_is_a_path_or_a_name_and_executed_once(tmp_path, capsys):
     assert config_files.path_of("configs/debug.py") == "configs/debug.py"
     assert config_files.path_of("debug") == str(ROOT / "configs" / "debug.py")
     assert config_files.path_of("debug:small") == str(ROOT / "configs" / "debug.py") + ":small"
     with pytest.raises(ConfigError, match=r"did you mean 'debug'\? expected the path"):
         config_files.path_of("configs/debgu.py")
+    file, mark = tmp_path / "mine.py", tmp_path / "mark"
+    file.write_text(
+        f"with open({str(mark)!r}, 'a') as file:\n    file.write('x')\n"
+        "from psgn_jax.config import recipes\n\n\n"
+        "def get_config():\n    return recipes.load('debug')\n"
+    )
+    arguments = ["train", f"--config={file}", "--config.train.steps=0", "--config.seed=1"]
+    assert cli.main(arguments) == 2
+    assert capsys.readouterr().err.startswith("error: train.steps=0: accepted: a number >= 1")
+    assert mark.read_text() == "x"
 
 
 @pytest.mark.parametrize(
@@ -105,16 +115,3 @@ def test_files_that_are_no_configurations(content, why, tmp_path):
         load_file(str(path))
     assert str(caught.value).startswith(f"--config={path} is not a configuration (")
     assert "a Python file with a function get_config()" in str(caught.value)
-
-
-def test_a_configuration_is_executed_once(tmp_path, capsys):
-    file, mark = tmp_path / "mine.py", tmp_path / "mark"
-    file.write_text(
-        f"with open({str(mark)!r}, 'a') as file:\n    file.write('x')\n"
-        "from psgn_jax.config import recipes\n\n\n"
-        "def get_config():\n    return recipes.load('debug')\n"
-    )
-    arguments = ["train", f"--config={file}", "--config.train.steps=0", "--config.seed=1"]
-    assert cli.main(arguments) == 2
-    assert capsys.readouterr().err.startswith("error: train.steps=0: accepted: a number >= 1")
-    assert mark.read_text() == "x"

@@ -118,7 +118,7 @@ def test_what_is_no_manifest_is_refused_in_one_line(tmp_path, text):
     assert len(str(error.value)) < 600
 
 
-def test_folders_without_the_data_are_refused_by_name(dataset, tmp_path):
+def test_folders_without_the_data_and_missing_shards_are_refused_by_name(dataset, tmp_path, copied):
     with pytest.raises(RecordError, match="no such folder"):
         RecordReader(tmp_path / "missing", "train")
     with pytest.raises(RecordError, match="not a data set of this project"):
@@ -126,9 +126,6 @@ def test_folders_without_the_data_are_refused_by_name(dataset, tmp_path):
     remedies = r"'train', 'validation'.*data.eval_split.*fractions="
     with pytest.raises(RecordError, match=rf"no split 'test'.*{remedies}"):
         RecordReader(dataset, "test")
-
-
-def test_missing_and_truncated_shards(copied):
     shard = copied / "train-00001.arrayrecord"
     shard.write_bytes(shard.read_bytes()[:-1])
     with pytest.raises(RecordError, match=r"train-00001\.arrayrecord has \d+ bytes"):

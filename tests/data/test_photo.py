@@ -117,7 +117,7 @@ def test_hostile_files_end_in_one_line(tmp_path):
         assert "\n" not in str(caught.value)
 
 
-def test_masks_of_other_sizes():
+def test_masks_of_other_sizes_and_of_mode_1():
     image, mask = scene()
     read = photo.read_photo(image)
     half = Image.fromarray(mask).resize((80, 60))
@@ -132,6 +132,14 @@ def test_masks_of_other_sizes():
     ):
         with pytest.raises(photo.PhotoError, match=message):
             photo.read_mask(wrong, read)
+    # Pillow's mode "1" gives a bool array whose True is the byte 255.
+    of_pillow = np.array(Image.fromarray(mask))
+    assert of_pillow.view(np.uint8).max() == 255
+    want, got = framing.place(image, mask), framing.place(image, of_pillow)
+    np.testing.assert_array_equal(got.mask, want.mask)
+    np.testing.assert_array_equal(got.image, want.image)
+    small, other = (resize.resize_mask(each, (55, 70)) for each in (mask, of_pillow))
+    np.testing.assert_array_equal(other, small)
 
 
 @pytest.mark.parametrize("path", sorted(PHOTOS.glob("*.jpg"))[::3], ids=lambda path: path.stem)
@@ -170,18 +178,6 @@ def test_the_focal_length_comes_from_exif(tmp_path):
         exif[0x0112] = orientation
         path = saved(tmp_path, image, "a.jpg", exif=exif)
         assert photo.read_photo(path).focal == pytest.approx(280)
-
-
-def test_masks_of_mode_1_are_masks():
-    """Pillow's mode "1" gives a bool array whose True is the byte 255."""
-    image, mask = scene()
-    of_pillow = np.array(Image.fromarray(mask))
-    assert of_pillow.view(np.uint8).max() == 255
-    want, got = framing.place(image, mask), framing.place(image, of_pillow)
-    np.testing.assert_array_equal(got.mask, want.mask)
-    np.testing.assert_array_equal(got.image, want.image)
-    small, other = (resize.resize_mask(each, (55, 70)) for each in (mask, of_pillow))
-    np.testing.assert_array_equal(other, small)
 
 
 @pytest.mark.parametrize("size", [(20, 90), (300, 150)])

@@ -85,15 +85,12 @@ def test_signals_to_the_whole_group_are_the_trainers_alone(start):
     assert processes.wait_until(lambda: not processes.of_group(process.pid))
 
 
-def test_a_script_that_ends_early_leaves_no_worker(start):
+def test_scripts_that_end_early_or_lack_the_guard(start):
     text = SCRIPT.replace("if stop.signal:", "if True:")
     process, log = start(1, 1, text.replace("batches.close()", "sys.keep = batches"))
     assert process.wait(60) == 0, log.read_text()
     assert log.read_text().startswith("batch\nstopped by None\n")
     assert processes.wait_until(lambda: not processes.of_group(process.pid))
-
-
-def test_a_script_without_the_guard_says_what_it_needs(start):
     process, log = start(1, 1, SCRIPT.replace('if __name__ == "__main__":', "if True:"))
     assert process.wait(60) == 1
     text = log.read_text()

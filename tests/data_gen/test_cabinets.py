@@ -5,7 +5,7 @@ from data_gen import cameras
 from data_gen.catalogues import cabinets
 
 
-def test_the_depth_moves_nothing_that_normalisation_reads():
+def test_the_depth_moves_only_what_is_behind_the_panel():
     models = [cabinets.generate("front", 5, h) for h in range(6)]
     depths = [m.parameters["hidden"]["depth"] for m in models]
     assert len(set(depths)) == 6
@@ -16,9 +16,6 @@ def test_the_depth_moves_nothing_that_normalisation_reads():
         np.testing.assert_allclose(m.vertices.max(axis=0), first.vertices.max(axis=0))
         hidden = {key: first.parameters[key] for key in ("hidden", "hidden_seed")}
         assert m.parameters | hidden == first.parameters
-
-
-def test_what_the_depth_moves_is_behind_the_panel():
     camera = view(elevation=0, size=(64, 64), aim=0.45)
     for seed in range(8):
         shallow, deep = (cabinets.generate("front", seed, h).vertices for h in range(2))

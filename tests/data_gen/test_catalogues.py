@@ -137,7 +137,7 @@ def make_library(path, properties=PROPERTIES, extra=()):
     return path
 
 
-def test_sweet_home(tmp_path):
+def test_sweet_home_and_its_properties(tmp_path):
     catalogue = open_catalogue("sh3f", make_library(tmp_path / "lib.sh3f"))
     entries = catalogue.models
     assert [e.model_id for e in entries[:2]] == ["lib/me#chair", "lib/me#chair-2"]
@@ -152,9 +152,6 @@ def test_sweet_home(tmp_path):
         with pytest.raises(UnusableModelError, match="missing"):
             entry.load()
     assert len(open_catalogue("sh3f", tmp_path).models) == 5
-
-
-def test_properties():
     text = "a=1\nb : 2\nc 3\n! no\n  d\\ e=x\\\n   y\\u0041\\n\nempty=\n=nothing\nslash=\\\\\nlast"
     assert sh3f.parse_properties(text) == {
         "a": "1", "b": "2", "c": "3", "d e": "xyA\n", "empty": "", "": "nothing",
@@ -162,7 +159,7 @@ def test_properties():
     }  # fmt: skip
 
 
-def test_bombs_members_that_lie_about_their_size_and_damaged_ones_are_refused(tmp_path):
+def test_bombs_and_damaged_members_are_refused_and_traversal_finds_nothing(tmp_path):
     bomb = b"v 0 0 0\n" * (4 << 20)
     properties = "name#1=b\nmodel#1=/bomb.obj\n"
     path = make_library(tmp_path / "bomb.sh3f", properties, [("bomb.obj", bomb)])
@@ -185,9 +182,6 @@ def test_bombs_members_that_lie_about_their_size_and_damaged_ones_are_refused(tm
     with pytest.raises(UnusableModelError, match="damaged"):
         entries[0].load()
     assert len(entries[1].load().faces) == 12
-
-
-def test_traversal_finds_nothing(tmp_path):
     files = ZipFiles(make_library(tmp_path / "lib.sh3f", extra=[("../evil.png", b"x")]))
     for name in ("../evil.png", "../../lib.sh3f", "/etc/passwd", "models/../../evil.png"):
         with pytest.raises(FileNotFoundError):

@@ -34,13 +34,10 @@ def test_patterns_stand_for_categories_folders_and_names(pattern, count):
     assert sum(choosing.matches(pattern, entry) for entry in listed()) == count
 
 
-def test_include_and_exclude():
+def test_include_and_exclude_and_patterns_that_fit_nothing():
     chosen = choose(listed(), Choice(include=("Boats", "Rare"), exclude=("Military", "m001.*")))
     assert folders_of(chosen) == {"Boats/Civilian": 39, "Rare": 1}
     assert names(chosen) == [name for name in names(listed()) if name in set(names(chosen))]
-
-
-def test_patterns_that_fit_nothing_are_named():
     for choice, message in (
         (Choice(exclude=("Cars", "Wether")), r"^exclude=Wether: .*; did you mean 'Weather'\?$"),
         (Choice(include=("Cars", "xyz")), r"^include=xyz: no category and no name matches$"),

@@ -46,7 +46,7 @@ def test_every_part_is_closed_and_faces_outward(category):
             np.testing.assert_array_equal(np.sort(start * size + end), np.sort(end * size + start))
 
 
-def test_errors_name_the_value():
+def test_the_catalogue_lists_its_models_and_errors_name_the_value():
     with pytest.raises(ValueError, match="seed: got -1"):
         procedural.generate("chair", -1)
     for source, match in (
@@ -59,9 +59,6 @@ def test_errors_name_the_value():
             open_catalogue("procedural", source)
     with pytest.raises(ValueError, match="first_seed: got -1"):
         open_catalogue("procedural", "1", first_seed=-1)
-
-
-def test_the_catalogue_lists_its_models():
     entries = open_catalogue("procedural", "200").models
     assert len({e.model_id for e in entries}) == len(entries) == 13 * 200
     assert {e.category for e in entries[:13]} == set(procedural.CATEGORIES)

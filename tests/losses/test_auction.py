@@ -61,10 +61,13 @@ def test_any_tolerance_and_budget_and_prices_prove_the_gap(rng):
     assert cost / lower - 1 > float(found.gap) - 2e-3
 
 
-def test_any_scale_and_offset(rng):
+def test_any_scale_and_offset_and_degenerate_clouds(rng):
     # A large offset leaves few significant digits: many points then coincide, or all of them.
     for scale, offset in ((1e-6, 0), (1e6, 0), (1, 1e3), (1, -1e6), (1e6, -1e12), (1e-6, 1e3)):
         a, b = clouds(rng, 128, scale, offset)
+        check(a, b, solve(a, b))
+    for a, b in degenerate(rng).values():
+        a, b = np.asarray(a, np.float32), np.asarray(b, np.float32)
         check(a, b, solve(a, b))
 
 
@@ -88,12 +91,6 @@ def degenerate(rng):
         "odd number": (a[:17], b[:17]),
         "outlier": (a, np.concatenate([b[:-1], b[-1:] + 300])),
     }  # fmt: skip
-
-
-def test_degenerate_clouds(rng):
-    for a, b in degenerate(rng).values():
-        a, b = np.asarray(a, np.float32), np.asarray(b, np.float32)
-        check(a, b, solve(a, b))
 
 
 @pytest.mark.parametrize(("argument", "bad"), [("pred", np.inf), ("gt", np.nan)])

@@ -66,16 +66,13 @@ def test_loss_and_gradient_equal_the_reference(rng, name):
     np.testing.assert_allclose(got, want, rtol=1e-4, atol=1e-4 * abs(want))
 
 
-def test_is_the_definition(rng):
+def test_is_the_definition_also_in_the_tiles_of_an_accelerator(rng, monkeypatch):
     a, b = clouds(rng, 130, 200)
     fast, slow = (
         jax.jit(jax.value_and_grad(f, (0, 1)))(a, b)
         for f in (losses.chamfer_sq_mean, chamfer.chamfer_by_definition)
     )
     jax.tree.map(lambda x, y: np.testing.assert_allclose(x, y, rtol=1e-6, atol=1e-8), fast, slow)
-
-
-def test_tiles_of_an_accelerator(rng, monkeypatch):
     a, b = clouds(rng, 1100, 70)
     want = losses.nearest_both(a, b)
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")

@@ -8,7 +8,7 @@ from psgn_jax import losses
 iou, soft_iou = jax.jit(losses.iou, static_argnames="threshold"), jax.jit(losses.soft_iou)
 
 
-def test_iou_counts_cells(rng):
+def test_iou_counts_cells_and_soft_equals_hard_on_bits(rng):
     pred, gt = rng.random((8, 8, 8)).astype(np.float32), rng.random((8, 8, 8)) < 0.4
     for threshold in (0.1, 0.5, 0.9):
         inside = pred >= threshold
@@ -18,9 +18,6 @@ def test_iou_counts_cells(rng):
     assert sweep.shape == (19,)
     assert iou(np.full(3, 0.5, np.float32), np.ones(3, bool), 0.5) == 1  # 0.5 is inside
     np.testing.assert_allclose(sweep[9], iou(pred, gt), rtol=1e-6)
-
-
-def test_soft_equals_hard_on_bits(rng):
     pred, gt = rng.random((2, 500)) < 0.3
     soft = soft_iou(pred.astype(np.float32), gt.astype(np.float32))
     np.testing.assert_allclose(soft, iou(pred.astype(np.float32), gt), rtol=1e-6)

@@ -30,16 +30,13 @@ def test_alpha_and_a_plain_background_come_before_the_network():
     np.testing.assert_array_equal(found, away < 100)
 
 
-def test_the_network_finds_objects_in_photographs():
+def test_the_network_finds_objects_or_a_mask_is_asked_for(rng):
     for name in ("bottle", "cup", "pan"):
         read = photo.read_photo(PHOTOS / f"{name}.jpg")
         given = photo.read_mask(PHOTOS / f"{name}_mask.png", read)
         found, how, _ = masks.find_mask(read.image)
         assert how.startswith("network, ")
         assert masks.mask_iou(found, given) > 0.85
-
-
-def test_without_certainty_a_mask_is_asked_for(rng):
     for image in (np.full((64, 64, 3), 90, np.uint8), rng.integers(0, 255, (64, 90, 3), np.uint8)):
         with pytest.raises(photo.PhotoError, match=r"not certain|no object found"):
             masks.find_mask(image)

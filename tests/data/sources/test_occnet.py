@@ -18,16 +18,13 @@ def samples(tmp_path_factory):
     return list(map(occnet.open_model(root, CHAIR, "a", 16384), range(NUM_VIEWS)))
 
 
-def test_silhouettes_are_those_of_the_pictures(samples):
+def test_silhouettes_frame_and_normals(samples):
     for sample, view in zip(samples, trees.VIEWS, strict=True):
         truth = trees.silhouette(view)
         assert (sample.mask & truth).sum() / (sample.mask | truth).sum() > 0.97
         pixels, _ = camera.project(sample.points, sample.intrinsics, sample.extrinsics)
         assert camera.inside_mask(pixels, truth, 1).mean() > 0.995
         assert (sample.image[~sample.mask] == 191).all()
-
-
-def test_frame_and_normals(samples):
     for sample, view in zip(samples, trees.VIEWS, strict=True):
         right = sample.extrinsics[0, :3]
         np.testing.assert_allclose(right, [0, 1, 0], atol=1e-6)

@@ -122,17 +122,13 @@ def test_conversion_and_damage(tmp_path, capsys):
     assert "not one of the 13" in capsys.readouterr().err
 
 
-def test_a_wrong_sign_of_the_elevation_is_refused(tmp_path):
+def test_a_wrong_sign_of_the_elevation_and_wrong_volumes_are_refused(tmp_path):
     tree = trees.write_r2n2(tmp_path, names=("a",))
     metadata = tree / "ShapeNetRendering" / CHAIR / "a" / "rendering" / "rendering_metadata.txt"
     metadata.write_text("\n".join(f"{a} {-e} 0 {r} 25" for a, e, r in trees.VIEWS))
     read = r2n2.open_model(tree, CHAIR, "a", 16384)
     with pytest.raises(ValueError, match="an elevation of 25 degrees fits the image better"):
         read(0)
-
-
-def test_volumes_of_another_magnitude_are_refused(tmp_path):
-    tree = trees.write_r2n2(tmp_path, names=("a",))
     for changes, message in (
         ({"scale": 1e300}, "coordinates from"),
         ({"scale": 1e-300}, "the object's radius is 0"),

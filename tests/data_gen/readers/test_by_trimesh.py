@@ -86,7 +86,7 @@ def test_nested_brackets_are_refused(write):
             load_model(write(name, content))
 
 
-def test_collada(trimesh, write):
+def test_collada_and_its_archives(trimesh, write, tmp_path):
     pytest.importorskip("collada")
     text = trimesh.exchange.dae.export_collada(trimesh.creation.box((1, 2, 3))).decode()
     extent = np.ptp(load_model(write("a.dae", text)).vertices, axis=0)
@@ -95,10 +95,6 @@ def test_collada(trimesh, write):
     for content, message in ((text[:-400], "not readable as dae"), (bomb, "entities")):
         with pytest.raises(UnusableModelError, match=message):
             load_model(write("a.dae", content))
-
-
-def test_archives_of_xml_are_bounded_by_their_content(tmp_path):
-    pytest.importorskip("collada")
     for content, message in (
         (b" " * (65 << 20), f"{65 << 20} bytes of zae, more than the limit"),
         (b'<!DOCTYPE a [<!ENTITY b "bbbb">]>', "entities"),

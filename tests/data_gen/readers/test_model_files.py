@@ -49,7 +49,7 @@ def test_links_that_lead_out_are_not_followed(write, tmp_path):
     assert load_model("a.obj", FolderFiles(tmp_path / "link")).materials[1].texture is not None
 
 
-def test_what_is_no_file_is_called_what_it_is(tmp_path):
+def test_what_is_no_file_or_too_large_is_refused(tmp_path, write, monkeypatch):
     os.mkfifo(tmp_path / "a.obj")
     (tmp_path / "b.obj").mkdir()
     with pytest.raises(UnusableModelError, match=r"'a.obj' is a named pipe, expected a file"):
@@ -59,9 +59,6 @@ def test_what_is_no_file_is_called_what_it_is(tmp_path):
     for name in ("none.obj", "x" * 5000 + ".obj", "a\0.obj"):
         with pytest.raises(UnusableModelError, match="is missing"):
             load_model(name, FolderFiles(tmp_path))
-
-
-def test_a_large_file_is_refused(write, monkeypatch):
     monkeypatch.setattr(model_files, "MAX_FILE_BYTES", 100)
     with pytest.raises(UnusableModelError, match="more than the limit of 100"):
         load_model(write("a.obj", CUBE + FACES))

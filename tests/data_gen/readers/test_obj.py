@@ -125,7 +125,7 @@ def test_obj_files_that_are_refused(write):
                 load_model(write("a.obj", text), max_faces=1000)
 
 
-def test_textures_are_not_decoded_without_end(write, monkeypatch):
+def test_neither_textures_nor_material_files_are_read_without_end(write, monkeypatch):
     monkeypatch.setattr(textures, "_MAX_DECODED_TEXELS", 40)
     names = [f"{'./' * i}x.png" for i in range(6)]
     write("x.png", png((1, 2, 3)))
@@ -134,9 +134,6 @@ def test_textures_are_not_decoded_without_end(write, monkeypatch):
     model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}{faces}"))
     assert [m.texture is not None for m in model.materials] == [True] * 3 + [False] * 3
     assert "too many textures; plain colours are used for some of them" in model.warnings
-
-
-def test_each_material_file_is_read_once_and_not_too_many(write, monkeypatch):
     asked, find = [], FolderFiles.find
     monkeypatch.setattr(
         FolderFiles, "find", lambda self, name: asked.append(name) or find(self, name)

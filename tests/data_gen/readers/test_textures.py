@@ -19,16 +19,13 @@ def huge_png(side):
     return data[:12] + head + struct.pack(">I", zlib.crc32(head)) + data[33:]
 
 
-def test_a_texture_of_30000_pixels_is_not_decoded(write):
+def test_large_textures_are_not_decoded_or_reduced(write, monkeypatch):
     write("big.png", huge_png(30_000))
     write("m.mtl", "newmtl a\nKd .2 .4 .6\nmap_Kd big.png\n")
     model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}"))
     assert model.materials[0].texture is None
     assert model.materials[0].diffuse == (0.2, 0.4, 0.6)
     assert "30000 x 30000 pixels" in model.warnings[0]
-
-
-def test_a_large_jpeg_is_reduced_while_it_is_decoded(monkeypatch):
     stream = io.BytesIO()
     Image.new("RGB", (4000, 2000), (200, 100, 50)).save(stream, "JPEG")
     monkeypatch.setattr(textures, "MAX_DECODED_PIXELS", 1_000_000)

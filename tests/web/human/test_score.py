@@ -33,7 +33,7 @@ def sampled(*solids, count):
     return sample_union([ConvexHull(corners) for corners in solids], count, 0)
 
 
-def test_points_are_uniform_on_the_table():
+def test_points_are_uniform_also_where_parts_share_faces_or_are_inside_others():
     points, truth = sampled(*TABLE, count=20_000), table_points(20_000)
     for low, high in ((0, 0.3), (0.3, 0.61), (0.61, 0.63), (0.69, 0.71)):
         share = [np.mean((c[:, 2] >= low) & (c[:, 2] < high)) for c in (points, truth)]
@@ -45,9 +45,6 @@ def test_points_are_uniform_on_the_table():
     )
     near = np.abs(np.abs(own) - LEG[0][:2]).max(axis=1) < 0.039
     assert not (near & (np.abs(points[:, 2] - 0.62) < 1e-4)).any()
-
-
-def test_parts_that_share_faces_or_are_inside_others():
     left, right = (corners((0, y, 0.5), (1, 0.6, 1)) for y in (-0.2, 0.2))
     within = corners((0, 0, 0.5), (0.5, 0.5, 0.5))
     points = sampled(left, right, within, left, count=30_000)
