@@ -31,13 +31,13 @@ def archive(path, files):
 
 
 def test_a_folder_or_an_archive_of_the_runtime_and_nothing_else(tmp_path, small_runtime):
+    with pytest.raises(ConfigError, match=r"ort\.wasm\.min\.mjs is missing; expected onnxruntime"):
+        lib.runtime_files(tmp_path)
     (tmp_path / "dist").mkdir()
     for name, content in small_runtime.items():
         (tmp_path / "dist" / name).write_bytes(content)
     assert lib.runtime_files(tmp_path) == small_runtime
     assert lib.runtime_files(archive(tmp_path / "a.tgz", small_runtime)) == small_runtime
-    with pytest.raises(ConfigError, match=r"ort\.wasm\.min\.mjs is missing; expected onnxruntime"):
-        lib.runtime_files(tmp_path)
     changed = {**small_runtime, "ort-wasm-simd-threaded.wasm": b"x"}
     with pytest.raises(ConfigError, match=r"threaded\.wasm has another checksum"):
         lib.runtime_files(archive(tmp_path / "c.tgz", changed))
