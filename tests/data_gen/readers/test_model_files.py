@@ -61,4 +61,4 @@ def test_what_is_no_file_or_too_large_is_refused(tmp_path, write, monkeypatch):
             load_model(name, FolderFiles(tmp_path))
     monkeypatch.setattr(model_files, "MAX_FILE_BYTES", 100)
     with pytest.raises(UnusableModelError, match="more than the limit of 100"):
-        load_model(write("a.obj", CUBE + FACES))
+        load_model(write("c.obj", CUBE + FACES))
