@@ -12,6 +12,7 @@ def test_one_lamp_is_found_where_it_is():
     assert found.directions[0] @ toward[8, 20] > 0.99
     black = lights.reduce(0 * radiance, LightSettings(), ambient=0.3, exposure=1.0)
     assert 0 < black.colours.max() < np.inf
+    assert not lights.shrink(np.full((10, 20, 3), np.nan)).any()  # enlarged, and black
 
 
 def test_exposure_is_the_brightness_of_white_in_full_light(rng):
