@@ -57,7 +57,7 @@ def indexed(
     The index is a CSV file with a heading. Its column `file` has the path of each mesh in the
     folder, which is also the name of the model. A column `category` is optional. The records get
     further columns, such as `licence` and `author`, as parameters of the model. Files have +y up
-    and their front toward +z.
+    and their front toward +z; COLLADA files may also state Z_UP.
 
     A model of one grey gets a material that fits its category, drawn for its name. Models
     whose names differ only in numbers, colours or levels of detail are in the same split.

@@ -69,7 +69,7 @@ def folder(
     Args:
       source: the folder.
       up: axis of the files that points up (`frame.AXES`), or "auto": +z for STL, PLY, OFF and
-        3MF, +y for all others.
+        3MF, +y for all others. Reading turns COLLADA files that state Z_UP to +y.
       front: axis of the files toward which the fronts of the objects point, or "auto": +z if y is
         up, -y if z is up.
       fractions: fractions of the models for training, validation and test, see `split_of`.

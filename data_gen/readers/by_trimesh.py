@@ -5,6 +5,7 @@ import contextlib
 import io
 import logging
 import posixpath
+import re
 import struct
 import warnings as python_warnings
 import zipfile
@@ -22,6 +23,9 @@ _MAX_XML = 64 << 20
 
 _ARCHIVES = {"zip", "bz2", "tar.bz2", "tar.gz"}
 _ZIPPED = ("zae", "3mf", "3dxml")  # formats that are zip archives of XML files
+
+# Turns +z into +y, and -y into +z.
+_Z_TO_Y = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 
 def _faces_in_header(data: bytes, kind: str) -> int:
@@ -197,6 +201,7 @@ def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
     if kind not in formats:
         raise UnusableModelError(f"format {kind!r}: expected one of {sorted(formats)}")
     check_face_count(_faces_in_header(data, kind), assets.max_faces)
+    z_up = False
     if kind in ("dae", "xaml", *_ZIPPED):
         with (
             zipfile.ZipFile(io.BytesIO(data)) if kind in _ZIPPED else contextlib.nullcontext() as z
@@ -205,6 +210,8 @@ def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
             if size > _MAX_XML:
                 raise UnusableModelError(f"{size} bytes of {kind}, more than the limit {_MAX_XML}")
             texts = [z.read(name) for name in z.namelist()] if z else [data]
+        texts = [text.replace(b"\0", b"") for text in texts]  # as UTF-16 has them
+        z_up = any(re.search(rb"<up_axis>\s*Z_UP", text) for text in texts)  # of COLLADA
         if any(b"<!ENTITY" in text for text in texts):
             raise UnusableModelError("XML entities are refused")
     with _quiet():
@@ -225,7 +232,8 @@ def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
         corner = np.asarray(mesh.faces, np.int64)
         if corner.min() < 0 or corner.max() >= len(mesh.vertices):
             raise UnusableModelError(f"not readable as {kind}: faces have missing vertices")
-        linear = np.asarray(matrix, np.float64)[:3, :3]
+        matrix = _Z_TO_Y @ matrix if z_up else np.asarray(matrix, np.float64)
+        linear = matrix[:3, :3]
         vertices = np.asarray(mesh.vertices, np.float64) @ linear.T + matrix[:3, 3]
         normals = np.zeros((len(corner), 3, 3))
         # trimesh's cache contains normals only if they come from the file; others are not used.

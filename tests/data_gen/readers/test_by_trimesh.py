@@ -91,8 +91,16 @@ def test_collada_and_its_archives(trimesh, write, tmp_path):
     text = trimesh.exchange.dae.export_collada(trimesh.creation.box((1, 2, 3))).decode()
     extent = np.ptp(load_model(write("a.dae", text)).vertices, axis=0)
     np.testing.assert_allclose(extent / extent[1], [3, 1, 2], rtol=1e-5)
+    # Files of Blender: z points up, -y to the front.
+    model = load_model(write("z.dae", text.replace("Y_UP", "Z_UP")))
+    extent = np.ptp(model.vertices, axis=0)
+    np.testing.assert_allclose(extent / extent[1], [2, 1, 3], rtol=1e-5)
+    assert ((model.corners() - model.vertices.mean(axis=0)) * model.normals).sum(axis=2).min() > 0
     bomb = text.replace("<COLLADA", '<!DOCTYPE a [<!ENTITY b "bbbb">]><COLLADA', 1)
-    for content, message in ((text[:-400], "not readable as dae"), (bomb, "entities")):
+    wide = bomb.replace("utf-8", "utf-16").encode("utf-16")
+    for content, message in (
+        (text[:-400], "not readable as dae"), (bomb, "entities"), (wide, "entities"),
+    ):  # fmt: skip
         with pytest.raises(UnusableModelError, match=message):
             load_model(write("a.dae", content))
     for content, message in (
