@@ -8,6 +8,7 @@ scheduler's `allowed-failures`, we report it as crashed.
 """
 
 import contextlib
+import copy
 import dataclasses
 import itertools
 import os
@@ -69,6 +70,8 @@ def render_on(
         except TimeoutError as error:
             raise RuntimeError(f"scheduler={address}: it has no workers: {error}") from error
         todo = iter(tasks)
+        # A task, because scattered data are lost with the workers that have them.
+        shared = client.submit(copy.copy, context, pure=False)
         running: dict[Any, tuple[int, Entry]] = {}
         done = distributed.as_completed(loop=client.loop)
 
@@ -76,7 +79,7 @@ def render_on(
             """Submits only enough for all threads, so that memory is bounded."""
             free = 2 * sum(client.nthreads().values()) - len(running)
             for number, entry in itertools.islice(todo, max(free, not running)):
-                future = client.submit(_render, job, number, entry, context, pure=False)
+                future = client.submit(_render, job, number, entry, shared, pure=False)
                 running[future] = number, entry
                 done.add(future)
 
@@ -90,15 +93,16 @@ def render_on(
                     line = failure(entry, "crashed", f"its Dask workers died: {error}")
                     result = Result(number, line, [])
                 except Exception as error:
-                    raise RuntimeError(
-                        f"scheduler={address}: the connection was lost; run the command again, "
-                        "which continues"
-                        if future.cancelled()
-                        else f"a Dask worker cannot render: {type(error).__name__}: {error}"
-                    ) from error
+                    if future.cancelled():
+                        raise ConnectionError from error
+                    what = f"{type(error).__name__}: {error}"
+                    raise RuntimeError(f"a Dask worker cannot render: {what}") from error
                 yield result
                 future.release()
                 submit()
+        except OSError as error:
+            what = "the connection was lost; run the command again, which continues"
+            raise RuntimeError(f"scheduler={address}: {what}") from error
         finally:
             # An error here must not hide the error that ended the job.
             with contextlib.suppress(Exception):

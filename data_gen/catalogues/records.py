@@ -42,7 +42,7 @@ def records(source: str | os.PathLike[str]) -> Catalogue:
       ValueError: there are no readable records, a split is unknown, or model names are empty or
         ambiguous.
     """
-    source = os.fspath(source)
+    source = os.path.abspath(source)  # for processes elsewhere
     entries = [  # in the order of the records
         Entry(
             name, category, split, functools.partial(_load, source, split, index),

@@ -56,7 +56,7 @@ class FolderFiles(Files):
     """The files below a folder. Links that lead out of it are not followed."""
 
     def __init__(self, root: str | os.PathLike[str]) -> None:
-        self.root = pathlib.Path(root)
+        self.root = pathlib.Path(root).absolute()  # for processes elsewhere
         self._names: dict[pathlib.Path, dict[str, str]] = {}
 
     def find(self, name: str) -> str | None:

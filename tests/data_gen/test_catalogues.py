@@ -137,6 +137,15 @@ def make_library(path, properties=PROPERTIES, extra=()):
     return path
 
 
+def test_a_relative_source_is_found_from_another_folder(write, tmp_path, monkeypatch):
+    write("in/a.obj", BOX)
+    make_library(tmp_path / "in" / "lib.sh3f")
+    monkeypatch.chdir(tmp_path)
+    entries = [open_catalogue(name, "in").models[0] for name in ("folder", "sh3f")]
+    monkeypatch.chdir("/")
+    assert [len(entry.load().faces) for entry in entries] == [12, 12]
+
+
 def test_sweet_home_and_its_properties(tmp_path):
     catalogue = open_catalogue("sh3f", make_library(tmp_path / "lib.sh3f"))
     entries = catalogue.models

@@ -54,11 +54,13 @@ def test_surfels_stay_in_the_unit_hemisphere_and_have_the_colours_of_the_image()
     assert np.ptp(without[..., :3][without[..., 3] > 0]) == 0
 
 
-def test_models_keep_their_split_frame_and_place(here, tmp_path):
+def test_models_keep_their_split_frame_and_place(here, tmp_path, monkeypatch):
     first, other = box_sample(), box_sample(200, "another box")
     again = dataclasses.replace(first, view=1)
     write_dataset(tmp_path, {"train": [first, again], "validation": [other]}, source="solids")
-    entries = open_catalogue("records", tmp_path).models
+    monkeypatch.chdir(tmp_path)
+    entries = open_catalogue("records", ".").models
+    monkeypatch.chdir("/")
     found = [(e.model_id, e.split) for e in entries]
     assert found == [("a box", "train"), ("another box", "validation")]
     values = {
