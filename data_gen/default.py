@@ -37,7 +37,7 @@ def build(
 ) -> str:
     """Renders the default data set or completes it, and returns its folder.
 
-    A complete data set does not change.
+    A complete data set does not change, unless models of it failed and now succeed.
 
     Raises:
       RuntimeError: Mitsuba is missing or does not run, or no model could be rendered.

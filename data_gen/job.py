@@ -29,6 +29,9 @@ from psgn_jax.system.untrusted import one_line
 
 _FORMAT = 1  # raised when the same settings give other samples
 
+_RETRIED = ("crashed", "error", "memory", "timeout", "unreadable")
+"""Statuses that may depend on the machine or the limits: the next call tries these models again."""
+
 FEW_MODELS = 20
 """We warn of smaller sets."""
 
@@ -72,6 +75,9 @@ def text_of(progress: shards.Progress) -> str:
     out += [f"  {x['status']}: {x['model_id']}: {x['reason']}" for x in refused[:40]]
     if len(refused) > 40:
         out.append(f"  and more: see {REPORT}")
+    if again := sorted({x["status"] for x in refused}.intersection(_RETRIED)):
+        limits = "config.job.seconds_per_model and config.job.megabytes_per_worker are the limits"
+        out.append(f"the same command tries again what is {', '.join(again)}; {limits}")
     return "\n".join(map(one_line, out))
 
 
@@ -125,7 +131,7 @@ def render_catalogue(
     about |= {"moved": moved} if moved else {}
     inputs = [(shards.Tag(e.model_id, e.category, e.split), e) for e in entries]
     statement, about = json.loads(json.dumps([statement, about]))
-    job = shards.Job(statement, inputs, options.models_per_shard, about)
+    job = shards.Job(statement, inputs, options.models_per_shard, about, retried=_RETRIED)
     maps = None
     if options.light.folder and not shards.is_complete(out, job):
         # Read before anything is written, so that an error here leaves the folder unchanged.

@@ -29,7 +29,18 @@ _WELD = 2.0**-20
 
 
 class UnusableModelError(ValueError):
-    """A model from which no sample can be made; the message gives the reason."""
+    """A model from which no sample can be made; the message gives the reason.
+
+    `status` is that of the model in `models.jsonl`.
+    """
+
+    status = "refused"
+
+
+class UnreadableModelError(UnusableModelError):
+    """The file of a model is missing or not readable, perhaps only on this machine."""
+
+    status = "unreadable"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

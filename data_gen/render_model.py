@@ -60,7 +60,8 @@ class Context:
 def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str, Any]]:
     """All samples of a model as records, and its line in `models.jsonl`.
 
-    The status of the line is "ok", or "refused" with a reason; a refused model has no samples.
+    The status of the line is "ok", or "refused", "unreadable" or "memory" with a reason and without
+    samples.
     """
     settings = context.settings
     seed = model_seed(settings.seed, context.source, entry.model_id)
@@ -123,9 +124,10 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
             done.append(encode(sample, point_bits=settings.point_bits))
         line["status"] = "ok"
     except UnusableModelError as error:
-        line["reason"], done = str(error), []
+        line, done = line | {"status": error.status, "reason": str(error)}, []
     except MemoryError:
-        line["reason"], done = "it needs more memory than is available", []
+        line |= {"status": "memory", "reason": "it needs more memory than is available"}
+        done = []
     seconds = round(time.perf_counter() - started, 3)
     return done, line | {"samples": len(done), "views": views, "seconds": seconds}
 

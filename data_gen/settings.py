@@ -86,7 +86,7 @@ class JobSettings:
       workers: number of processes, 0 = one per processor.
       models_per_worker: after so many models, we replace a process, because its memory grows.
       seconds_per_model: a model that takes longer is refused.
-      megabytes_per_worker: a model that needs more memory is refused.
+      megabytes_per_worker: a model that needs more memory is refused, on Linux.
       variant: of Mitsuba: "llvm", "scalar", or "auto" = LLVM if it works.
     """
 

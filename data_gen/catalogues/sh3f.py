@@ -15,7 +15,7 @@ import numpy as np
 from absl import logging
 
 from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of, unique_names
-from data_gen.mesh import Model, UnusableModelError
+from data_gen.mesh import Model, UnreadableModelError
 from data_gen.readers.load import load_model
 from data_gen.readers.model_files import ZipFiles, open_archive
 from data_gen.readers.mtl import floats
@@ -118,7 +118,7 @@ def _load(path: str, piece: Furniture) -> Model:
     try:
         files = open_archive(path)
     except (zipfile.BadZipFile, OSError, ValueError) as error:
-        raise UnusableModelError(f"library {path!r} cannot be read: {error}"[:200]) from error
+        raise UnreadableModelError(f"library {path!r} cannot be read: {error}"[:200]) from error
     return load_model(
         piece.file, files, category=piece.category, model_id=piece.model_id,
         parameters={"name": piece.name, "size_cm": piece.size},
@@ -141,7 +141,7 @@ def sweet_home(
     Raises:
       ValueError: no library can be read.
     """
-    path = pathlib.Path(source)
+    path = pathlib.Path(source).absolute()  # for processes elsewhere
     libraries = sorted(path.rglob("*.sh3f")) if path.is_dir() else [path]
     if not libraries or not libraries[0].is_file():
         raise ValueError(f"source {str(source)!r}: expected a .sh3f file or a folder of them")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from data_gen.frame import normalize, orient
-from data_gen.mesh import MAX_FACES, Model, UnusableModelError, build_model
+from data_gen.mesh import MAX_FACES, Model, UnreadableModelError, UnusableModelError, build_model
 from data_gen.readers.by_trimesh import read_trimesh
 from data_gen.readers.model_files import Files, FolderFiles
 from data_gen.readers.obj import read_obj
@@ -52,11 +52,14 @@ def load_model(
     kind = posixpath.splitext(name)[1].lstrip(".").lower()
     stored = files.find(name)
     if stored is None:
-        raise UnusableModelError(f"file {name!r} {files.why_not(name)}")
+        kind_of_error = (
+            UnreadableModelError if isinstance(files, FolderFiles) else UnusableModelError
+        )
+        raise kind_of_error(f"file {name!r} {files.why_not(name)}")
     try:
         data = files.read(stored)
     except OSError as error:
-        raise UnusableModelError(f"file {name!r} is not readable: {error}"[:200]) from error
+        raise UnreadableModelError(f"file {name!r} is not readable: {error}"[:200]) from error
     with np.errstate(over="ignore", invalid="ignore"):  # `normalize` refuses what overflows
         arrays = read_obj(data, assets) if kind == "obj" else read_trimesh(data, kind, assets)
         del data

@@ -28,7 +28,7 @@ import pathlib
 import re
 import time
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import msgpack
@@ -108,6 +108,7 @@ class Job:
       about: how the inputs were chosen, for `job.json` and for messages.
       converts: published data are converted: inputs may vanish, and the next call tries inputs
         again of which something is missing.
+      retried: statuses of inputs that the next call tries again.
     """
 
     statement: Mapping[str, Any]
@@ -115,6 +116,11 @@ class Job:
     per_shard: int
     about: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     converts: bool = False
+    retried: Collection[str] = ()
+
+    def tries_again(self, line: Line) -> bool:
+        """Whether the next call tries this input again."""
+        return line["status"] in self.retried or (self.converts and line["status"] != "ok")
 
     def tags(self) -> list[Tag]:
         return [tag for tag, _ in self.inputs]
@@ -196,7 +202,7 @@ def _make_part(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int]
     tags, finished = job.tags(), _finished(folder, job)
     blocks = job.blocks()[part[0] :: part[1]]
     fresh = [block for block in blocks if block.digest not in finished]
-    _take_over(folder, [tags[i] for block in fresh for i in block.indices], finished)
+    _take_over(folder, job, [tags[i] for block in fresh for i in block.indices], finished)
     owner = {i: block for block in fresh for i in block.indices}
     todo = [i for i in owner if _read_result(folder, tags[i]) is None]
     missing = Counter(owner[i] for i in todo)
@@ -366,14 +372,17 @@ def _tidy_up(folder: pathlib.Path, job: Job) -> None:
 
 
 def _kept(folder: pathlib.Path, job: Job, manifest: Manifest) -> dict[str, _Done]:
-    """The blocks of a complete data set by digest, except damaged ones."""
+    """The blocks of a complete data set by digest, except damaged ones.
+
+    A block with inputs that are tried again is not finished: it has another key, for `_take_over`.
+    """
     found: dict[str, _Done] = {}
     lines = read_report(folder) if manifest.complete else []
     for block in job.blocks(list(map(tag_of, lines))):
         own = [lines[i] for i in block.indices]
-        if not job.converts or all(line["status"] == "ok" for line in own):
-            shards = [shard for shard in manifest.shards if block.digest in shard.inputs]
-            found[block.digest] = _Done(own, shards)
+        shards = [shard for shard in manifest.shards if block.digest in shard.inputs]
+        key = f"{block.digest} again" if any(map(job.tries_again, own)) else block.digest
+        found[key] = _Done(own, shards)
     return {digest: done for digest, done in found.items() if _is_whole(folder, done)}
 
 
@@ -400,22 +409,29 @@ def _is_whole(folder: pathlib.Path, done: _Done) -> bool:
 
 
 def _write_block(folder: pathlib.Path, job: Job, block: _Block) -> None:
-    """Writes the shards of a block from the results of its inputs, which it removes."""
+    """Writes the shards of a block from the results of its inputs, which it removes.
+
+    If inputs are tried again, the shards have another name than those without them will have.
+    """
     tags = [job.inputs[i][0] for i in block.indices]
-    lines: list[Line] = []
+
+    def result_of(tag: Tag) -> tuple[Line, list[bytes]]:
+        result = _read_result(folder, tag)
+        if result is None:
+            what = "samples were damaged meanwhile; run the command again"
+            raise ValueError(f"{folder / WORK}: {what}")
+        return result
+
+    lines = [result_of(tag)[0] for tag in tags]
+    again = [line["model_id"] for line in lines if job.tries_again(line)]
+    name = hashlib.sha256(json.dumps([block.digest, again]).encode()).hexdigest() if again else ""
     writers: dict[str, ShardWriter] = {}
     with contextlib.ExitStack() as stack:
-        for tag in tags:
-            result = _read_result(folder, tag)
-            if result is None:
-                raise ValueError(
-                    f"{folder / WORK}: samples were damaged meanwhile; run the command again"
-                )
-            lines.append(result[0])
-            left = iter(result[1])
-            for split, count in _counts(result[0]).items():
+        for tag, line in zip(tags, lines, strict=True):
+            left = iter(result_of(tag)[1])
+            for split, count in _counts(line).items():
                 if split not in writers:
-                    writer = ShardWriter(folder, split, block.number, block.digest)
+                    writer = ShardWriter(folder, split, block.number, block.digest, name)
                     writers[split] = stack.enter_context(writer)
                 for record in itertools.islice(left, count):
                     writers[split].write(record)
@@ -426,7 +442,9 @@ def _write_block(folder: pathlib.Path, job: Job, block: _Block) -> None:
         _result_path(folder, tag).unlink(missing_ok=True)
 
 
-def _take_over(folder: pathlib.Path, tags: Iterable[Tag], finished: Mapping[str, _Done]) -> None:
+def _take_over(
+    folder: pathlib.Path, job: Job, tags: Iterable[Tag], finished: Mapping[str, _Done]
+) -> None:
     """Writes the results of inputs that are in finished blocks, as if they had just been made."""
     wanted = {tag for tag in tags if not _result_path(folder, tag).exists()}
     for done in finished.values():
@@ -442,7 +460,8 @@ def _take_over(folder: pathlib.Path, tags: Iterable[Tag], finished: Mapping[str,
                 for split, count in _counts(line).items()
                 for record in itertools.islice(records[split], count)
             ]
-            if tag_of(line) in wanted and len(own) == line["samples"]:
+            same = tag_of(line) in wanted and len(own) == line["samples"]
+            if same and not job.tries_again(line):
                 _write_result(folder, line, own)
 
 

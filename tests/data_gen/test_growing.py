@@ -50,12 +50,13 @@ def no_renderer():
         yield
 
 
-def make(out, names, *, options=OPTIONS, stop_after=None, first=lambda: None, **more):
+def make(out, names, *, options=OPTIONS, stop_after=None, first=lambda: None, failing=None, **more):
     """Does a job, which stops after a number of models; returns the names of those it made, too.
 
-    A model with "refused" in its name is refused. `first` is called before the first model.
+    A model with "refused" in its name is refused; `failing` has the statuses of others. `first` is
+    called before the first model.
     """
-    made = []
+    made, failing = [], failing or {}
 
     def render(tasks, context):
         for index, entry in tasks:
@@ -64,8 +65,8 @@ def make(out, names, *, options=OPTIONS, stop_after=None, first=lambda: None, **
             if not made:
                 first()
             made.append(entry.model_id)
-            line, data = failure(entry, "refused", "its name"), []
-            if "refused" not in entry.model_id:
+            line, data = failure(entry, failing.get(entry.model_id, "refused"), "its name"), []
+            if "refused" not in entry.model_id and entry.model_id not in failing:
                 line |= {"status": "ok", "reason": "", "samples": 1}
                 line["views"] = [{"inside": 1.0, "depth": 0.0, "luminance": 9.0}]
                 data = [record_of(entry.model_id, entry.category)]
@@ -148,6 +149,26 @@ def test_a_larger_limit_goes_on_and_models_may_come_between(once, tmp_path):
     assert made == ["table/0", "table/1", "table/2"]
     assert summary.statuses == {"ok": 6, "refused": 1}
     assert contents(tmp_path / "grown") == contents(tmp_path / "once")
+
+
+def test_what_failed_on_a_machine_is_tried_again(once, tmp_path):
+    out = tmp_path / "out"
+
+    def seen_by_readers():
+        assert models_of(out) == [name for name in TEN if name not in ("m1", "m7")]
+
+    summary, _ = make(out, TEN, failing={"m1": "timeout", "m7": "unreadable"})
+    assert summary.statuses == {"ok": 8, "timeout": 1, "unreadable": 1}
+    assert "tries again what is timeout, unreadable; config.job.seconds" in job.text_of(summary)
+    before = contents(out)
+    assert make(out, TEN, failing={"m1": "timeout", "m7": "unreadable"})[1] == ["m1", "m7"]
+    assert contents(out) == before
+    with pytest.raises(KeyboardInterrupt):
+        make(out, TEN, stop_after=1)
+    seen_by_readers()
+    assert make(out, TEN, first=seen_by_readers)[1] == ["m7"]
+    assert contents(out) == contents(once)
+    assert make(out, TEN)[1] == []
 
 
 def test_a_job_that_was_begun_grows(once, tmp_path):
@@ -267,6 +288,22 @@ def test_what_has_changed_is_named(tmp_path):
     with pytest.raises(shards.OtherSettingsError, match=r"limit: 6 before, 2 now"):
         make(out, TEN, limit=2)
     assert models_of(out) == TEN[:6]
+
+
+def test_other_maps_are_other_settings_but_not_another_folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(job, "load_maps", lambda *_: None)
+
+    def lit(name, files):
+        (tmp_path / name).mkdir(exist_ok=True)
+        for file in files:
+            (tmp_path / name / file).write_text(file)
+        return settings.parse({"light": {"source": "folder", "folder": str(tmp_path / name)}})
+
+    make(tmp_path / "out", TEN[:2], options=lit("one", ["a.hdr", "._a.hdr"]))
+    same = lit("two", ["a.hdr"])
+    assert make(tmp_path / "out", TEN[:3], options=same)[1] == ["m2"]
+    with pytest.raises(shards.OtherSettingsError, match=r"settings \(light.folder: 'maps "):
+        make(tmp_path / "out", TEN[:3], options=lit("two", ["b.hdr"]))
 
 
 def test_the_pool_runs_where_processes_have_no_affinity(monkeypatch):
