@@ -1,6 +1,7 @@
 """Environment maps: files of a folder, and Mitsuba's model of sun and sky."""
 
 import functools
+import hashlib
 import json
 import pathlib
 import subprocess
@@ -16,6 +17,20 @@ from psgn_jax.system import processes
 NUM_SUNSKY = 24
 
 
+def _paths(folder: str) -> list[pathlib.Path]:
+    """The maps of a folder, sorted; ValueError if there are none."""
+    paths = [p for p in pathlib.Path(folder).rglob("[!.]*") if p.suffix.lower() in (".hdr", ".exr")]
+    if not paths:
+        raise ValueError(f"light.folder: got {folder!r}, expected a folder of .hdr and .exr files")
+    return sorted(paths)
+
+
+def fingerprint(folder: str) -> str:
+    """A hash of the maps of a folder; ValueError if there are none."""
+    contents = [hashlib.sha256(path.read_bytes()).hexdigest() for path in _paths(folder)]
+    return hashlib.sha256("".join(contents).encode()).hexdigest()[:16]
+
+
 def load_maps(folder: str, variant: Variant, size: tuple[int, int]) -> Float[np.ndarray, "m h w 3"]:
     """The environment maps of a folder, reduced to a size.
 
@@ -24,10 +39,7 @@ def load_maps(folder: str, variant: Variant, size: tuple[int, int]) -> Float[np.
     Raises:
       ValueError: the folder has no map, or a map cannot be read.
     """
-    paths = [p for p in pathlib.Path(folder).rglob("*") if p.suffix.lower() in (".hdr", ".exr")]
-    names = [str(p.resolve()) for p in sorted(paths)]
-    if not names:
-        raise ValueError(f"light.folder: got {folder!r}, expected a folder of .hdr and .exr files")
+    names = [str(p.resolve()) for p in _paths(folder)]
     done = subprocess.run(
         processes.python("data_gen.environment_maps"),
         input=json.dumps([variant.name, names, size]).encode(), capture_output=True,

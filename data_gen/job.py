@@ -19,7 +19,7 @@ from data_gen.catalogues import choosing
 from data_gen.catalogues.choosing import Choice
 from data_gen.catalogues.entry import SPLITS, Catalogue, Entry, moved_to_empty_splits, original_name
 from data_gen.engine import choose_variant
-from data_gen.environment_maps import load_maps
+from data_gen.environment_maps import fingerprint, load_maps
 from data_gen.render_model import Context
 from data_gen.settings import Settings
 from psgn_jax.config import structured
@@ -123,6 +123,8 @@ def render_catalogue(
         entries, moved = _with_all_splits(out, entries, catalogue.fractions)
     values = structured.to_dict(options)
     del values["job"]
+    if options.light.folder:
+        values["light"]["folder"] = f"maps {fingerprint(options.light.folder)}"
     # All that determines the bytes of the data set, except the contents of model files.
     statement = {
         "format": _FORMAT, "source": catalogue.name, "settings": values, "variant": variant.name,
