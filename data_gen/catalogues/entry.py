@@ -115,19 +115,22 @@ _ENDINGS = re.compile(
     r"|[-_ .]+(\d{1,3}|[a-z])|(?<=[a-z]{3})\d{1,2}|\(\d+\))$"
 )
 
+_GENERIC = re.compile(r"(model|scene|mesh|object)s?(_normalized)?")
+
 
 def family_of(model_id: str) -> str:
     """The common part of the names of near-duplicates.
 
     It has no folders, no suffix, and no numbers, colours and levels of detail at its end:
-    `Models/farmhouse2-white.glb` and `farmhouse4.glb` are in the family "farmhouse".
+    `Models/farmhouse2-white.glb` and `farmhouse4.glb` are in the family "farmhouse". A file that is
+    only called a model or scene counts as its folder: `lemon/scene.gltf` is in the family "lemon".
     """
-    name = model_id.rpartition("/")[2].rpartition("#")[2].casefold()
-    stem = re.sub(r"\.[a-z]{1,4}$", "", name)
+    folder, _, name = model_id.rpartition("/")
+    stem = re.sub(r"\.[a-z]{1,4}$", "", name.rpartition("#")[2].casefold())
     while True:
         shorter = _ENDINGS.sub("", stem)
         if len(shorter) < 2 or shorter == stem:
-            return stem
+            return family_of(folder) if folder and _GENERIC.fullmatch(stem) else stem
         stem = shorter
 
 

@@ -17,6 +17,8 @@ def test_families_of_near_duplicates():
         "f-15": ["Aircraft/F-15-lowpoly.ac", "F-15"],
         "scooter": ["Scopia/Scopia#scooter", "Scopia/Scopia#scooter2"],
         "7": ["7/7.ac"],
+        "lemon": ["fruit/lemon-2/scene.gltf", "lemon/models/model_normalized.obj", "lemon.glb"],
+        "model": ["model.obj", "Model-2.obj"],
     }
     for family, names in families.items():
         assert {free_set.family_of(name) for name in names} == {family}
