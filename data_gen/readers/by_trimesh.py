@@ -4,7 +4,6 @@ import collections
 import contextlib
 import io
 import logging
-import posixpath
 import re
 import struct
 import warnings as python_warnings
@@ -82,7 +81,7 @@ def _resolver(assets: Assets) -> Any:
             raise OSError(f"{name}: read only")
 
         def namespaced(self, namespace: str) -> Any:
-            return _resolver(assets.at(posixpath.join(assets.base, namespace)))
+            raise NotImplementedError
 
         def keys(self) -> list[str]:
             return []
@@ -136,10 +135,15 @@ def _from_trimesh_material(material: Any, assets: Assets) -> Material:
             texture=texture,
             name=name,
         )
+    from trimesh.visual import DEFAULT_COLOR
+
+    given = {key: getattr(material, key, None) for key in ("diffuse", "specular")}
+    if all(np.array_equal(value, DEFAULT_COLOR) for value in given.values()):
+        given = dict.fromkeys(given)  # the file has no colours
     texture = texture_of(getattr(material, "image", None))
     plain = (1.0, 1.0, 1.0, 1.0) if texture is not None else (*GREY, 1.0)
-    base = rgba(getattr(material, "diffuse", None), plain)
-    high = rgba(getattr(material, "specular", None), (0.0, 0.0, 0.0, 1.0))
+    base = rgba(given["diffuse"], plain)
+    high = rgba(given["specular"], (0.0, 0.0, 0.0, 1.0))
     gloss = floats([str(getattr(material, "glossiness", None) or 20.0)], 1) or [20.0]
     return Material(
         diffuse=(base[0], base[1], base[2]),

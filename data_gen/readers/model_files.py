@@ -5,6 +5,7 @@ import functools
 import os
 import pathlib
 import posixpath
+import urllib.parse
 import zipfile
 import zlib
 
@@ -33,17 +34,17 @@ class Files(abc.ABC):
     def open(self, base: str, name: str) -> bytes:
         """The contents of the file that a file in the folder `base` calls `name`.
 
-        Backslashes, quotes and wrong case are accepted. If the file does not exist or is outside
-        of the root, we take a file of the same name directly in `base`, because references often
-        contain folders of the author's computer.
+        Backslashes, quotes, wrong case and escapes of URLs are accepted. If the file does not exist
+        or is outside of the root, we take a file of the same name directly in `base`, because
+        references often contain folders of the author's computer.
 
         Raises:
           FileNotFoundError: there is no such file.
         """
         clean = name.strip().strip('"').replace("\\", "/")
-        joined = posixpath.normpath(posixpath.join(base, clean))
-        alone = posixpath.normpath(posixpath.join(base, posixpath.basename(clean)))
-        for path in (joined, alone):
+        texts = clean, urllib.parse.unquote(clean)
+        for tried in (part for text in texts for part in (text, posixpath.basename(text))):
+            path = posixpath.normpath(posixpath.join(base, tried))
             if path.startswith(("/", "../")) or path in ("", ".", "..") or ":" in path:
                 continue
             stored = self.find(path)

@@ -51,8 +51,8 @@ def _map_name(rest: str) -> str:
     return rest.strip() if start == 0 else " ".join(words[start:])
 
 
-def read_mtl(text: str, assets: Assets) -> dict[str, Material]:
-    """The materials of an MTL file, by name.
+def read_mtl(text: str, assets: Assets, folder: str = "") -> dict[str, Material]:
+    """The materials of an MTL file in a `folder` below that of the model, by name.
 
     We read Kd, Ks, Ns, d, Tr, illum (2 and above have a highlight), map_Kd and map_d. A black Kd
     with a texture counts as white, because many exporters write black and mean only the texture.
@@ -70,8 +70,8 @@ def read_mtl(text: str, assets: Assets) -> dict[str, Material]:
             current[words[0].lower()] = rest
     result = {}
     for name, lines in statements.items():
-        texture = assets.texture(_map_name(lines["map_kd"])) if lines.get("map_kd") else None
-        alpha_map = assets.texture(_map_name(lines["map_d"])) if lines.get("map_d") else None
+        maps = (_map_name(lines[key]) if lines.get(key) else "" for key in ("map_kd", "map_d"))
+        texture, alpha_map = (assets.texture(name, folder) if name else None for name in maps)
         if alpha_map is not None:
             texture = with_alpha_map(texture, alpha_map)
         diffuse = _colour(lines.get("kd", "").split())

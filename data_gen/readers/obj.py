@@ -20,7 +20,7 @@ from data_gen.readers.textures import Assets
 
 def _blocks(data: bytes, size: int = 1 << 22) -> Iterator[bytes]:
     """Splits a text into blocks of whole lines; continued lines (backslash) are joined."""
-    start = 0
+    start = 3 * data.startswith(b"\xef\xbb\xbf")  # a byte-order mark
     while start < len(data):
         stop = data.find(b"\n", min(start + size, len(data)))
         while stop != -1 and data[max(stop - 2, 0) : stop].rstrip(b"\r").endswith(b"\\"):
@@ -97,16 +97,16 @@ def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
                 owner = names.setdefault(line.split(None, 1)[1].strip(), len(names))
             elif key == "mtllib" and len(libraries) < _MOST_LIBRARIES:
                 # Either one name, which may contain spaces, or several names.
-                rest = line.split(None, 1)[1].strip()
+                rest = line.split(None, 1)[1].strip().strip('"').replace("\\", "/")
                 path = posixpath.normpath(posixpath.join(assets.base, rest))
                 inside = not path.startswith(("/", ".."))
-                for name in [rest] if inside and assets.files.find(path) else words:
+                for name in [rest] if inside and assets.files.find(path) else rest.split():
                     if name in libraries or len(libraries) == _MOST_LIBRARIES:
                         continue
                     libraries.add(name)
                     try:
-                        text = assets.files.open(assets.base, name).decode("utf-8", "replace")
-                        materials.update(read_mtl(text, assets))
+                        text = assets.files.open(assets.base, name).decode("utf-8-sig", "replace")
+                        materials.update(read_mtl(text, assets, posixpath.dirname(name)))
                     except FileNotFoundError:
                         assets.warn(f"material file {name!r} is missing; grey is used instead")
         if total > assets.max_faces:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import io
+import posixpath
 import struct
 import warnings as python_warnings
 from collections.abc import Sequence
@@ -93,14 +94,8 @@ class Assets:
     def __init__(self, files: Files, base: str = "", max_faces: int = MAX_FACES) -> None:
         self.files, self.base, self.max_faces = files, base, max_faces
         self.warnings: list[str] = []
-        self._textures: dict[str, np.ndarray | None] = {}
+        self._textures: dict[tuple[str, str], np.ndarray | None] = {}
         self._texels = 0
-
-    def at(self, base: str) -> "Assets":
-        """The same for a file in another folder, with the same list of warnings."""
-        other = Assets(self.files, base, self.max_faces)
-        other.warnings = self.warnings
-        return other
 
     def warn(self, line: str) -> None:
         """Appends a warning."""
@@ -108,22 +103,29 @@ class Assets:
         if line not in self.warnings and len(self.warnings) < 100:
             self.warnings.append(line)
 
-    def texture(self, name: str) -> np.ndarray | None:
-        """The texture in a file, or None and a warning. Each file is decoded once."""
-        if name not in self._textures:
-            self._textures[name] = None
+    def texture(self, name: str, folder: str = "") -> np.ndarray | None:
+        """The texture in a file, or None and a warning. Each file is decoded once.
+
+        We look for it in a `folder` below `base` first.
+        """
+        key = folder, name
+        if key not in self._textures:
+            self._textures[key] = None
             if self._texels > _MAX_DECODED_TEXELS:
                 self.warn("too many textures; plain colours are used for some of them")
                 return None
             try:
-                picture = decode_texture(self.files.open(self.base, name))
-                self._textures[name] = picture
+                try:
+                    data = self.files.open(posixpath.join(self.base, folder), name)
+                except FileNotFoundError:
+                    data = self.files.open(self.base, name)
+                picture = self._textures[key] = decode_texture(data)
                 self._texels += picture.shape[0] * picture.shape[1]
             except FileNotFoundError:
                 self.warn(f"texture {name!r} is missing; the plain colour is used instead")
             except (ValueError, OSError) as error:
                 self.warn(f"texture {name!r}: {error}; the plain colour is used instead")
-        return self._textures[name]
+        return self._textures[key]
 
     def bounded(self, materials: Sequence[Material]) -> tuple[Material, ...]:
         """The materials, with the largest textures halved until their total is within the limit.

@@ -5,6 +5,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from helpers.obj_text import png
 
 from data_gen.mesh import UnusableModelError, face_normals, texels
 from data_gen.readers.load import load_model
@@ -117,9 +118,17 @@ def test_a_texture_that_is_no_file_of_the_folder_is_a_warning(trimesh, write, ca
     box = trimesh.creation.box()
     box.visual = trimesh.visual.TextureVisuals(uv=np.zeros((8, 2)))
     data = trimesh.exchange.ply.export_ply(box, encoding="ascii", include_attributes=True)
-    data = data.replace(b"comment", b"comment TextureFile /dev/zero\ncomment", 1)
-    assert "file '/dev/zero' is missing" in load_model(write("a.ply", data)).warnings
+
+    def textured(name):
+        text = data.replace(b"comment", f"comment TextureFile {name}\ncomment".encode(), 1)
+        return load_model(write("a.ply", text))
+
+    assert "file '/dev/zero' is missing" in textured("/dev/zero").warnings
     assert capfd.readouterr().err == ""
+    write("a b.png", png((1, 2, 3)))
+    material = textured("a%20b.png").materials[0]  # a name as in glTF files
+    assert material.texture[0, 0].tolist() == [1, 2, 3, 255]
+    assert (material.diffuse, material.specular) == ((1, 1, 1), (0, 0, 0))
 
 
 def test_files_that_a_model_refers_to_are_read(trimesh, write):

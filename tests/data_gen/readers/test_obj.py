@@ -113,6 +113,20 @@ map_Kd gone.jpg
     assert names_of_points == set(names) - {"leaf"}
 
 
+@pytest.mark.parametrize("name", ["looks/c.mtl", r".\my chair.mtl", r"looks\my chair.mtl"])
+def test_textures_beside_the_material_file_and_byte_order_marks(write, name):
+    mark, place = "\ufeff", name.replace("\\", "/")
+    beside = place.rpartition("/")[0]
+    write(place, f"{mark}newmtl a\nmap_Kd x.png\nnewmtl b\nmap_Kd y.png\n")
+    write(f"{beside}/x.png", png((1, 2, 3)))
+    write("y.png", png((4, 5, 6)))
+    body = f"{CUBE}usemtl a\n{FACES}usemtl b\n{FACES}mtllib {name}\n"
+    model = load_model(write("a.obj", mark + body))
+    texels = [material.texture[0, 0, :3].tolist() for material in model.materials]
+    assert (texels, model.warnings) == ([[1, 2, 3], [4, 5, 6]], ())
+    assert len(model.vertices) == 8
+
+
 def test_obj_files_that_are_refused(write):
     for match, texts in {
         "empty": ["", CUBE, CUBE + "f 1 2 99"],
