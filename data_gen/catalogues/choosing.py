@@ -34,8 +34,9 @@ class Choice:
 
 
 def matches(pattern: str, entry: Entry) -> bool:
-    """Whether a pattern of a `Choice` matches a model."""
-    return any(fnmatch.fnmatchcase(text, pattern) for text in _texts(entry))
+    """Whether a pattern of a `Choice` matches a model, or is one of its texts."""
+    texts = _texts(entry)
+    return pattern in texts or any(fnmatch.fnmatchcase(text, pattern) for text in texts)
 
 
 def _texts(entry: Entry) -> set[str]:

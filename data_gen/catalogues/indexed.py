@@ -102,8 +102,10 @@ def read_index(
         rows: dict[str, dict[str, str]] = {}
         for row in reader:
             if None in row or None in row.values() or not row["file"]:
-                raise ValueError(f"line {reader.line_num}: expected {len(reader.fieldnames or ())} "
-                                 "values, the first of them the path of a mesh")  # fmt: skip
+                expected = (
+                    f"{len(reader.fieldnames or ())} values, with a path in the column `file`"
+                )
+                raise ValueError(f"line {reader.line_num}: expected {expected}")
             if row["file"] in rows:
                 raise ValueError(f"line {reader.line_num}: {row['file']!r} is listed twice")
             rows[row["file"]] = row

@@ -13,7 +13,7 @@ from data_gen.readers.load import load_model
 from data_gen.readers.model_files import FolderFiles
 
 # Formats in which z usually points up; in the others it is y.
-_Z_UP = (".stl", ".ply", ".off", ".3mf", ".xyz")
+_Z_UP = (".stl", ".ply", ".off", ".3mf")
 
 # Formats that cannot be read here, or only with further packages (3MF: lxml and networkx).
 _OTHERS = {".3mf", ".3ds", ".blend", ".fbx", ".step", ".stp", ".usd", ".usdz", ".wrl", ".x3d",
@@ -76,10 +76,12 @@ def folder(
       max_faces: models with more faces are refused.
 
     Raises:
-      ValueError: the folder is missing or contains no mesh, or an axis is unknown.
+      ValueError: the folder is missing or contains no mesh, or an axis is wrong.
     """
     for axis in {up, front} - {"auto"}:
         axis_vector(axis)
+    if up != "auto" and up[1] == front[1]:
+        raise ValueError(f"front {front!r}: expected a direction perpendicular to up {up!r}")
     files = FolderFiles(source)
     entries = []
     for file in find_meshes(source):

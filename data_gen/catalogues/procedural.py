@@ -92,6 +92,8 @@ def procedural(
     text = str(source).strip()
     parts = [p.partition("=") for p in text.split(",")] if "=" in text else []
     counts = {c.strip(): n.strip() for c, _, n in parts} or dict.fromkeys(FAMILIES, text)
+    if parts and len(counts) < len(parts):
+        raise ValueError(f"source {text!r}: expected each category once")
     for category, count in counts.items():
         if category not in FAMILIES:
             raise ValueError(f"category {category!r}: expected one of {list(FAMILIES)}")

@@ -74,8 +74,12 @@ def test_folder(trimesh, write, tmp_path):
     assert proportions(entries["top.glb"]) == [3, 1, 2]
     turned = open_catalogue("folder", tmp_path, up="+z", front="+x").models
     assert proportions(next(e for e in turned if e.model_id == "top.glb")) == [1, 2, 3]
-    with pytest.raises(ValueError, match="axis 'up'"):
-        open_catalogue("folder", tmp_path, up="up")
+    for axes, message in (
+        ({"up": "up"}, "axis 'up'"),
+        ({"up": "-x", "front": "+x"}, r"front '\+x': expected .* perpendicular to up '-x'"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            open_catalogue("folder", tmp_path, **axes)
 
 
 @pytest.mark.parametrize(

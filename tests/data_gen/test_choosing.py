@@ -34,6 +34,11 @@ def test_patterns_stand_for_categories_folders_and_names(pattern, count):
     assert sum(choosing.matches(pattern, entry) for entry in listed()) == count
 
 
+def test_a_name_with_brackets_stands_for_itself():
+    entry = Entry("a[1].obj", "", "train", lambda: None)
+    assert choose([entry], Choice(include=("a[1].obj",))) == [entry]
+
+
 def test_include_and_exclude_and_patterns_that_fit_nothing():
     chosen = choose(listed(), Choice(include=("Boats", "Rare"), exclude=("Military", "m001.*")))
     assert folders_of(chosen) == {"Boats/Civilian": 39, "Rare": 1}

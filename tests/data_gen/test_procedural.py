@@ -53,6 +53,7 @@ def test_the_catalogue_lists_its_models_and_errors_name_the_value():
         ("x", "source 'x'"),
         ("sofa=3", "category 'sofa'"),
         ("chair=-1", "source"),
+        ("chair=5,chair=2", "each category once"),
         ("2000000", "at most 1000000"),
     ):
         with pytest.raises(ValueError, match=match):
