@@ -31,6 +31,7 @@ import json
 import os
 import pathlib
 import re
+import shlex
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -43,9 +44,10 @@ from absl import logging
 
 from data_gen import config, job, settings
 from data_gen.catalogues.entry import Catalogue, family_of, original_name, printable, split_of
-from data_gen.catalogues.indexed import INDEX, read_index
+from data_gen.catalogues.indexed import INDEX, fits, read_index
 from data_gen.catalogues.open_catalogue import open_catalogue, variants_of
 from psgn_jax.config.command_line import Flags
+from psgn_jax.data.shards import read_report
 from psgn_jax.system.files import write_atomic
 from psgn_jax.system.processes import start_command
 from psgn_jax.system.signals import exit_on_signals
@@ -214,6 +216,10 @@ def plan(chosen: Sequence[Source], fractions: Mapping[str, float] = {}) -> list[
         views: dict[str, int] = {}
         for name, x in fractions.items():  # the sum of rounded numbers could be too large
             views[name] = min(round(x * source.views), source.views - sum(views.values()))
+            if x and not views[name]:
+                logging.warning(
+                    "--%s=%g of %d views is none: %s", name, x, source.views, source.name
+                )
         views["authors"] = source.views - sum(views.values())
         for preset in ("authors", *OTHER_PRESETS):
             folder = source.name if preset == "authors" else f"{preset}/{source.name}"
@@ -250,7 +256,7 @@ def missing(chosen: Sequence[Source], packages: str | os.PathLike[str]) -> list[
         elif any(not os.path.exists(s.path(packages)) for s in sources):
             lines += [
                 f"apt-get download {package}",
-                f"dpkg-deb -x {package}_*.deb {pathlib.Path(packages) / package}",
+                f"dpkg-deb -x {package}_*.deb {shlex.quote(str(pathlib.Path(packages) / package))}",
             ]
     return lines
 
@@ -272,10 +278,24 @@ def _missing_meshes(folder: pathlib.Path, sources: Sequence[Source]) -> list[str
             counts[row.get("repository", ""), row.get("commit", ""), top] += 1
     lines = []
     for (repository, commit, top), count in counts.items():
-        clone = f"git clone https://github.com/{repository} && git -C "
-        clone += f"{repository.rpartition('/')[2]} checkout {commit}  "
+        clone = shlex.join(["git", "clone", f"https://github.com/{repository}"]) + " && "
+        clone += shlex.join(["git", "-C", repository.rpartition("/")[2], "checkout", commit]) + "  "
         lines.append(f"{clone if repository else ''}# {count} files of {folder / top}")
     return lines
+
+
+def with_meshes(chosen: Sequence[Source], packages: str | os.PathLike[str]) -> list[Source]:
+    """The sources that have models in the index; we warn of what is left out."""
+    of_index = [source for source in chosen if source.package == MESHES]
+    rows = read_index(pathlib.Path(packages) / MESHES) if of_index else []
+    counts = Counter(row.get("licence", "") for row in rows)
+    for name, count in counts.items():
+        if not any(fits(name, patterns) for patterns in _OF_MESHES.values()):
+            logging.warning("left out: %d meshes with the licence %r", count, name)
+    empty = [s for s in of_index if not any(fits(name, s.options["licences"]) for name in counts)]
+    for source in empty:
+        logging.warning("left out: source %s: no mesh has one of its licences", source.name)
+    return [source for source in chosen if source not in empty]
 
 
 def _documents_of(packages: str | os.PathLike[str], package: str) -> tuple[str, str]:
@@ -366,18 +386,24 @@ def write_table(
     """Writes `SOURCES.md`, `sources.json` and the copyright statements; returns `SOURCES.md`.
 
     `lines` are the lines of `models.jsonl` by folder of the data set; missing ones do not count.
+    The data sets of earlier calls stay in the table.
     """
-    rows = []
+    table = out / "sources.json"
+    before = json.loads(table.read_text()) if table.exists() else []
+    rows = {row["source"]: row for row in before if any((out / f).exists() for f in row["folders"])}
     for source in {part.source.name: part.source for part in parts}.values():
         folders = [p.folder for p in parts if p.source is source and p.folder in lines]
         if folders:
-            reports = [line for folder in folders for line in lines[folder]]
-            rows.append(_row(source, reports, packages, folders))
+            old = [f for f in rows.get(source.name, {}).get("folders", ()) if f not in folders]
+            stored = {f: read_report(out / f) for f in old if (out / f / job.REPORT).exists()}
+            every = {f: lines[f] for f in folders} | stored
+            reports = [line for own in every.values() for line in own]
+            rows[source.name] = _row(source, reports, packages, list(every))
             _, text = _documents_of(packages, source.package)
             if text:
                 write_atomic(out / "licences" / f"{source.package}.txt", text)
-    text = _markdown(rows)
-    write_atomic(out / "sources.json", json.dumps(rows, indent=1) + "\n")
+    text = _markdown(list(rows.values()))
+    write_atomic(table, json.dumps(list(rows.values()), indent=1) + "\n")
     write_atomic(out / "SOURCES.md", text)
     return text
 
@@ -416,12 +442,13 @@ def _main(flags: Flags) -> int:
         lines = ["error: sources are missing; get them with these commands:", *commands]
         sys.stderr.write("\n  ".join(lines) + "\n")
         return 2
+    chosen = with_meshes(chosen, given.packages)
     parts = plan(chosen, {preset: given[preset].value for preset in OTHER_PRESETS})
     made, problems = _render(parts, given)
     if given.check:
         return 0
-    paths = (str(pathlib.Path(given.out) / folder) for folder in made)
-    sys.stdout.write("\n".join(["", *problems, f"--config.data.path={','.join(paths)}", ""]))
+    paths = shlex.quote(",".join(str(pathlib.Path(given.out) / folder) for folder in made))
+    sys.stdout.write("\n".join(["", *problems, f"--config.data.path={paths}", ""]))
     return 2 if not made else 1 if problems else 0
 
 
@@ -445,7 +472,10 @@ def _render(parts: Sequence[Part], given: Any) -> tuple[list[str], list[str]]:
             logging.info("%d of %d: %s", number, len(parts), what)
             options = settings_of(part, given.centre, given.workers, given.variant)
             out = pathlib.Path(given.out)
-            lines[part.folder] = job.render_catalogue(models, out / part.folder, options).lines
+            done = job.render_catalogue(models, out / part.folder, options)
+            if not done.samples:
+                raise ValueError(f"no model has samples, see {out / part.folder / job.REPORT}")
+            lines[part.folder] = done.lines
             text = write_table(out, parts, given.packages, lines)
         except (ValueError, OSError) as error:
             problems.append(f"not made: {part.folder}: {message_line(error)}")

@@ -111,13 +111,19 @@ def read_index(
             rows[row["file"]] = row
     except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
         raise ValueError(f"index {str(path)!r}: {one_line(error)}") from error
-    kept = [
-        row for row in rows.values()
-        if not licences or any(fnmatch.fnmatchcase(row.get("licence", ""), p) for p in licences)
-    ]  # fmt: skip
+    kept = [r for r in rows.values() if not licences or fits(r.get("licence", ""), licences)]
     if not kept:
-        raise ValueError(f"index {str(path)!r}: it lists no such model, expected at least one")
+        there = sorted({row.get("licence", "") for row in rows.values()})
+        wanted = f" with a licence of {list(licences)} (it has {there})" if licences else ""
+        raise ValueError(
+            f"index {str(path)!r}: it lists no such model{wanted}, expected at least one"
+        )
     return kept
+
+
+def fits(licence: str, patterns: Sequence[str]) -> bool:
+    """Whether a licence fits one of the patterns."""
+    return any(fnmatch.fnmatchcase(licence, pattern) for pattern in patterns)
 
 
 def _load(name: str, files: FolderFiles, category: str, about: dict[str, str]) -> Model:

@@ -1,5 +1,6 @@
 import gzip
 import json
+import types
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from helpers.obj_text import CUBE, FACES
 
 from data_gen import free_set
 from data_gen.catalogues.open_catalogue import open_catalogue
+from psgn_jax.data.shards import Progress
 
 
 def test_families_of_near_duplicates():
@@ -50,9 +52,10 @@ def test_a_larger_part_holds_a_smaller_one():
 
 def test_missing_packages_are_said_with_the_commands(write, tmp_path):
     known = list(free_set.SOURCES.values())
-    lines = free_set.missing(known, tmp_path)
+    lines = free_set.missing(known, tmp_path / "a b")
     assert "apt-get download sweethome3d-furniture" in lines
-    assert f"dpkg-deb -x sweethome3d-furniture_*.deb {tmp_path / 'sweethome3d-furniture'}" in lines
+    place = tmp_path / "a b" / "sweethome3d-furniture"
+    assert f"dpkg-deb -x sweethome3d-furniture_*.deb '{place}'" in lines
     packages = [source for source in known if source.package not in ("", free_set.MESHES)]
     for source in packages:
         assert all(x.holders for x in source.licences if x.name != "see the package")
@@ -77,7 +80,7 @@ def meshes(write, tmp_path):
     return tmp_path
 
 
-def test_meshes_are_divided_by_the_licence_in_their_index(meshes):
+def test_meshes_are_divided_by_the_licence_in_their_index(meshes, caplog):
     collections, copyleft = (free_set.SOURCES[name] for name in ("collections", "copyleft"))
     models = free_set.select(collections, meshes).models
     assert [e.model_id for e in models] == ["a/chair-1.obj", "a/chair-2.obj"]
@@ -89,6 +92,11 @@ def test_meshes_are_divided_by_the_licence_in_their_index(meshes):
     lines = {"collections": [{**good, "model_id": e.model_id} for e in models]}
     text = free_set.write_table(meshes, free_set.plan([collections]), str(meshes), lines)
     assert "| collections | meshes | 2 | 2 | 0 | CC-BY-3.0 (1); CC0-1.0 (1) | Ann |" in text
+    assert free_set.with_meshes([collections, copyleft], meshes) == [collections, copyleft]
+    assert caplog.messages == ["left out: 1 meshes with the licence 'all rights reserved'"]
+    (meshes / "meshes/index.csv").write_text(INDEX.replace("GPL-2.0", "MIT"))
+    assert free_set.with_meshes([collections, copyleft], meshes) == [collections]
+    assert "left out: source copyleft: no mesh has one of its licences" in caplog.text
 
 
 def test_missing_meshes_are_said_with_their_repositories(meshes):
@@ -113,23 +121,26 @@ def test_a_grey_mesh_gets_a_material_and_a_damaged_index_is_named(meshes):
         ("file,category\na.obj\n", "line 2: expected 2 values"),
         ("file\na.obj\na.obj\n", "line 3: 'a.obj' is listed twice"),
         ("file\n", "it lists no such model"),
+        ("file,licence\na.obj,MIT\n", r"licence of \['GPL\*'\] \(it has \['MIT'\]\)"),
     ):
         (meshes / "meshes/index.csv").write_text(text)
         with pytest.raises(ValueError, match=message):
-            open_catalogue("indexed", meshes / "meshes")
+            open_catalogue("indexed", meshes / "meshes", licences=("GPL*",))
 
 
-def test_a_share_of_the_views_goes_to_another_preset():
+def test_a_share_of_the_views_goes_to_another_preset(caplog):
     chosen = [small(views=8), small("more", views=3)]
     both = {"photo": 0.25, "angles": 0.5}
     for fractions, parts in (
         ({}, [("chairs", 8), ("more", 3)]),
+        ({"photo": 0.1}, [("chairs", 7), ("photo/chairs", 1), ("more", 3)]),
         ({"photo": 0.25}, [("chairs", 6), ("photo/chairs", 2), ("more", 2), ("photo/more", 1)]),
         (both, [("chairs", 2), ("photo/chairs", 2), ("angles/chairs", 4),
                 ("photo/more", 1), ("angles/more", 2)]),
         ({"level": 1}, [("level/chairs", 8), ("level/more", 3)]),
     ):  # fmt: skip
         assert [(p.folder, p.views) for p in free_set.plan(chosen, fractions)] == parts
+    assert caplog.messages == ["--photo=0.1 of 3 views is none: more"]
     assert len({free_set.settings_of(p).seed for p in free_set.plan(chosen, both)}) == 3
     (level,) = free_set.plan([small(views=3)], {"level": 1})
     assert free_set.settings_of(level).camera.elevation == (-8, 10)
@@ -143,8 +154,8 @@ def test_the_table(write, tmp_path):
     changes = gzip.compress(b"thing (1:2.3-4) unstable; urgency=low\n")
     write(f"{documents}/changelog.Debian.gz", changes)
     parts = free_set.plan([small(package="thing")], {"photo": 0.5})
-    good = {"status": "ok", "reason": "", "split": "train"}
-    bad = {"status": "refused", "split": "train", "samples": 0}
+    good = {"status": "ok", "reason": "", "category": "", "split": "train"}
+    bad = {"status": "refused", "category": "", "split": "train", "samples": 0}
     chair = {**good, "model_id": "chair-1"}
     first = [
         {**chair, "samples": 2},
@@ -161,6 +172,25 @@ def test_the_table(write, tmp_path):
     assert row["folders"] == ["chairs", "photo/chairs"]
     assert (tmp_path / "SOURCES.md").read_text() == text
     assert (tmp_path / "licences/thing.txt").read_text() == "All of it is free."
+    # Later calls add to the table, but data sets that are gone are not in it.
+    for folder in ("chairs", "photo/chairs"):
+        write(f"{folder}/models.jsonl", "".join(json.dumps(x) + "\n" for x in lines[folder]))
+    more = free_set.plan([small("more"), small(package="thing")], {"level": 1})
+    text = free_set.write_table(
+        tmp_path, more, "", {"level/more": first, "level/chairs": lines["photo/chairs"]}
+    )
+    rows = json.loads((tmp_path / "sources.json").read_text())
+    assert [(row["source"], row["images"]) for row in rows] == [("chairs", 6), ("more", 4)]
+    assert rows[0]["folders"] == ["level/chairs", "chairs", "photo/chairs"]
+
+
+def test_a_source_without_samples_is_not_made(tmp_path, monkeypatch):
+    monkeypatch.setattr(free_set.job, "render_catalogue", lambda *_: Progress(40, (), True))
+    given = {"packages": "", "fraction": 1, "variants": 0, "check": False, "centre": "bounds"}
+    given |= {"workers": 0, "variant": "auto", "out": tmp_path}
+    made, problems = free_set._render(free_set.plan([small()]), types.SimpleNamespace(**given))
+    place = tmp_path / "chairs" / "models.jsonl"
+    assert (made, problems) == ([], [f"not made: chairs: no model has samples, see {place}"])
 
 
 def test_what_is_wrong_is_said_before_the_work(tmp_path):
