@@ -120,13 +120,9 @@ def make(
         # In camera coordinates y points down, so this rotation is clockwise in the image.
         extrinsics=turn_about_vertical(roll) @ upright,
         rotation=turn_about_vertical(-azimuth),
-        image_size=image_size,
-        azimuth=azimuth,
-        elevation=elevation,
-        distance=distance,
-        focal=focal,
-        roll=roll,
-    )
+        image_size=image_size, azimuth=azimuth, elevation=elevation, distance=distance,
+        focal=focal, roll=roll,
+    )  # fmt: skip
 
 
 def project(

@@ -7,7 +7,6 @@ import shutil
 from data_gen import job, settings
 from data_gen.catalogues.open_catalogue import open_catalogue
 from data_gen.catalogues.procedural import FAMILIES
-from data_gen.engine import has_mitsuba
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.shards import OtherSettingsError
 
@@ -22,11 +21,6 @@ NAME = f"procedural-3-{NUM_PER_CATEGORY}"
 """Name of the folder. Raise the first number with every change of models or images."""
 
 SETTINGS = settings.Settings(views=1, models_per_shard=64)
-
-
-def can_build() -> bool:
-    """Whether the packages for rendering are installed."""
-    return has_mitsuba()
 
 
 def build(

@@ -13,15 +13,8 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float, Int
 
-from data_gen.mesh import (
-    EXISTS,
-    Material,
-    Model,
-    UnusableModelError,
-    face_areas,
-    faces_with_alpha,
-    opacity_at,
-)
+from data_gen import mesh
+from data_gen.mesh import EXISTS, Material, Model, UnusableModelError, faces_with_alpha, opacity_at
 
 AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
@@ -191,7 +184,7 @@ def _check_strays(model: Model) -> None:
         size = max(np.ptp(corners[s].reshape(-1, 3), axis=0).max() for s in sides)
         if size > _STRAY_SIZE * extent:
             continue
-        part = min(sides, key=lambda s: face_areas(model.vertices, model.faces[s]).sum())
+        part = min(sides, key=lambda s: mesh.face_areas(model.vertices, model.faces[s]).sum())
         names = sorted({model.materials[i].name for i in model.face_material[part]} - {""})
         centre = ", ".join(f"{c:.3g}" for c in corners[part].mean(axis=(0, 1)))
         raise UnusableModelError(

@@ -145,49 +145,32 @@ _OF_MESHES = {
 }
 """Patterns of the licences of the sources from an index."""
 
-_OURS = Source(
-    "procedural",
-    "procedural",
-    views=4,
-    place="480",
-    licences=(Licence("Apache-2.0", holders="the authors of psgn_jax"),),
+_OURS = (Licence("Apache-2.0", holders="the authors of psgn_jax"),)
+
+_OF_FURNITURE = (
+    Licence("CC-BY-3.0", "^Scopia/", "Scopia"),
+    Licence("CC-BY-3.0", "^BlendSwap-CC-BY/", "Blend Swap contributors"),
+    Licence("CC0-1.0", "^BlendSwap-CC-0/", "Blend Swap contributors"),
+    Licence("CC-BY-3.0-US", "^KatorLegaz/", "Kator Legaz"),
+    Licence("CC-BY-3.0-US", "^Reallusion/", "Reallusion"),
+    Licence("see the package"),
 )
 
 SOURCES = {
     source.name: source
     for source in (
         Source(
-            "furniture",
-            "sh3f",
-            views=12,
-            package="sweethome3d-furniture",
-            place="usr/share/sweethome3d",
-            families=True,
+            "furniture", "sh3f", 12, _OF_FURNITURE, "sweethome3d-furniture",
+            "usr/share/sweethome3d", families=True,
             exclude="#(passage-pieton|fleche-|stationnement-)",  # road markings
-            licences=(
-                Licence("CC-BY-3.0", "^Scopia/", "Scopia"),
-                Licence("CC-BY-3.0", "^BlendSwap-CC-BY/", "Blend Swap contributors"),
-                Licence("CC0-1.0", "^BlendSwap-CC-0/", "Blend Swap contributors"),
-                Licence("CC-BY-3.0-US", "^KatorLegaz/", "Kator Legaz"),
-                Licence("CC-BY-3.0-US", "^Reallusion/", "Reallusion"),
-                Licence("see the package"),
-            ),
         ),
-        _OURS,
-        dataclasses.replace(
-            _OURS,
-            name="procedural_incomplete",
-            views=3,
-            place="77",
-            options={"first_seed": 480},
-            missing=1.0,
-        ),
-        *(
-            Source(name, "indexed", views=14, package=MESHES, options={"licences": licences})
-            for name, licences in _OF_MESHES.items()
-        ),
+        Source("procedural", "procedural", 4, _OURS, place="480"),
+        Source("procedural_incomplete", "procedural", 3, _OURS, place="77",
+               options={"first_seed": 480}, missing=1.0),
+        *(Source(name, "indexed", 14, package=MESHES, options={"licences": licences})
+          for name, licences in _OF_MESHES.items()),
     )
-}
+}  # fmt: skip
 """All sources, by name."""
 
 OTHER_PRESETS = ("photo", "angles", "level")

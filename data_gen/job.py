@@ -48,8 +48,7 @@ def _with_all_splits(
     lines = shards.read_report(out) if (out / REPORT).exists() else []
     tags = [*map(shards.tag_of, lines), *(tag for s in stated for tag in s[1])]
     there = {original_name(tag.model_id) for tag in tags}
-    moved = {name: split for s in stated for name, split in s[0].get("moved", {}).items()}
-    moved = {name: split for name, split in moved.items() if split in SPLITS}
+    moved = {n: x for s in stated for n, x in s[0].get("moved", {}).items() if x in SPLITS}
     splits = {original_name(e.model_id): e.split for e in entries}
     splits |= {name: split for name, split in moved.items() if name in splits}
     wanted = [split for split, fraction in zip(SPLITS, fractions, strict=True) if fraction]

@@ -187,14 +187,9 @@ def reduce(
     sky_colour = plain(sky / sky.mean()) * exposure * ambient
     # Light from the ground is light from the sky, reflected once.
     ground_colour = 0.7 * plain((floor / floor.mean() + sky / sky.mean()) / 2) * exposure * ambient
-    return Lights(
-        directions=lamp.astype(np.float32),
-        colours=colour.astype(np.float32),
-        sky=sky_colour.astype(np.float32),
-        ground=ground_colour.astype(np.float32),
-        specular=settings.specular,
-        darkest=settings.darkest,
-    )
+    arrays = (lamp, colour, sky_colour, ground_colour)
+    lamp, colour, above, below = (a.astype(np.float32) for a in arrays)
+    return Lights(lamp, colour, above, below, settings.specular, settings.darkest)
 
 
 def draw(

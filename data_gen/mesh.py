@@ -207,16 +207,8 @@ def build_model(
                 notes.append(f"{int(missing.sum())} corner normals missing or zero, recomputed")
             smooth = crease_normals(vertices, faces)
             normals = np.where(missing[..., None], smooth, normals)
-    return Model(
-        vertices=vertices,
-        faces=faces,
-        normals=normals.astype(np.float32),
-        uv=uv,
-        face_material=owner,
-        materials=materials,
-        warnings=tuple(notes),
-        **names,
-    )
+    normals, names["warnings"] = normals.astype(np.float32), tuple(notes)
+    return Model(vertices, faces, normals, uv, owner, materials, **names)
 
 
 def check_face_count(count: int, max_faces: int) -> None:

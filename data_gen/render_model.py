@@ -107,20 +107,13 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
                 "rotation": np.round(camera.rotation, 9).tolist(),
             }  # fmt: skip
             sample = schema.Sample(
-                image=picture.image,
-                mask=picture.mask,
-                depth=picture.depth,
-                points=points,
+                image=picture.image, mask=picture.mask, depth=picture.depth, points=points,
                 normals=(surface.normals @ camera.rotation.T).astype(np.float32),
-                occupancy=occupancy,
-                intrinsics=camera.intrinsics.astype(np.float32),
-                extrinsics=camera.extrinsics.astype(np.float32),
-                category=entry.category,
-                model_id=entry.model_id,
-                view=view,
-                source=context.source,
+                occupancy=occupancy, intrinsics=camera.intrinsics.astype(np.float32),
+                extrinsics=camera.extrinsics.astype(np.float32), category=entry.category,
+                model_id=entry.model_id, view=view, source=context.source,
                 extra=json.dumps(extra, sort_keys=True, allow_nan=False),
-            )
+            )  # fmt: skip
             done.append(encode(sample, point_bits=settings.point_bits))
         line["status"] = "ok"
     except UnusableModelError as error:

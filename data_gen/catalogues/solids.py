@@ -10,6 +10,7 @@ import numpy as np
 import scipy.interpolate
 from numpy.typing import ArrayLike
 
+from data_gen.mesh import unit_vectors
 from data_gen.polygons import cut_ears
 
 
@@ -150,18 +151,14 @@ def pillow(x: float, y: float, z: float, radius: float, steps: int = 3) -> Solid
     return stack(levels).at(z=-z / 2)
 
 
-def lathe(
-    profile: np.ndarray | Sequence[Sequence[float]],
-    sides: int = 24,
-    loop: bool = False,
-    smooth: int = 1,
-) -> Solid:
+def lathe(profile: ArrayLike, sides: int = 24, loop: bool = False, smooth: int = 1) -> Solid:
     """The surface of revolution of a profile of (radius, z); a `loop` makes a ring with a hole."""
+    points = np.asarray(profile, np.float64)
     if smooth > 1:
-        profile = smooth_path([(r, 0.0, z) for r, z in profile], smooth)[:, [0, 2]]
+        points = smooth_path(np.insert(points, 1, 0.0, axis=1), smooth)[:, [0, 2]]
     angle = np.arange(sides) / sides * 2 * np.pi
     circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
-    return loft([circle * max(r, 0.0) + np.array([0, 0, z]) for r, z in profile], loop)
+    return loft([circle * max(r, 0.0) + np.array([0, 0, z]) for r, z in points], loop)
 
 
 def cylinder(radius: float, height: float, sides: int = 20, bevel: float = 0.0) -> Solid:
@@ -169,10 +166,8 @@ def cylinder(radius: float, height: float, sides: int = 20, bevel: float = 0.0) 
     half, cut = height / 2, min(bevel, 0.4 * radius, 0.4 * height)
     if cut <= 0:
         return lathe([(radius, -half), (radius, half)], sides)
-    return lathe(
-        [(radius - cut, -half), (radius, cut - half), (radius, half - cut), (radius - cut, half)],
-        sides,
-    )
+    cap = radius - cut
+    return lathe([(cap, -half), (radius, cut - half), (radius, half - cut), (cap, half)], sides)
 
 
 def rod(start: ArrayLike, end: ArrayLike, radius: float, sides: int = 8) -> Solid:
@@ -195,9 +190,7 @@ def upright(outline: np.ndarray, back: float, front: float, bevel: float = 0.0) 
     return Solid(part.vertices[:, [2, 1, 0]], part.faces[:, ::-1])
 
 
-def prism(
-    outline: np.ndarray | Sequence[Sequence[float]], thickness: float, bevel: float = 0.0
-) -> Solid:
+def prism(outline: ArrayLike, thickness: float, bevel: float = 0.0) -> Solid:
     """A side profile of (x, z), extruded along y, centred at y = 0."""
     flat = np.asarray(outline, np.float64)
     half, cut = thickness / 2, min(bevel, 0.4 * thickness)
@@ -213,17 +206,13 @@ def prism(
     )
 
 
-def _unit(v: np.ndarray) -> np.ndarray:
-    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12)
-
-
 def inset(outline: np.ndarray, distance: float) -> np.ndarray:
     """A polygon [N, 2] with its edges moved inward by a small distance."""
     before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
     (x, y), (u, v) = outline.T, np.roll(outline, -1, axis=0).T
     area = (x * v - y * u).sum()
     turn = np.array([[0.0, 1.0], [-1.0, 0.0]]) * np.sign(area)
-    a, b = _unit(before) @ turn, _unit(after) @ turn
+    a, b = unit_vectors(before) @ turn, unit_vectors(after) @ turn
     middle = (a + b) / np.maximum(1 + (a * b).sum(axis=1, keepdims=True), 0.35)
     return outline + distance * middle
 
@@ -288,8 +277,7 @@ def wing(sections: Sequence[Sequence[float]], thickness: float = 0.1, fin: bool 
 def sheet(grid: np.ndarray, thickness: float) -> Solid:
     """A curved panel of constant thickness, centred on the surface through a grid [K, N, 3]."""
     points = np.asarray(grid, np.float64)
-    normal = np.cross(np.gradient(points, axis=0), np.gradient(points, axis=1))
-    normal = _unit(normal)
+    normal = unit_vectors(np.cross(np.gradient(points, axis=0), np.gradient(points, axis=1)))
     rows, columns = points.shape[:2]
     count = rows * columns
     index = np.arange(count).reshape(rows, columns)
@@ -310,7 +298,7 @@ def tube(path: ArrayLike, radius: ArrayLike, sides: int = 8) -> Solid:
     """A round bar along a path [M, 3]; `radius` is one number or one for each point."""
     points = np.asarray(path, np.float64)
     radii = np.broadcast_to(np.asarray(radius, np.float64), (len(points),))
-    tangent = _unit(np.gradient(points, axis=0))
+    tangent = unit_vectors(np.gradient(points, axis=0))
     # Parallel transport of the frame, so that it does not twist.
     normal = np.cross(tangent[0], np.eye(3)[np.abs(tangent[0]).argmin()])
     rings = []

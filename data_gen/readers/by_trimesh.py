@@ -91,6 +91,8 @@ def _resolver(assets: Assets) -> Any:
 
 def _from_trimesh_material(material: Any, assets: Assets) -> Material:
     """A material of trimesh (simple or physically based) as a Blinn-Phong material."""
+    import trimesh
+
     name = str(getattr(material, "name", "") or "")
 
     def texture_of(picture: Any) -> np.ndarray | None:
@@ -109,9 +111,10 @@ def _from_trimesh_material(material: Any, assets: Assets) -> Material:
         scaled = raw / 255 if raw.dtype.kind in "ui" else raw
         return [*np.clip(scaled.astype(float).ravel(), 0, 1), 1.0, 1.0, 1.0, 1.0][:4]
 
-    if hasattr(material, "baseColorFactor"):
-        texture = texture_of(material.baseColorTexture)
-        plain = (1.0, 1.0, 1.0, 1.0) if texture is not None else (*GREY, 1.0)
+    physical = hasattr(material, "baseColorFactor")
+    texture = texture_of(getattr(material, "baseColorTexture" if physical else "image", None))
+    plain = (1.0, 1.0, 1.0, 1.0) if texture is not None else (*GREY, 1.0)
+    if physical:
         base = rgba(material.baseColorFactor, plain)
         if material.baseColorFactor is not None:
             base[:3] = (float(v ** (1 / 2.2)) for v in base[:3])  # factors of glTF are linear
@@ -125,34 +128,18 @@ def _from_trimesh_material(material: Any, assets: Assets) -> Material:
         if material.metallicRoughnessTexture is not None:
             metal = min(metal, 0.5)
         # The exponent whose lobe is as wide as the microfacet lobe with this roughness.
-        shininess = min(max(2 / max(rough, 0.05) ** 4 - 2, 1.0), 1000.0)
-        strength = 1 - rough
-        return Material(
-            diffuse=(base[0], base[1], base[2]),
-            specular=tuple(strength * ((1 - metal) * 0.2 + metal * v) for v in base[:3]),  # type: ignore[arg-type]
-            shininess=shininess,
-            opacity=1.0 if mode == "OPAQUE" else base[3],
-            texture=texture,
-            name=name,
-        )
-    from trimesh.visual import DEFAULT_COLOR
-
-    given = {key: getattr(material, key, None) for key in ("diffuse", "specular")}
-    if all(np.array_equal(value, DEFAULT_COLOR) for value in given.values()):
-        given = dict.fromkeys(given)  # the file has no colours
-    texture = texture_of(getattr(material, "image", None))
-    plain = (1.0, 1.0, 1.0, 1.0) if texture is not None else (*GREY, 1.0)
-    base = rgba(given["diffuse"], plain)
-    high = rgba(given["specular"], (0.0, 0.0, 0.0, 1.0))
-    gloss = floats([str(getattr(material, "glossiness", None) or 20.0)], 1) or [20.0]
-    return Material(
-        diffuse=(base[0], base[1], base[2]),
-        specular=(high[0], high[1], high[2]),
-        shininess=min(max(gloss[0], 1.0), 1000.0),
-        opacity=base[3],
-        texture=texture,
-        name=name,
-    )
+        gloss = 2 / max(rough, 0.05) ** 4 - 2
+        high = [(1 - rough) * ((1 - metal) * 0.2 + metal * v) for v in base[:3]]
+        base[3] = 1.0 if mode == "OPAQUE" else base[3]
+    else:
+        given: list[Any] = [getattr(material, key, None) for key in ("diffuse", "specular")]
+        if all(np.array_equal(value, trimesh.visual.DEFAULT_COLOR) for value in given):
+            given = [None, None]  # the file has no colours
+        base, high = rgba(given[0], plain), rgba(given[1], (0.0, 0.0, 0.0, 1.0))
+        gloss = (floats([str(getattr(material, "glossiness", None) or 20.0)], 1) or [20.0])[0]
+    diffuse, specular = (base[0], base[1], base[2]), (high[0], high[1], high[2])
+    gloss = min(max(gloss, 1.0), 1000.0)
+    return Material(diffuse, specular, gloss, base[3], texture, name)
 
 
 def palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:

@@ -43,7 +43,7 @@ class Files(abc.ABC):
         """
         clean = name.strip().strip('"').replace("\\", "/")
         texts = clean, urllib.parse.unquote(clean)
-        for tried in (part for text in texts for part in (text, posixpath.basename(text))):
+        for tried in dict.fromkeys(x for text in texts for x in (text, posixpath.basename(text))):
             path = posixpath.normpath(posixpath.join(base, tried))
             if path.startswith(("/", "../")) or path in ("", ".", "..") or ":" in path:
                 continue

@@ -85,12 +85,6 @@ def read_mtl(text: str, assets: Assets, folder: str = "") -> dict[str, Material]
         if lines.get("illum", "2").strip() in ("0", "1"):
             specular = (0.0, 0.0, 0.0)
         shininess = (floats(lines.get("ns", "").split(), 1) or [20.0])[0]
-        result[name] = Material(
-            diffuse=diffuse,
-            specular=specular,
-            shininess=min(max(shininess, 1.0), 1000.0),
-            opacity=min(max(opacity[0], 0.0), 1.0),
-            texture=texture,
-            name=name,
-        )
+        gloss, alpha = min(max(shininess, 1.0), 1000.0), min(max(opacity[0], 0.0), 1.0)
+        result[name] = Material(diffuse, specular, gloss, alpha, texture, name)
     return result

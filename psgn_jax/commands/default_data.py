@@ -36,12 +36,12 @@ def default_dataset() -> str:
       ConfigError: the data set does not exist and cannot be rendered.
       UserError: the cache folder cannot be written.
     """
-    from data_gen import default  # imports the loader and the renderer
+    from data_gen import default, engine  # imports the loader and the renderer
 
     folder = cache_folder() / default.NAME
     if _is_complete(folder):
         return str(folder)
-    if not default.can_build():
+    if not engine.has_mitsuba():
         raise ConfigError(
             "data.path is empty, and rendering the default data set needs Mitsuba: "
             "pip install 'psgn-jax[render]'; or set data.path to a folder of records"

@@ -51,9 +51,9 @@ def _cabinets(workdir: str) -> str:
 
 def _views(_: str) -> str:
     """Five views of 40 procedural models of each category, rendered in the cache folder."""
-    from data_gen import default, settings
+    from data_gen import default, engine, settings
 
-    if not default.can_build():
+    if not engine.has_mitsuba():
         raise ConfigError(
             "without --data, views of procedural models are rendered, which needs Mitsuba: "
             "pip install 'psgn-jax[render]'"

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from data_gen import default as recipe
-from data_gen import job, settings
+from data_gen import engine, job, settings
 from data_gen.engine import has_mitsuba
 from psgn_jax.commands import default_data
 from psgn_jax.config.experiment import Config, ConfigError, to_dict
@@ -23,7 +23,7 @@ def cache(tmp_path, monkeypatch):
 
 
 def test_without_mitsuba_the_remedy_is_named(monkeypatch):
-    monkeypatch.setattr(recipe, "has_mitsuba", lambda: False)
+    monkeypatch.setattr(engine, "has_mitsuba", lambda: False)
     with pytest.raises(ConfigError, match=r"pip install 'psgn-jax\[render\]'"):
         default_data.with_default_data(Config())
 
@@ -38,7 +38,7 @@ def test_a_complete_one_is_taken_as_it_is(cache, monkeypatch, caplog):
         pathlib.Path(folder).mkdir()
         save_manifest(folder, Manifest("procedural", True, ()))
 
-    monkeypatch.setattr(recipe, "can_build", lambda: True)
+    monkeypatch.setattr(engine, "has_mitsuba", lambda: True)
     monkeypatch.setattr(recipe, "build", build)
     first = default_data.default_dataset()
     assert default_data.default_dataset() == first == str(cache / recipe.NAME)

@@ -10,17 +10,7 @@ import numpy as np
 
 from data_gen.catalogues import solids
 from data_gen.catalogues.families import materials as m
-from data_gen.catalogues.solids import (
-    Solid,
-    ball,
-    block,
-    box,
-    cylinder,
-    lathe,
-    rod,
-    smooth_path,
-    tube,
-)
+from data_gen.catalogues.solids import Solid, ball, block, box, cylinder, lathe, rod, tube
 from data_gen.frame import normalize
 from data_gen.mesh import Material, Model, build_model
 
@@ -138,7 +128,7 @@ def four_legs(kit: Kit, material: Material, x: float, y: float, top: float, thic
         kit.four(material, lathe([(r * thick * 0.8, z * top) for r, z in _TURNED], 14).at(x, y))
     elif style == "sabre":
         bend = foot * [0.7, 0.7, 1] + head * [0.3, 0.3, 0.45]
-        kit.four(material, tube(smooth_path([foot, bend, head], 4),
+        kit.four(material, tube(solids.smooth_path([foot, bend, head], 4),
                                 np.linspace(0.35, 0.6, 9) * thick))
     elif style == "hairpin":
         kit.four(material, rod(foot, head, 0.25 * thick))
