@@ -66,7 +66,7 @@ class StopSignal:
         if not (received := self._receiver.recv(1)):
             return  # the context has ended
         self.signal = received[0]
-        self._receiver.settimeout(self._seconds)
+        self._receiver.settimeout(min(max(self._seconds, 1e-3), 1e6))  # 0 would not wait at all
         try:
             again = self._receiver.recv(1)
         except TimeoutError:
