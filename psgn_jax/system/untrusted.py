@@ -111,9 +111,9 @@ def read_npz(path: str | os.PathLike[str], limits: Mapping[str, int]) -> dict[st
 
 
 def with_checksum(entry: Mapping[str, Any] | Mapping[int, Any]) -> dict[str, Any]:
-    """An object of JSON with the key `crc32`, the checksum of the rest of it."""
+    """An object of JSON that begins with the key `crc32`, the checksum of the rest of it."""
     plain = json.loads(json.dumps(entry))
-    return {**plain, "crc32": _crc32(plain)}
+    return {"crc32": _crc32(plain), **plain}
 
 
 def without_checksum(entry: Any) -> dict[str, Any]:
