@@ -6,6 +6,7 @@ the same machine, the final parameters are bit-identical to those of an uninterr
 """
 
 import contextlib
+import dataclasses
 import functools
 import pathlib
 import signal
@@ -45,7 +46,7 @@ MAY_CHANGE = frozenset((
     "train.steps", "train.log_every", "train.eval_every", "train.checkpoint_every",
     "train.images_every", "train.num_images", "train.keep_checkpoints", "train.stop_seconds",
     "eval.batch_size", "eval.max_samples", "eval.fscore_threshold", "eval.emd_tolerance",
-    "eval.visible_tolerance",
+    "eval.visible_tolerance", "eval.aligned", "eval.refine",
 ))  # fmt: skip
 """Fields that may differ when a run is resumed."""
 
@@ -104,9 +105,12 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
         def due(interval: int) -> bool:
             return bool(interval and step) and (step % interval == 0 or step == plan.steps)
 
+        # Scores that were measured in another way cannot be compared with those that follow.
+        if other := stored and _measured(parse(stored.meta["config"])) != _measured(config):
+            checkpoints.scores.clear()
         # A network from which the training starts is evaluated too.
         evaluate_first = due(plan.eval_every) and start not in checkpoints.scores
-        evaluate_first |= bool(plan.eval_every and init)
+        evaluate_first |= bool(plan.eval_every and (init or other))
         writer = MetricsWriter(workdir, start, evaluated=not evaluate_first) if first else None
         if writer:
             stack.callback(writer.close)
@@ -225,6 +229,13 @@ def _resumed(
             f"workdir={workdir}: its newest checkpoint does not fit the network of this "
             f"version: {error}"
         ) from error
+
+
+def _measured(config: Config) -> list[Any]:
+    """What decides the scores of a checkpoint. A folder that is moved keeps its name."""
+    data, how = dataclasses.replace(config.data, default_folder=""), config.eval
+    names = [pathlib.Path(folder).name for folder in data.eval_folders]
+    return [names, data.eval_split, data.num_eval_points, how.max_samples, how.refine]
 
 
 def _losses(log_every: int, checkpoint: Checkpoint | None) -> tuple[float, int]:

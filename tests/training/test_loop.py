@@ -5,6 +5,7 @@ import json
 import pathlib
 import re
 import resource
+import shutil
 import signal
 import socket
 import subprocess
@@ -107,6 +108,17 @@ def test_a_finished_run_has_nothing_to_do_and_another_is_refused(run, config):
         train(other, run[0])
     with locked(run[0]), pytest.raises(ConfigError, match="another training is running there"):
         train(config, run[0])
+
+
+def test_the_best_checkpoint_is_chosen_anew_if_it_is_measured_otherwise(run, config, tmp_path):
+    workdir = shutil.copytree(run[0], tmp_path / "run")
+    folder = workdir / "checkpoints"
+    before = Checkpoints(folder, read_only=True).scores
+    fewer = dataclasses.replace(config.eval, max_samples=3)
+    train(dataclasses.replace(config, eval=fewer), workdir)
+    after = Checkpoints(folder, read_only=True).scores
+    assert before.keys() > after.keys() == {12}
+    assert before[12] != after[12]
 
 
 def test_non_finite_loss_stops_naming_metric_and_step(config, tmp_path, monkeypatch):
