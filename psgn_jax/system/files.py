@@ -19,6 +19,7 @@ DISK_FULL = 5
 
 _TEMPORARY = re.compile(r"\..+\.[0-9a-f]{8}\.tmp", re.DOTALL)
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+_NO_SYNC = {errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP}  # of a folder, on some network mounts
 
 
 def is_disk_full(error: BaseException) -> bool:
@@ -53,7 +54,7 @@ def exit_code_of(error: BaseException) -> int | None:
 
 
 def check_folder(folder: str | os.PathLike[str], name: str) -> None:
-    """Checks that files can be written into a folder, without leaving anything there.
+    """Checks that files can be written into a folder; one that does not exist is not created.
 
     Raises:
       UserError: no file can be written there; `name` is the flag or argument in the message.
@@ -62,29 +63,20 @@ def check_folder(folder: str | os.PathLike[str], name: str) -> None:
     path = pathlib.Path(folder)
     if not os.fspath(folder):
         raise UserError(f"{name}=: the name is empty; expected a folder for files")
+    there = next(p for p in (path, *path.parents) if os.path.lexists(p))
     try:
-        try:
-            _try_folder(path)
-        except FileNotFoundError:  # another process that checks the folder has removed it
-            _try_folder(path)
+        with tempfile.NamedTemporaryFile(dir=there, prefix="."):
+            pass
+        for new in (path, *(there / part for part in path.relative_to(there).parts)):
+            with contextlib.suppress(FileNotFoundError):
+                os.lstat(new)  # fails for names that are too long
     except OSError as error:
         if is_disk_full(error):
             raise
-        why = "it is a file" if isinstance(error, FileExistsError) else error.strerror or error
+        is_file = there == path and isinstance(error, NotADirectoryError)
+        why = "it is a file" if is_file else error.strerror or error
         shown = f"{path}" if len(f"{path}") <= 80 else f"{path}"[:77] + "..."
         raise UserError(f"{name}={shown}: {why}; expected a folder for files") from error
-
-
-def _try_folder(path: pathlib.Path) -> None:
-    missing = [p for p in (path, *path.parents) if not p.exists()]
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path, prefix="."):
-            pass
-    finally:
-        for created in missing:
-            with contextlib.suppress(OSError):
-                created.rmdir()
 
 
 def cache_folder() -> pathlib.Path:
@@ -134,7 +126,11 @@ def install(temporary: pathlib.Path, path: pathlib.Path) -> None:
     """Flushes `temporary` to disk and renames it to `path` atomically."""
     _sync(temporary)
     temporary.replace(path)
-    _sync(path.parent)
+    try:
+        _sync(path.parent)
+    except OSError as error:
+        if error.errno not in _NO_SYNC:
+            raise
 
 
 def _sync(path: pathlib.Path) -> None:

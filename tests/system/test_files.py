@@ -1,6 +1,8 @@
 import concurrent.futures
 import errno
+import os
 import pathlib
+import stat
 
 import pytest
 from helpers.disk import without_room
@@ -41,10 +43,22 @@ def test_folders_that_cannot_be_written(folder, why, tmp_path, monkeypatch):
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
 
-def test_folders_that_can_be_written_are_left_as_they_were(tmp_path):
+def test_folders_that_can_be_written_are_left_as_they_were(tmp_path, monkeypatch):
+    monkeypatch.delattr(pathlib.Path, "mkdir")  # others may create the folder at the same time
     for folder in (tmp_path / "a" / "b", tmp_path):
         check_folder(folder, "--out")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_file_is_written_where_folders_cannot_be_flushed(tmp_path, monkeypatch):
+    def fsync(descriptor, kept=os.fsync):
+        if stat.S_ISDIR(os.fstat(descriptor).st_mode):
+            raise OSError(errno.EINVAL, "Invalid argument")
+        kept(descriptor)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    write_atomic(tmp_path / "file", "one")
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
 
 def test_a_full_disk_is_known_by_number_and_cause_and_not_by_a_name():
