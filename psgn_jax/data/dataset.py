@@ -11,6 +11,7 @@ also detects changes between encoder and decoder.
 
 import collections
 import contextlib
+import errno
 import itertools
 import os
 import pathlib
@@ -282,7 +283,7 @@ def _check_readable(path: pathlib.Path) -> None:
     except FileNotFoundError:
         raise RecordError(f"shard {path} is missing; {_remedy(path)}") from None
     except OSError as error:
-        raise RecordError(
-            f"shard {path} cannot be read: {error.strerror or error}; check its permissions "
-            "and the disk"
-        ) from None
+        too_many = error.errno in (errno.EMFILE, errno.ENFILE)
+        remedy = "ulimit -n 10000 allows more" if too_many else "check its permissions and the disk"
+        why = error.strerror or error
+        raise RecordError(f"shard {path} cannot be read: {why}; {remedy}") from None

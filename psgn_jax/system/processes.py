@@ -4,10 +4,12 @@ Python puts the current folder first on the import path of `python -m` and `pyth
 others are data, so a `numpy.py` beside a mesh must not run in the children of a command.
 """
 
+import contextlib
 import io
 import logging
 import os
 import pathlib
+import resource
 import sys
 from typing import Any
 
@@ -15,6 +17,8 @@ from absl import logging as absl_logging
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 """The folder that contains the packages `psgn_jax` and `data_gen`."""
+
+_OPEN_FILES = 10_240  # the most that macOS accepts
 
 
 def python(module: str, *arguments: str) -> list[str]:
@@ -38,7 +42,8 @@ def start_command() -> None:
     """Changes this process for a command; only its entry point calls this, once.
 
     Its children import from absolute folders only. A closed stdout or stderr (`psgn ... >&-`) takes
-    everything, and characters that the encoding of stdout lacks are escaped, as on stderr.
+    everything, and characters that the encoding of stdout lacks are escaped, as on stderr. A reader
+    keeps its shards open, and some systems allow only 256 open files, so we raise this limit.
     """
     os.environ.update(environment())
     # Before jaxlib is imported: XLA and CUDA log only fatal errors. When XLA loads a program from
@@ -47,6 +52,11 @@ def start_command() -> None:
     if os.environ.get("TF_CPP_MIN_LOG_LEVEL", "1") == "1":
         os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
     quiet_orbax()
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if 0 <= soft < _OPEN_FILES:  # negative means without limit
+        wanted = min(hard, _OPEN_FILES) if hard >= 0 else _OPEN_FILES
+        with contextlib.suppress(OSError, ValueError):
+            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115

@@ -3,6 +3,7 @@ import json
 import os
 import pickle
 import random
+import resource
 import zlib
 
 import msgpack
@@ -138,6 +139,18 @@ def test_folders_without_the_data_and_missing_shards_are_refused_by_name(dataset
         os.mkfifo(copied / name)
         with pytest.raises(RecordError, match=f"{name}.*is a named pipe, expected a file"):
             RecordReader(copied, "train")
+
+
+def test_too_many_open_files_are_no_damage(dataset):
+    reader, limit = RecordReader(dataset, "train"), resource.RLIMIT_NOFILE
+    soft, hard = resource.getrlimit(limit)
+    resource.setrlimit(limit, (3, hard))
+    try:
+        with pytest.raises(RecordError, match="Too many open files; ulimit -n"):
+            reader[0]
+    finally:
+        resource.setrlimit(limit, (soft, hard))
+    assert reader[0].view == 0
 
 
 def test_damage_names_file_and_record_and_spares_the_others(make, copied):

@@ -58,6 +58,15 @@ def test_a_child_process_imports_from_absolute_folders_only(hostile, monkeypatch
     assert not (hostile.parent / "executed").exists()
 
 
+def test_a_command_may_open_many_files():
+    code = """import resource; from psgn_jax.system.processes import start_command
+start_command(); print(*resource.getrlimit(resource.RLIMIT_NOFILE))"""
+    shell = ["bash", "-c", 'ulimit -S -n 256; exec "$@"', "bash", sys.executable, "-c", code]
+    done = subprocess.run(shell, capture_output=True, text=True, check=True, cwd=ROOT)
+    soft, hard = map(int, done.stdout.split())
+    assert soft == (min(hard, 10_240) if hard >= 0 else 10_240)
+
+
 @pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba is not installed")
 @pytest.mark.parametrize("script", ["bin/psgn", ROOT / "data_gen/render.py"])
 def test_render_executes_no_file_of_the_current_folder(hostile, script):
