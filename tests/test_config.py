@@ -6,6 +6,7 @@ import runpy
 import ml_collections
 import pytest
 
+from psgn_jax.commands.default_data import with_default_data
 from psgn_jax.config.experiment import (
     Config,
     ConfigError,
@@ -82,6 +83,10 @@ def test_missing_and_wrong_paths(tmp_path):
     ):
         with pytest.raises(ConfigError, match=message):
             check_paths(parse({"data": {"path": path}}))
+    for path in ("/no/such", ""):  # not needed by an evaluation
+        evaluated = parse({"data": {"path": path, "eval_path": str(tmp_path)}})
+        check_paths(evaluated, training=False)
+        assert with_default_data(evaluated, training=False) is evaluated
     check_paths(parse({}))
 
 

@@ -16,12 +16,13 @@ from psgn_jax.system.cores import num_cores
 from psgn_jax.system.files import cache_folder, check_folder
 
 
-def with_default_data(config: Config) -> Config:
+def with_default_data(config: Config, *, training: bool = True) -> Config:
     """Adds the folder of the default data set to a configuration without `data.path`.
 
-    `data.path` stays empty, so the configuration in the folder of a run does not change.
+    `data.path` stays empty, so the configuration in the folder of a run does not change. Without
+    `training`, a configuration with `data.eval_path` needs no other records.
     """
-    if config.data.path:
+    if config.data.path or (config.data.eval_path and not training):
         return config
     data = dataclasses.replace(config.data, default_folder=default_dataset())
     return dataclasses.replace(config, data=data)

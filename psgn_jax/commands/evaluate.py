@@ -38,16 +38,20 @@ _OPTIONS = ("split", "out", "draws", "frame", "refine")
 
 
 def open_with_records(
-    workdir: str | None, weights: str | None, checkpoint: str = "best", data: str | None = None
-) -> Trained:
-    """Opens a network to be evaluated; `data` replaces the records of its configuration."""
-    run = open_network(workdir, weights, checkpoint)
+    workdir: str | None, weights: str | None, checkpoint: str = "best", data: str | None = None,
+    *, training: bool = False, name: str = "workdir",
+) -> Trained:  # fmt: skip
+    """Opens a network to be evaluated; `data` replaces the records of its configuration.
+
+    `training`: whether those for training are needed; `name`: of the argument `workdir`.
+    """
+    run = open_network(workdir, weights, checkpoint, name)
     config = run.config
     if data is not None:
         named = dataclasses.replace(config.data, path=data, eval_path="")
         config = dataclasses.replace(config, data=named)
-    check_paths(config)
-    return run._replace(config=with_default_data(config))
+    check_paths(config, training=training)
+    return run._replace(config=with_default_data(config, training=training))
 
 
 def _baselines(run: Trained, split: str | None, out: str | None) -> str:
@@ -115,10 +119,10 @@ def _main(flags: Flags) -> None:
     with joined(values, batch_size) as first:
         if values.report and group.index_and_count()[1] > 1:
             raise ConfigError(f"--report={values.report}: accepted only with one process")
-        opening = {"checkpoint": values.checkpoint, "data": values.data}
-        runs = [open_with_records(values.workdir, values.weights, **opening)]
+        opening, training = (values.checkpoint, values.data), values.baselines
+        runs = [open_with_records(values.workdir, values.weights, *opening, training=training)]
         if values.compare:
-            runs.append(open_with_records(values.compare, None, **opening))
+            runs.append(open_with_records(values.compare, None, *opening, name="compare"))
         if values.baselines:
             sys.stdout.write(_baselines(runs[0], values.split, values.out))
             return

@@ -242,11 +242,11 @@ def parse(config: Any) -> Config:
     return parsed
 
 
-def check_paths(config: Config) -> None:
-    """Raises `ConfigError` if the data that the configuration names do not exist."""
+def check_paths(config: Config, *, training: bool = True) -> None:
+    """Raises `ConfigError` if the data for evaluation, or `training` too, do not exist."""
     data = config.data
     for name, folders, empty in (
-        ("path", data.folders, "the default data set"),
+        ("path", data.folders if training or not data.eval_path else (), "the default data set"),
         ("eval_path", data.eval_folders, "those of data.path"),
     ):
         for path in dict.fromkeys(folders):

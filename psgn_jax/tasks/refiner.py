@@ -47,7 +47,7 @@ def open_source(config: Config, workdir: pathlib.Path, name: str) -> Trained:
             f"voxels.{name}={path!r}: no run there; accepted: the folder of a trained run of the "
             f"task {wanted!r}"
         )
-    run = open_run(folder, "last" if kept else "best")
+    run = open_run(folder, "last" if kept else "best", name=f"voxels.{name}")
     theirs = run.config
     if theirs.task != wanted:
         raise ConfigError(

@@ -50,6 +50,7 @@ def open_network(
     workdir: str | os.PathLike[str] | None = None,
     weights: str | None = None,
     checkpoint: str = "best",
+    name: str = "workdir",
 ) -> Trained:
     """Opens a trained network from a run or from weights.
 
@@ -57,6 +58,7 @@ def open_network(
       weights: name or file of weights (`weights_path`); used if there is no `workdir`. The `scores`
         of the opened run are then the metrics in the file.
       checkpoint: "best" or "last", of a run; weights have only one.
+      name: of the argument `workdir` in messages.
 
     Raises:
       ConfigError: both are given, or another checkpoint than "best" without `workdir`, or the
@@ -66,7 +68,7 @@ def open_network(
     if workdir and weights:
         raise ConfigError(f"weights={weights}: accepted only without a run")
     if workdir:
-        return open_run(workdir, checkpoint)
+        return open_run(workdir, checkpoint, name=name)
     if checkpoint != "best":
         raise ConfigError(f"checkpoint={checkpoint}: accepted only for a run")
     path = weights_path(weights or "")
@@ -117,7 +119,8 @@ def _open(config: Config, init: str) -> Trained:
             f"train.init={init!r}: does not exist; accepted: the folder of a trained run, a file "
             f"of weights, or the name of weights in the package ({', '.join(shipped())})"
         )
-    run = open_network(path) if path.is_dir() else open_network(weights=init)
+    folder = path if path.is_dir() else None
+    run = open_network(folder, None if folder else init, name="train.init")
     if run.config.task != config.task:
         raise ConfigError(
             f"train.init={init!r} has the task {run.config.task!r}; accepted: {config.task!r}"
@@ -158,7 +161,7 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
         raise ConfigError(
             f"train.init={config.train.init!r}: {len(misfits)} layers differ: "
             f"{'; '.join(misfits.values())}; to keep their random parameters: "
-            f'train.init_skip="({flag})"'
+            f'--config.train.init_skip="({flag})"'
         )
     if left := sorted(skipped.intersection(map(layer_of.__getitem__, wanted))):
         logging.info("random parameters, not those of %s: %s", config.train.init, ", ".join(left))

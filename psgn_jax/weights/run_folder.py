@@ -34,14 +34,16 @@ class Trained(NamedTuple):
 
 
 def open_run(
-    workdir: str | os.PathLike[str], checkpoint: str = "best", *, averaged: bool = True
-) -> Trained:
+    workdir: str | os.PathLike[str], checkpoint: str = "best", *, averaged: bool = True,
+    name: str = "workdir",
+) -> Trained:  # fmt: skip
     """Opens a run at its best or last checkpoint.
 
     Args:
       checkpoint: "last", or "best" on the validation metric. With a warning, the last one replaces
         a best one that is missing or damaged, and the copy in the checkpoint a damaged
         `config.json`.
+      name: of the argument in messages.
 
     Raises:
       ConfigError: there is no run, or its configuration does not fit the checkpoint.
@@ -49,7 +51,7 @@ def open_run(
     """
     config, damaged = None, None
     try:
-        config = load_config(workdir)
+        config = load_config(workdir, name)
     except DamagedError as error:
         damaged = error
     checkpoints = Checkpoints(pathlib.Path(workdir) / "checkpoints", read_only=True)
@@ -58,14 +60,14 @@ def open_run(
     finally:
         checkpoints.close()
     if opened is None:
-        raise CheckpointError(f"workdir={workdir}: no checkpoint there")
+        raise CheckpointError(f"{name}={workdir}: no checkpoint there")
     if checkpoint == "best" and opened.step != checkpoints.best_step():
         logging.warning("no best checkpoint can be used; using the last one")
     trained = parse(opened.meta["config"])
     if config is None:
         logging.warning("%s; using the configuration in the checkpoint", damaged)
         config = trained
-    _check_fits(config, trained, f"workdir={workdir}", opened.step)
+    _check_fits(config, trained, f"{name}={workdir}", opened.step)
     params = params_from_named_leaves(opened.leaves, averaged=averaged)
     scores = checkpoints.scores.get(opened.step, {})
     return Trained(config, opened.step, params, scores, str(workdir), checkpoint=checkpoint)
@@ -86,16 +88,16 @@ def _check_fits(config: Config, trained: Config, run: str, step: int) -> None:
         )
 
 
-def load_config(workdir: str | os.PathLike[str]) -> Config:
+def load_config(workdir: str | os.PathLike[str], name: str = "workdir") -> Config:
     """The configuration of a run; `ConfigError` if there is none, `OSError` if it is a pipe."""
     path = pathlib.Path(workdir) / "config.json"
     _refuse_pipes(workdir)
     try:
         text = path.read_text("utf-8", errors="replace")
     except FileNotFoundError:
-        raise ConfigError(f"workdir={workdir}: no run there ({path} does not exist)") from None
+        raise ConfigError(f"{name}={workdir}: no run there ({path} does not exist)") from None
     except OSError as error:
-        raise ConfigError(f"workdir={workdir}: no run there ({error.strerror})") from error
+        raise ConfigError(f"{name}={workdir}: no run there ({error.strerror})") from error
     try:
         return from_json(text)
     except ConfigError as error:

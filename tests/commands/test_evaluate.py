@@ -19,6 +19,7 @@ from psgn_jax.evaluation import table as table_lib
 from psgn_jax.evaluation.results import Evaluation, SampleName
 from psgn_jax.evaluation.split import evaluate_split
 from psgn_jax.weights.checkpoint import CheckpointError
+from psgn_jax.weights.opening import open_initial
 
 
 @pytest.fixture(autouse=True)
@@ -99,8 +100,10 @@ def test_table_as_text_csv_and_json(table):
 
 
 def test_missing_runs_and_checkpoints_are_named(tmp_path):
-    with pytest.raises(ConfigError, match=r"no run there"):
-        open_with_records(tmp_path, None)
+    with pytest.raises(ConfigError, match=r"^compare=.*: no run there"):
+        open_with_records(tmp_path, None, name="compare")
+    with pytest.raises(ConfigError, match=r"^train\.init=.*: no run there"):
+        open_initial(standin.config(train__init=str(tmp_path)))
     (tmp_path / "config.json").write_text(to_json(standin.config()))
     with pytest.raises(CheckpointError, match="no checkpoint there"):
         open_with_records(tmp_path, None)
