@@ -33,11 +33,6 @@ from psgn_jax.data.schema import Sample
 DEFAULT_POINT_BITS = 12
 _NORMAL_BITS = 8
 
-# Upper limits for valid records; they bound the memory that a malicious record can allocate.
-_MAX_IMAGE_SIDE = 4096
-_MAX_POINTS = 1 << 22
-_MAX_COORDINATE = 1e9  # of points and depths, units of the frame
-
 # Compared with level 9: half a percent more bytes, a third of the time.
 _DEFLATE_LEVEL = 5
 
@@ -138,8 +133,8 @@ def _encode_image(image: np.ndarray) -> dict[str, Any]:
 def _image_size(stored: Mapping[str, Any]) -> tuple[int, int]:
     height, width = stored["image"]["size"]
     return (
-        _integer(height, 1, _MAX_IMAGE_SIDE, "height of the image"),
-        _integer(width, 1, _MAX_IMAGE_SIDE, "width of the image"),
+        _integer(height, 1, schema.MAX_IMAGE_SIDE, "height of the image"),
+        _integer(width, 1, schema.MAX_IMAGE_SIDE, "width of the image"),
     )
 
 
@@ -185,7 +180,7 @@ def _decode_depth(stored: Mapping[str, Any], mask: np.ndarray) -> DepthCodes:
         values = np.cumsum(steps, dtype=np.uint16)
         codes[valid] = values
         ends = [offset + scale * float(code) for code in (values.min(), values.max())]
-        if not (-abs(scale) <= min(ends) and max(ends) <= _MAX_COORDINATE):
+        if not (-abs(scale) <= min(ends) and max(ends) <= schema.MAX_COORDINATE):
             raise ValueError(f"depth from {ends[0]:g} to {ends[1]:g}, expected 0 or more")
     return DepthCodes(codes, valid, scale, offset)
 
@@ -210,7 +205,7 @@ def _encode_points(points: PointLattice, order: np.ndarray) -> dict[str, Any]:
 
 
 def _num_points(stored: Mapping[str, Any]) -> int:
-    return _integer(stored["points"]["count"], 1, _MAX_POINTS, "number of points")
+    return _integer(stored["points"]["count"], 1, schema.MAX_POINTS, "number of points")
 
 
 def _decode_points(stored: Mapping[str, Any]) -> PointLattice:
@@ -226,9 +221,9 @@ def _decode_points(stored: Mapping[str, Any]) -> PointLattice:
     fields = keys.astype("<u4" if small else "<u8").view(np.uint8 if bits == 8 else "<u2")
     codes = np.ascontiguousarray(fields.reshape(count, -1)[:, 2::-1])
     matrix = np.frombuffer(field["matrix"], "<f8").reshape(3, 4).astype(np.float64)
-    if not np.isfinite(matrix).all() or np.abs(matrix).max() > _MAX_COORDINATE:
-        got = f"{matrix.min():g} to {matrix.max():g}"
-        raise ValueError(f"points: the matrix has {got}, expected at most {_MAX_COORDINATE:g}")
+    if not np.isfinite(matrix).all() or np.abs(matrix).max() > schema.MAX_COORDINATE:
+        got, most = f"{matrix.min():g} to {matrix.max():g}", f"{schema.MAX_COORDINATE:g}"
+        raise ValueError(f"points: the matrix has {got}, expected at most {most}")
     return PointLattice(codes, matrix)
 
 
@@ -275,7 +270,10 @@ def encode(
     Raises:
       ValueError: a field does not pass `schema.validate`.
     """
-    schema.validate(sample)
+    try:
+        schema.validate(sample)
+    except ValueError as error:
+        raise ValueError(f"model {sample.model_id!r}, view {sample.view}: {error}") from None
     if points is None:
         points = lattice_of(sample.points, point_bits)
     order = np.argsort(_lattice_keys(points.codes), kind="stable")
@@ -287,7 +285,7 @@ def encode(
         "extrinsics": sample.extrinsics.astype("<f4").tobytes(),
         "category": sample.category,
         "model_id": sample.model_id,
-        "view": sample.view,
+        "view": int(sample.view),
         "source": sample.source,
     }
     if sample.extra:

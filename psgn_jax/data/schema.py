@@ -28,6 +28,11 @@ BACKGROUND_GREY = 191
 OCCUPANCY_SIZE = 32
 """Number of cells along an edge of the occupancy grid."""
 
+# Limits of samples; they bound the memory that a malicious record can allocate.
+MAX_IMAGE_SIDE = 4096
+MAX_POINTS = 1 << 22
+MAX_COORDINATE = 1e9  # of points and depths, units of the frame
+
 _ROTATION_TOLERANCE = 1e-3
 _LAST_VIEW = 2**31 - 1
 _SMALLEST_EXTENT = 1e-3
@@ -106,16 +111,22 @@ def validate(sample: Sample) -> Sample:
     """Checks and returns a sample; ValueError names the field, its value and what is expected."""
     _check_array("image", sample.image, np.uint8, (None, None, 3))
     size = sample.image.shape[:2]
+    if max(size) > MAX_IMAGE_SIDE:
+        _fail("image", f"{size[1]}x{size[0]} pixels", f"at most {MAX_IMAGE_SIDE} a side")
     _check_array("mask", sample.mask, np.bool_, size)
     _check_array("points", sample.points, np.float32, (None, 3))
+    if len(sample.points) > MAX_POINTS or np.abs(sample.points).max() > MAX_COORDINATE:
+        got = f"{len(sample.points)} points up to {np.abs(sample.points).max():g}"
+        _fail("points", got, f"at most {MAX_POINTS}, and coordinates up to {MAX_COORDINATE:g}")
     _check_array("intrinsics", sample.intrinsics, np.float32, (3, 3))
     _check_array("extrinsics", sample.extrinsics, np.float32, (3, 4))
     check_camera(sample.intrinsics, sample.extrinsics)
     if sample.depth is not None:
         _check_array("depth", sample.depth, np.float32, size)
-        if sample.depth.min() < 0:
-            accepted = "0 (background, not measured) or more"
-            _fail("depth", f"a minimum of {sample.depth.min():g}", accepted)
+        low, high = sample.depth.min(), sample.depth.max()
+        if low < 0 or high > MAX_COORDINATE:
+            accepted = f"0 (background, not measured) to {MAX_COORDINATE:g}"
+            _fail("depth", f"{low:g} to {high:g}", accepted)
     if sample.normals is not None:
         _check_array("normals", sample.normals, np.float32, sample.points.shape)
         length = np.linalg.norm(sample.normals, axis=1)
@@ -140,7 +151,8 @@ def check_labels(sample: Any) -> None:
         if not isinstance(getattr(sample, field), str):
             _fail(field, repr(getattr(sample, field))[:80], "a string")
     view = sample.view
-    if not isinstance(view, int) or isinstance(view, bool) or not 0 <= view <= _LAST_VIEW:
+    is_integer = isinstance(view, int | np.integer) and not isinstance(view, bool)
+    if not is_integer or not 0 <= view <= _LAST_VIEW:
         _fail("view", repr(view)[:80], f"an integer from 0 to {_LAST_VIEW}")
 
 

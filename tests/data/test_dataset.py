@@ -22,7 +22,8 @@ def sorted_rows(points):
 
 
 def test_round_trip_of_every_field(sample):
-    sample = dataclasses.replace(sample, extra='{"seed": 3, "name": "café"}')
+    extra = '{"seed": 3, "name": "café"}'
+    sample = dataclasses.replace(sample, extra=extra, view=np.int64(3))
     back = decode(encode(sample))
     schema.validate(back)
     for field in ("image", "mask", "occupancy", "intrinsics", "extrinsics"):
@@ -32,7 +33,7 @@ def test_round_trip_of_every_field(sample):
     span = sample.depth[sample.mask].max() - sample.depth[sample.mask].min()
     np.testing.assert_allclose(back.depth, sample.depth, atol=span / 131070 + 1e-6)
     assert (back.depth > 0).tolist() == sample.mask.tolist()
-    with pytest.raises(ValueError, match=r"'extra'.*JSON object"):
+    with pytest.raises(ValueError, match=r"^model 'm1', view 3: .*'extra'.*JSON object"):
         encode(dataclasses.replace(sample, extra="[1]"))
 
 

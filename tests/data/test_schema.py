@@ -10,9 +10,12 @@ from psgn_jax.data import schema
     ("field", "value"),
     [
         ("image", np.zeros((24, 32, 3), np.float32)),
+        ("image", np.zeros((4097, 1, 3), np.uint8)),
         ("mask", np.zeros((24, 31), np.bool_)),
         ("depth", np.full((24, 32), -1, np.float32)),
         ("depth", np.full((24, 32), np.nan, np.float32)),
+        ("depth", np.full((24, 32), 2e9, np.float32)),
+        ("points", np.full((200, 3), -2e9, np.float32)),
         ("points", np.zeros((0, 3), np.float32)),
         ("points", np.full((200, 3), np.inf, np.float32)),
         ("normals", np.zeros((200, 3), np.float32)),
