@@ -19,7 +19,9 @@ from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
 
 Batch = dict[str, Any]
-ModelViews = dict[int, list[int]]  # for each record, all views of its model: one list a model
+# For each record, itself and all views of its model: one list a model. The N copies of a record in
+# a folder with the factor N have the number of the first one.
+ModelViews = dict[int, tuple[int, list[int]]]
 
 # Each purpose of random numbers has its own stream.
 ORDER, _TRAIN, _EVAL, _VIEWS, _PHOTO = 0, 1, 2, 3, 4
@@ -120,7 +122,9 @@ class Items:
 def model_views(reader: RecordReader, wanted: int, name: str) -> ModelViews:
     """For each record, all views of its model, itself included; reads every record once."""
     members: dict[tuple[str, ...], list[int]] = {}
-    for index in range(len(reader)):
+    first: dict[Any, int] = {}
+    own = [first.setdefault(reader.locate(index), index) for index in range(len(reader))]
+    for index in first.values():
         stored = reader.stored(index, ())
         folder = str(reader.locate(index)[0].parent)
         members.setdefault((folder, stored.category, stored.model_id), []).append(index)
@@ -130,10 +134,11 @@ def model_views(reader: RecordReader, wanted: int, name: str) -> ModelViews:
                 f"data set {folder!r}: model {model!r} has {len(views)} views, expected at least "
                 f"{wanted}, as set by {name}"
             )
-    return {index: views for views in members.values() for index in views}
+    views_of = {index: views for views in members.values() for index in views}
+    return {number: (index, views_of[index]) for number, index in enumerate(own)}
 
 
-def _after(views: list[int], index: int) -> list[int]:
+def _after(index: int, views: list[int]) -> list[int]:
     """The other views, beginning with those after `index`."""
     at = views.index(index)
     return views[at + 1 :] + views[:at]
@@ -185,7 +190,7 @@ class TrainBatch:
         index = int(self.order[step * self.batch_size + row])
         views = [self.items[index].view_with_points(rng, cfg.num_points)]
         if self.model_views and num_views > 1:
-            chosen = rng.permutation(_after(self.model_views[index], index))[: num_views - 1]
+            chosen = rng.permutation(_after(*self.model_views[index]))[: num_views - 1]
             views += [_further_view(self.items[int(i)]) for i in chosen]
         # All views of a model get the same random numbers, so that all or none are mirrored.
         seeds = [self.seed, _PHOTO, step, row]
@@ -214,7 +219,7 @@ class EvalBatch:
         for index in range(start, start + filled):
             rng = np.random.default_rng([self.seed, _EVAL, index])
             item = self.items[index]
-            others = _after(self.model_views[index], index) if self.model_views else []
+            others = _after(*self.model_views[index]) if self.model_views else []
             others = others[: cfg.eval_views - 1]
             view = item.view_with_points(rng, cfg.num_eval_points)
             if item.measured:

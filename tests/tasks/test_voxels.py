@@ -1,6 +1,7 @@
 """Tasks on volumes, end to end, on boxes whose volumes are known."""
 
 import dataclasses
+import itertools
 import json
 import shutil
 
@@ -76,6 +77,10 @@ def number_and_view(image):
 
 def test_batches_of_views(data):
     cfg = config(data, task="views").data
+    twice = dataclasses.replace(cfg, path=f"{data}*2")
+    (batch,) = itertools.islice(loader.train_batches(twice, batch_size=24, seed=1, start_step=0), 1)
+    for views in batch["image"]:
+        assert len({number_and_view(view) for view in views}) == len(views) > 1
     batches = loader.train_batches(cfg, batch_size=4, seed=1, start_step=0)
     seen, counts, kept = [], set(), []
     for _, batch in zip(range(12), batches, strict=False):
@@ -120,7 +125,7 @@ def test_a_mirrored_model_is_so_in_all_views_and_in_its_volume(data):
 
 
 def test_too_few_views_or_no_volumes_are_named(data, tmp_path):
-    wrong = config(data, task="views", voxels__max_views=4)
+    wrong = config(f"{data}*2", task="views", voxels__max_views=4)  # copies are no other views
     message = r"has 3 views, expected at least 4, as set by voxels.max_views"
     with pytest.raises(RecordError, match=message):
         loader.train_batches(wrong.data, batch_size=2, seed=0, start_step=0)
