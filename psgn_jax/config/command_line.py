@@ -20,7 +20,7 @@ from typing import Any
 from absl import flags as absl_flags
 from absl import logging
 
-from psgn_jax.config.structured import ConfigError, unknown_setting
+from psgn_jax.config.structured import ConfigError, build, unknown_setting
 from psgn_jax.system.files import exit_code_of
 from psgn_jax.system.untrusted import message_line, one_line
 
@@ -111,7 +111,7 @@ class Flags:
         try:
             self.arguments = self.values(["psgn", *argv])[1:]
         except (absl_flags.Error, TypeError, ValueError) as error:
-            raise ConfigError(str(error)) from error
+            raise self._wrong_value(str(error)) from error
         _, _, *needed = self._usage.split()
         for flag in re.findall(r"--(\w+)=", self._usage):
             if not self.values[flag].value:
@@ -125,6 +125,19 @@ class Flags:
         if len(self.arguments) < fewest:
             missing = names[len(self.arguments)].rstrip(".")
             raise ConfigError(f"{missing} is missing; usage: {self._usage}")
+
+    def _wrong_value(self, message: str) -> ConfigError:
+        """The error for absl's message; for a field, as for a wrong value in a configuration."""
+        found = re.match(r"flag --config\.([\w.]+)=(.*?): ", message, re.DOTALL)
+        if found and self._config:
+            node: Any = found[2]
+            for name in reversed(found[1].split(".")):
+                node = {name: node}
+            try:
+                build(type(self._config[0]), node)
+            except ConfigError as error:
+                return error
+        return ConfigError(message)
 
     def _with_config(
         self, argv: Sequence[str], defaults: Any, path_of: Callable[[str], str], file: str

@@ -137,7 +137,8 @@ class TrainConfig:
     checkpoint_every: Count = 1_000  # Steps between checkpoints; also at evaluations, at the end.
     # Steps between images of predictions in TensorBoard; also at the end.
     images_every: Count = 5_000
-    num_images: Annotated[int, Bounds(low=1, high=1000)] = 6  # Number of samples in such an image.
+    # Number of samples in such an image; at most `eval.batch_size`.
+    num_images: Annotated[int, Bounds(low=1, high=1000)] = 6
     keep_checkpoints: PositiveInt = 2  # Number of newest checkpoints kept, besides the best one.
     # Time after SIGTERM or Ctrl-C in which the current step may end and be saved. Then the process
     # ends, after completing a checkpoint that is being written.

@@ -155,6 +155,10 @@ def _stored(image: Source) -> Photo:
         return Photo(colours[..., :3], useful_alpha(alpha), size)
     if isinstance(image, Image.Image):
         _check_size("the image", (image.height, image.width))
+        try:
+            image.load()
+        except Exception as error:  # as in `_opened`
+            raise PhotoError(f"the image is damaged or unreadable: {brief(error)}") from None
         return _from_picture(image, (image.height, image.width))
     with _opened(image) as (file, size):
         file.load()

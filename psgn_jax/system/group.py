@@ -68,8 +68,9 @@ def joined(
         )
     except (RuntimeError, ValueError) as error:
         raise UserError(
-            f"coordinator={coordinator}: process {process_id} of {num_processes} could not "
-            f"connect to the others: {message_line(error)[:300]}"
+            f"coordinator={coordinator}, num_processes={num_processes}, process_id={process_id}: "
+            f"no connection to the other processes ({message_line(error)[:300]}); expected all "
+            "three, with HOST:PORT of the first process, or a start by srun or mpirun"
         ) from error
     try:
         yield is_first()

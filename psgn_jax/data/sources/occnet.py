@@ -133,15 +133,15 @@ def _read_cloud(path: pathlib.Path) -> tuple[np.ndarray, np.ndarray, np.ndarray,
     points, normals = (arrays[key].astype(np.float64) for key in ("points", "normals"))
     if points.ndim != 2 or points.shape[1] != 3 or not len(points) or normals.shape != points.shape:
         raise ValueError(f"{path}: points {points.shape}, normals {normals.shape}, expected [n, 3]")
-    loc, scale = arrays["loc"].astype(np.float64).reshape(-1), float(arrays["scale"].reshape(-1)[0])
-    if loc.shape != (3,) or not (np.isfinite(loc).all() and np.isfinite(scale) and scale > 0):
-        raise ValueError(
-            f"{path}: loc {loc.tolist()}, scale {scale:g}, expected finite numbers and scale > 0"
-        )
+    loc, scale = (arrays[key].astype(np.float64).reshape(-1) for key in ("loc", "scale"))
+    usual = loc.shape == (3,) and scale.shape == (1,) and scale[0] > 0
+    if not (usual and np.isfinite(loc).all() and np.isfinite(scale).all()):
+        got = f"loc {loc.tolist()}, scale {scale.tolist()}"
+        raise ValueError(f"{path}: {got}, expected finite numbers and scale > 0")
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     if not (np.isfinite(points).all() and np.isfinite(length).all() and length.min() > 0.1):
         raise ValueError(f"{path}: expected finite points, and finite normals of length > 0")
-    return points, normals / length, loc, scale
+    return points, normals / length, loc, float(scale[0])
 
 
 def _camera(

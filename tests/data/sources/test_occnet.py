@@ -61,9 +61,11 @@ def test_conversion_and_damage(tmp_path, capsys):
     cameras["camera_mat_2"] = np.eye(4)
     cameras["world_mat_3"], cameras["world_mat_0"] = cameras["world_mat_0"], cameras["world_mat_3"]
     np.savez(chair / "c" / "img_choy2016" / "cameras.npz", **cameras)
-    trees.write_occnet(root, {"more": ["w"]})
+    trees.write_occnet(root, {"more": ["w", "s"]})
+    scaled = dict(np.load(chair / "s" / "pointcloud.npz"), scale=np.zeros(0))
+    np.savez(chair / "s" / "pointcloud.npz", **scaled)
     trees.write_binvox(chair / "w" / "model.binvox", trees.voxels(16))
-    (chair / "test.lst").write_text("d\nw\nmissing\n../c\nx\0y\na\n")
+    (chair / "test.lst").write_text("d\nw\ns\nmissing\n../c\nx\0y\na\n")
     (root / "somewhere").mkdir()
     target = tmp_path / "dst"
     command = ["occnet", str(root), str(target), "--views", "4", "--points", "400"]
@@ -77,6 +79,7 @@ def test_conversion_and_damage(tmp_path, capsys):
         "c/img_choy2016/000.jpg: ",
         "w/model.binvox: dim [16.0, 16.0, 16.0], expected 32",
         "missing/pointcloud.npz: No such file",
+        "s/pointcloud.npz: loc [",
         "test.lst: '../c' is not the name of a model",
         "test.lst: 'x\\x00y' is not the name of a model",
         "test.lst: 'a' is listed a second time",
