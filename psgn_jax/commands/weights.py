@@ -121,12 +121,10 @@ def _data_of(config: Config) -> list[dict[str, Any]]:
             rows[-1] |= {"source": manifest.source, "samples": sum(shard.count for shard in shards)}
     for init in filter(None, map(str.strip, config.train.init.split(","))):
         with contextlib.suppress(UserError, OSError):
-            is_run = pathlib.Path(init).is_dir()
-            rows += (
-                _data_of(load_config(init))
-                if is_run
-                else read_weights(weights_path(init)).figures["data"]
-            )
+            if pathlib.Path(init).is_dir():
+                rows += _data_of(load_config(init))
+            else:
+                rows += read_weights(weights_path(init)).figures["data"]
     return [row for i, row in enumerate(rows) if row not in rows[:i]]
 
 

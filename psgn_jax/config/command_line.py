@@ -22,6 +22,7 @@ from absl import logging
 
 from psgn_jax.config.structured import ConfigError, build, unknown_setting
 from psgn_jax.system.files import exit_code_of
+from psgn_jax.system.processes import ROOT
 from psgn_jax.system.untrusted import message_line, one_line
 
 HELP = {"--help", "-help", "-h", "-?", "--helpshort", "--helpfull"}
@@ -225,8 +226,7 @@ def log_to_terminal() -> None:
     handler.addFilter(_is_ours_or_warns)  # once, however often this is called
 
 
-_ROOT = pathlib.Path(__file__).resolve().parents[2]
-_OURS = tuple(f"{_ROOT / name}{os.sep}" for name in ("psgn_jax", "data_gen"))
+_OURS = tuple(f"{ROOT / name}{os.sep}" for name in ("psgn_jax", "data_gen"))
 
 
 def _is_ours_or_warns(record: python_logging.LogRecord) -> bool:

@@ -10,14 +10,13 @@ import ml_collections
 
 from psgn_jax.config.command_line import load_file
 from psgn_jax.config.structured import ConfigError, suggestion
-
-_PACKAGE = pathlib.Path(__file__).resolve().parents[1]
+from psgn_jax.system.processes import ROOT
 
 
 def folder() -> pathlib.Path:
     """The folder of the configurations that come with the package."""
-    shipped = _PACKAGE / "configs"
-    return shipped if shipped.is_dir() else _PACKAGE.parent / "configs"
+    shipped = ROOT / "psgn_jax" / "configs"
+    return shipped if shipped.is_dir() else ROOT / "configs"
 
 
 def names() -> list[str]:
@@ -37,16 +36,12 @@ def load(name: str) -> ml_collections.ConfigDict:
 
 
 def path_of(value: str) -> str:
-    """The path of a configuration that is given as a path or as a name; `ConfigError` if neither.
-
-    Text after a colon is kept: `authors:small` becomes `.../authors.py:small`.
-    """
-    given, colon, rest = value.partition(":")
-    if pathlib.Path(given).is_file():
+    """The path of a configuration, given as a path or as a name; `ConfigError` if neither."""
+    if pathlib.Path(value.partition(":")[0]).is_file():  # a colon begins the argument of a file
         return value
-    if given in names():
-        return f"{folder() / given}.py{colon}{rest}"
-    hint = suggestion(pathlib.Path(given).stem, names())
+    if value in names():
+        return str(folder() / f"{value}.py")
+    hint = suggestion(pathlib.Path(value).stem, names())
     raise ConfigError(
         f"--config={value}: no such file and no such name; {hint}expected the path of a "
         f"configuration or one of {', '.join(names())}"

@@ -68,13 +68,10 @@ def stretch(view: View, factor: float) -> View:
     image, mask = resample.stretch(view.image, view.mask, source)
     extrinsics = view.extrinsics.copy()
     extrinsics[0, 3] *= np.float32(factor)
+    depth = None if view.depth is None else resample.take_nearest(view.depth, source)[0]
+    points = view.points * np.array([1, factor, 1], np.float32)
     return dataclasses.replace(
-        view,
-        image=image,
-        mask=mask,
-        depth=None if view.depth is None else resample.take_nearest(view.depth, source)[0],
-        points=view.points * np.array([1, factor, 1], np.float32),
-        extrinsics=extrinsics,
+        view, image=image, mask=mask, depth=depth, points=points, extrinsics=extrinsics
     )
 
 
@@ -121,13 +118,8 @@ def follow(view: View, move: framing.Move) -> View:
     if depth is not None:
         depth = framing.move_depth(depth, view.points, move, view.extrinsics)
         depth = np.where(mask, depth, np.float32(0))
-    return dataclasses.replace(
-        view,
-        image=image,
-        mask=mask,
-        depth=depth,
-        points=framing.move_points(view.points, move, view.intrinsics, view.extrinsics),
-    )
+    points = framing.move_points(view.points, move, view.intrinsics, view.extrinsics)
+    return dataclasses.replace(view, image=image, mask=mask, depth=depth, points=points)
 
 
 def place(view: View) -> View:

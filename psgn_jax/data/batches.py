@@ -26,6 +26,8 @@ ModelViews = dict[int, tuple[int, list[int]]]
 # Each purpose of random numbers has its own stream.
 ORDER, _TRAIN, _EVAL, _VIEWS, _PHOTO = 0, 1, 2, 3, 4
 
+_LOCK = threading.Lock()  # of the samples that are kept; here because a lock cannot be pickled
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Item:
@@ -74,23 +76,15 @@ class Items:
         self._fields += ["depth"] if self._depth or visibility else []
         self._fields += ["occupancy"] if cfg.occupancy else []
         self._bound = 1e9 * cfg.cache_gb / max(1, cfg.num_workers) if repeatedly else 0
-        self.__setstate__({})
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {k: v for k, v in self.__dict__.items() if k not in ("_kept", "_held", "_lock")}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
         self._kept: dict[Any, Item] = {}
         self._held = 0
-        self._lock = threading.Lock()
 
     def __getitem__(self, index: int) -> Item:
         place = self._reader.locate(index)
         item = self._kept.get(place)
         if item is None:
             item = self._decode(index)
-            with self._lock:
+            with _LOCK:
                 if self._held + item.nbytes() <= self._bound and place not in self._kept:
                     self._kept[place] = item
                     self._held += item.nbytes()
@@ -211,12 +205,11 @@ class EvalBatch:
 
     def __call__(self, number: int) -> Batch:
         cfg = self.cfg
-        start = number * self.batch_size
-        filled = min(self.batch_size, self.count - start)
+        numbers = np.arange(number * self.batch_size, (number + 1) * self.batch_size)
         rows: list[Any] = []
         visible: list[Any] = []
         items: list[Any] = []
-        for index in range(start, start + filled):
+        for index in np.minimum(numbers, self.count - 1).tolist():
             rng = np.random.default_rng([self.seed, _EVAL, index])
             item = self.items[index]
             others = _after(*self.model_views[index]) if self.model_views else []
@@ -225,20 +218,14 @@ class EvalBatch:
             if item.measured:
                 # Visibility is computed before the move, which does not change it.
                 depth, intrinsics = item.measured
-                visible.append(
-                    visibility.visible_points(
-                        view.points, depth.depth(), intrinsics, view.extrinsics,
-                        self.visible_tolerance,
-                    )
-                )  # fmt: skip
+                seen = view.points, depth.depth(), intrinsics, view.extrinsics
+                visible.append(visibility.visible_points(*seen, self.visible_tolerance))
             if cfg.eval_frame == "place":
                 view = augment.place(view)
             rows.append([view, *(_further_view(self.items[i]) for i in others)])
             items.append(item)
-        for values in (rows, visible, items):
-            values += values[-1:] * (self.batch_size - filled)
         batch = _stack(rows, self.batch_size, several=self.model_views is not None)
         if visible:
             batch["visible"] = np.stack(visible)
-        batch["valid"] = np.arange(self.batch_size) < filled
+        batch["valid"] = numbers < self.count
         return batch | {key: [item.labels[key] for item in items] for key in items[0].labels}

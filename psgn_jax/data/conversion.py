@@ -5,6 +5,7 @@
 
 import contextlib
 import functools
+import itertools
 import pathlib
 import re
 import zlib
@@ -174,9 +175,7 @@ def convert(
                 "samples": sum(map(len, records.values())),
                 "splits": {split: len(own) for split, own in records.items()},
             }
-            yield shards.Result(
-                number, line, [record for own in records.values() for record in own]
-            )
+            yield shards.Result(number, line, list(itertools.chain(*records.values())))
 
     progress = shards.write(destination, Job(statement, inputs, per_shard, converts=True), make)
     left_out = [text for line in progress.lines for text in line["reason"].split("\n") if text]

@@ -49,6 +49,7 @@ T = TypeVar("T")
 _WRITER_OPTIONS = "group_size:1,uncompressed"
 # Read-ahead only helps sequential reads, and costs memory.
 _READER_OPTIONS = "readahead_buffer_size:0"
+_LOCK = threading.Lock()  # of the open shards; here because a lock cannot be pickled
 
 
 def shard_name(split: str, number: int, tag: str = "") -> str:
@@ -184,15 +185,10 @@ class RecordReader:
         self.split = split
         self._paths, self.shards = [path for path, _ in parts], tuple(shard for _, shard in parts)
         self._ends = np.cumsum([shard.count for shard in self.shards])
-        self.__setstate__({})
+        self._readers: dict[pathlib.Path, Any] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        return {k: v for k, v in self.__dict__.items() if k not in ("_readers", "_lock")}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._readers: dict[pathlib.Path, Any] = {}
-        self._lock = threading.Lock()
+        return {**self.__dict__, "_readers": {}}
 
     def __len__(self) -> int:
         return int(self._ends[-1]) if len(self._ends) else 0
@@ -211,7 +207,7 @@ class RecordReader:
 
     def _open(self, number: int) -> Any:
         path, count = self._paths[number], self.shards[number].count
-        with self._lock:
+        with _LOCK:
             if path not in self._readers:
                 with _shard_errors(path, f"shard {path} cannot be opened"):
                     reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)

@@ -63,11 +63,8 @@ class Manifest:
 
     def fields(self) -> tuple[str, ...]:
         """Fields that every record has, in the order of `schema.FIELDS`."""
-        return tuple(
-            field
-            for field in schema.FIELDS
-            if self.shards and all(field in shard.fields for shard in self.shards)
-        )
+        common = self.shards and set.intersection(*(set(shard.fields) for shard in self.shards))
+        return tuple(field for field in schema.FIELDS if field in common)
 
 
 def save_manifest(folder: pathlib.Path, manifest: Manifest) -> None:

@@ -125,8 +125,7 @@ def validate(sample: Sample) -> Sample:
         _check_array("depth", sample.depth, np.float32, size)
         low, high = sample.depth.min(), sample.depth.max()
         if low < 0 or high > MAX_COORDINATE:
-            accepted = f"0 (background, not measured) to {MAX_COORDINATE:g}"
-            _fail("depth", f"{low:g} to {high:g}", accepted)
+            _fail("depth", f"{low:g} to {high:g}", f"0 (not measured) to {MAX_COORDINATE:g}")
     if sample.normals is not None:
         _check_array("normals", sample.normals, np.float32, sample.points.shape)
         length = np.linalg.norm(sample.normals, axis=1)

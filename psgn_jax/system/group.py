@@ -130,16 +130,6 @@ def gather(value: Any) -> list[Any]:
     ]
 
 
-@contextlib.contextmanager
-def first_alone() -> Iterator[None]:
-    """Context that the first process passes before the others enter it."""
-    if not is_first():
-        gather(None)
-    yield
-    if is_first():
-        gather(None)
-
-
 class SharedStop(contextlib.AbstractContextManager["SharedStop"]):
     """`signals.StopSignal` of several processes: JAX chooses the step at which `signal` is set."""
 

@@ -18,8 +18,6 @@ from absl import logging as absl_logging
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 """The folder that contains the packages `psgn_jax` and `data_gen`."""
 
-_OPEN_FILES = 10_240  # the most that macOS accepts
-
 
 def python(module: str, *arguments: str) -> list[str]:
     """The command that runs a module of this package; start it with `environment`."""
@@ -53,10 +51,8 @@ def start_command() -> None:
         os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
     quiet_orbax()
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if 0 <= soft < _OPEN_FILES:  # negative means without limit
-        wanted = min(hard, _OPEN_FILES) if hard >= 0 else _OPEN_FILES
-        with contextlib.suppress(OSError, ValueError):
-            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+    with contextlib.suppress(OSError, ValueError):  # macOS accepts no more than 10,240
+        resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, min(hard, 10_240)), hard))
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115

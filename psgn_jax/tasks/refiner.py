@@ -69,12 +69,8 @@ def refiner_task(config: Config, workdir: pathlib.Path) -> Task:
     sources = {name: open_source(config, workdir, name) for name in names}
     frozen = {name: source.params for name, source in sources.items()}
     # The networks that predict clouds, each with its configuration.
-    clouds = {
-        name: (theirs, networks.build(theirs.model))
-        for name in names
-        if name in CLOUDS
-        for theirs in [sources[name].config]
-    }
+    configs = {name: sources[name].config for name in names if name in CLOUDS}
+    clouds = {name: (theirs, networks.build(theirs.model)) for name, theirs in configs.items()}
     volume_net = None
     if "from_volume" in names:
         volume_net = networks.build_volume_net(sources["from_volume"].config.model)

@@ -81,17 +81,18 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     sizes = _checked(config, workdir, mesh.size)
     task = tasks.create(config, workdir)
     create, train_step = create_training(config, task, mesh)
-    initial = functools.cache(lambda: _initial(config, task))
-    if not (workdir / "checkpoints").exists():
+    initial, folder = functools.cache(lambda: _initial(config, task)), workdir / "checkpoints"
+    if not folder.exists():
         initial()  # a wrong `train.init` is reported before there is a folder
     with contextlib.ExitStack() as stack:
         if first:
             stack.enter_context(locked(workdir))
-        with group.first_alone():
-            checkpoints = Checkpoints(
-                workdir / "checkpoints", plan.keep_checkpoints, read_only=not first
-            )
-            stored = checkpoints.restore_newest()
+        else:
+            group.gather(None)  # the first process may move damaged checkpoints before
+        checkpoints = Checkpoints(folder, plan.keep_checkpoints, read_only=not first)
+        stored = checkpoints.restore_newest()
+        if first:
+            group.gather(None)
         stack.callback(checkpoints.close)
         init = None if stored else initial()
         state = _resumed(config, create, stored, workdir) if stored else _started(create, init)
@@ -114,7 +115,9 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
         writer = MetricsWriter(workdir, start, evaluated=not evaluate_first) if first else None
         if writer:
             stack.callback(writer.close)
-        log = TrainingLog(plan, writer, start, _losses(plan.log_every, stored))
+        since = stored.meta if stored and start % plan.log_every else {}
+        losses = since.get("loss_sum", 0.0), since.get("loss_count", 0)
+        log = TrainingLog(plan, writer, start, losses)
 
         def save() -> None:
             log.drain()
@@ -236,13 +239,6 @@ def _measured(config: Config) -> list[Any]:
     data, how = dataclasses.replace(config.data, default_folder=""), config.eval
     names = [pathlib.Path(folder).name for folder in data.eval_folders]
     return [names, data.eval_split, data.num_eval_points, how.max_samples, how.refine]
-
-
-def _losses(log_every: int, checkpoint: Checkpoint | None) -> tuple[float, int]:
-    """Sum and number of the losses since the last line of metrics."""
-    if checkpoint is None or checkpoint.step % log_every == 0:
-        return 0.0, 0
-    return checkpoint.meta["loss_sum"], checkpoint.meta["loss_count"]
 
 
 def _initial(config: Config, task: tasks.Task) -> Callable[[Any], Any] | None:

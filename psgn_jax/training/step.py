@@ -5,6 +5,7 @@ plain single-device computation on its share (`jax.shard_map`), and the gradient
 therefore never has to partition the loops inside losses and convolutions.
 """
 
+import functools
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -51,12 +52,9 @@ def put_replicated(tree: Any, mesh: Mesh) -> Any:
     sharding = NamedSharding(mesh, P())
     if jax.process_count() == 1:
         return jax.device_put(tree, sharding)
-
     # `jax.device_put` would first compare the values between processes.
-    def put(leaf: Any) -> jax.Array:
-        return jax.make_array_from_process_local_data(sharding, np.asarray(leaf))
-
-    return jax.tree.map(put, tree)
+    put = functools.partial(jax.make_array_from_process_local_data, sharding)
+    return jax.tree.map(lambda leaf: put(np.asarray(leaf)), tree)
 
 
 def make_train_step(

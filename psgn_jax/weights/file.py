@@ -101,10 +101,8 @@ def write_weights(path: str | os.PathLike[str], weights: Weights) -> None:
         not finite or too large for float16, or the file would be larger than the limit.
     """
     require_points_task(weights.config, "a file of weights")
-    leaves = {
-        name: np.asarray(leaf, np.float32)
-        for name, leaf in named_leaves({"params": weights.params}).items()
-    }
+    named = named_leaves({"params": weights.params}).items()
+    leaves = {name: np.asarray(leaf, np.float32) for name, leaf in named}
     _check_fits(weights.config, leaves, pathlib.Path(path))
     texts = {
         "config": to_json(_without_paths(weights.config)),

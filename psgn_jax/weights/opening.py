@@ -161,7 +161,7 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
         raise ConfigError(
             f"train.init={config.train.init!r}: {len(misfits)} layers differ: "
             f"{'; '.join(misfits.values())}; to keep their random parameters: "
-            f'--config.train.init_skip="({flag})"'
+            f'train.init_skip="({flag})"'
         )
     if left := sorted(skipped.intersection(map(layer_of.__getitem__, wanted))):
         logging.info("random parameters, not those of %s: %s", config.train.init, ", ".join(left))

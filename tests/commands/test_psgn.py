@@ -84,7 +84,7 @@ for name in ("LOGNAME", "USER", "LNAME", "USERNAME", "PSGN_CACHE"):
 def test_a_configuration_is_a_path_or_a_name_and_executed_once(tmp_path, capsys):
     assert config_files.path_of("configs/debug.py") == "configs/debug.py"
     assert config_files.path_of("debug") == str(ROOT / "configs" / "debug.py")
-    assert config_files.path_of("debug:small") == str(ROOT / "configs" / "debug.py") + ":small"
+    assert config_files.path_of("data_gen/config.py:photo") == "data_gen/config.py:photo"
     with pytest.raises(ConfigError, match=r"did you mean 'debug'\? expected the path"):
         config_files.path_of("configs/debgu.py")
     file, mark = tmp_path / "mine.py", tmp_path / "mark"

@@ -97,7 +97,7 @@ def png_header(width, height):
 def test_hostile_files_end_in_one_line(tmp_path):
     whole = saved(tmp_path, np.random.default_rng(0).integers(0, 255, (99, 99, 3), np.uint8))
     (tmp_path / "cut.png").write_bytes(whole.read_bytes()[:9_000])
-    with Image.open(tmp_path / "cut.png") as cut, pytest.raises(PhotoError, match="damaged"):
+    with Image.open(tmp_path / "cut.png") as cut, pytest.raises(photo.PhotoError, match="damaged"):
         photo.read_photo(cut)
     (tmp_path / "text.png").write_text("no image")
     saved(tmp_path, np.zeros((1, 1, 3), np.uint8), "one.png")

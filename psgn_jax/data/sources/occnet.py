@@ -29,7 +29,6 @@ from psgn_jax.data import camera, schema, synsets
 from psgn_jax.data.sources import binvox, shapenet
 from psgn_jax.system.untrusted import read_npz
 
-SOURCE = "folder ShapeNet of Occupancy Networks"
 NUM_VIEWS = shapenet.NUM_VIEWS
 SPLITS = {"train": "train", "val": "validation", "test": "test"}
 IMAGES = "img_choy2016"

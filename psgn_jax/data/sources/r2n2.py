@@ -29,7 +29,6 @@ from psgn_jax.data.sources import binvox, shapenet
 
 RENDERINGS = "ShapeNetRendering"
 VOXELS = "ShapeNetVox32"
-SOURCE = f"folder with {RENDERINGS} and {VOXELS}"
 NUM_VIEWS = shapenet.NUM_VIEWS
 TRAIN_SHARE = 0.8
 _MAX_LINES = 1000
