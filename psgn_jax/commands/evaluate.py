@@ -60,11 +60,11 @@ def _baselines(run: Trained, split: str | None, out: str | None) -> str:
     split = split or run.config.data.eval_split
     folder = output_folder(run, out, "baselines", split)
     lite0 = read_mask_network()[0][efficientnet.NAME]
-    measured = baselines.measure(run.config, run.params, lite0, split)
-    table_text = baselines.text(*measured, networks.build(run.config.model).num_points)
+    rows, models = baselines.measure(run.config, run.params, lite0, split)
+    table_text = baselines.text(rows, models, networks.build(run.config.model).num_points)
     write_atomic(folder / "baselines.txt", table_text)
     origin = {run.source_kind: run.source, "step": run.step, "split": split}
-    write_atomic(folder / "baselines.json", baselines.json_text(*measured, **origin))
+    write_atomic(folder / "baselines.json", baselines.json_text(rows, models, **origin))
     return table_text
 
 
