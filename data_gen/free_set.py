@@ -372,8 +372,11 @@ def write_table(
     The data sets of earlier calls stay in the table.
     """
     table = out / "sources.json"
-    before = json.loads(table.read_text()) if table.exists() else []
-    rows = {row["source"]: row for row in before if any((out / f).exists() for f in row["folders"])}
+    rows: dict[str, Any] = {}
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):  # missing or damaged
+        for row in json.loads(table.read_text()):
+            if any((out / folder).exists() for folder in row["folders"]):
+                rows[row["source"]] = row
     for source in {part.source.name: part.source for part in parts}.values():
         folders = [p.folder for p in parts if p.source is source and p.folder in lines]
         if folders:

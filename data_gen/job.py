@@ -30,7 +30,8 @@ from psgn_jax.system.untrusted import one_line
 _FORMAT = 1  # raised when the same settings give other samples
 
 _RETRIED = ("crashed", "error", "memory", "timeout", "unreadable")
-"""Statuses that may depend on the machine or the limits: the next call tries these models again."""
+"""Statuses that may depend on the machine or the limits. If a data set is complete, the next call
+for the whole of it tries these models again."""
 
 FEW_MODELS = 20
 """We warn of smaller sets."""
@@ -75,8 +76,11 @@ def text_of(progress: shards.Progress) -> str:
     if len(refused) > 40:
         out.append(f"  and more: see {REPORT}")
     if again := sorted({x["status"] for x in refused}.intersection(_RETRIED)):
-        limits = "config.job.seconds_per_model and config.job.megabytes_per_worker are the limits"
-        out.append(f"the same command tries again what is {', '.join(again)}; {limits}")
+        limits = {"timeout": "seconds_per_model", "memory": "megabytes_per_worker"}
+        raised = "".join(
+            f", with a higher job.{v} for {k}" for k, v in limits.items() if k in again
+        )
+        out.append(f"run the command again to retry what is {', '.join(again)}{raised}")
     return "\n".join(map(one_line, out))
 
 
@@ -132,7 +136,8 @@ def render_catalogue(
     about |= {"moved": moved} if moved else {}
     inputs = [(shards.Tag(e.model_id, e.category, e.split), e) for e in entries]
     statement, about = json.loads(json.dumps([statement, about]))
-    job = shards.Job(statement, inputs, options.models_per_shard, about, retried=_RETRIED)
+    retried = _RETRIED if part == (0, 1) else ()  # the parts of a job array do not wait for it
+    job = shards.Job(statement, inputs, options.models_per_shard, about, retried=retried)
     maps = None
     if options.light.folder and not shards.is_complete(out, job):
         # Read before anything is written, so that an error here leaves the folder unchanged.

@@ -148,11 +148,12 @@ def describe(weights: Weights, path: pathlib.Path, *, is_default: bool = False) 
 
 
 def _section(title: str, rows: Mapping[str, str]) -> str:
-    lines = [title]
+    wrapper = textwrap.TextWrapper(
+        100, subsequent_indent=12 * " ", break_long_words=False, break_on_hyphens=False
+    )
+    lines = [one_line(title)]
     for name, text in rows.items():
-        lines += textwrap.wrap(
-            one_line(f"  {name:9} {text}"), 100, subsequent_indent=12 * " ", break_on_hyphens=False
-        )
+        lines += wrapper.wrap(one_line(f"  {name:9} {text}"))
     return "".join(f"{line}\n" for line in lines)
 
 

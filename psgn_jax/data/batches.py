@@ -209,7 +209,7 @@ class EvalBatch:
         rows: list[Any] = []
         visible: list[Any] = []
         items: list[Any] = []
-        for index in np.minimum(numbers, self.count - 1).tolist():
+        for index in numbers[numbers < self.count].tolist():
             rng = np.random.default_rng([self.seed, _EVAL, index])
             item = self.items[index]
             others = _after(*self.model_views[index]) if self.model_views else []
@@ -224,6 +224,8 @@ class EvalBatch:
                 view = augment.place(view)
             rows.append([view, *(_further_view(self.items[i]) for i in others)])
             items.append(item)
+        for values in (rows, visible, items):
+            values += values[-1:] * (self.batch_size - len(values))
         batch = _stack(rows, self.batch_size, several=self.model_views is not None)
         if visible:
             batch["visible"] = np.stack(visible)

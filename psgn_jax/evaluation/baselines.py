@@ -68,7 +68,7 @@ def measure(
     least = len(RecordReader(config.data.eval_folders, split)[0].points)
     if least < 2 * n:
         raise ConfigError(
-            f"--baselines: a record of split {split!r} has {least} points; accepted: at least "
+            f"split={split!r}: a record has {least} points; accepted for baselines: at least "
             f"{2 * n}, twice those of the network"
         )
 

@@ -6,6 +6,7 @@ times. If the mask is not certain, they are the proposed mask, `NAME_mask.png`, 
 blue outside it, `NAME_overlay.png`.
 """
 
+import contextlib
 import dataclasses
 import json
 import os
@@ -24,7 +25,10 @@ from psgn_jax.prediction.cloud import DEFAULT_FORMATS, FC, Prediction
 from psgn_jax.prediction.predictor import Clock, Predictor
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import is_disk_full, write_atomic
+from psgn_jax.system.untrusted import read_json
 from psgn_jax.viewing.predictions import VERSION
+
+_FORMAT = "psgn_jax prediction"
 
 
 def predict_files(
@@ -41,8 +45,8 @@ def predict_files(
 ) -> Iterator[tuple[pathlib.Path, Prediction | Exception]]:
     """Predicts clouds for files and folders of images, one by one, and writes them to `out`.
 
-    In a folder, we leave out the results of earlier runs. Only these are replaced: if there is
-    another file NAME.* or NAME_view.png, the results get a number.
+    In a folder, we leave out the results of earlier runs. Only these are replaced, as far as the
+    last `NAME.json` lists them. If there is another file of the same name, results get a number.
     `mask_from`, `invert_mask`, `accept_mask` and further options are as for `Predictor.__call__`.
 
     Args:
@@ -88,23 +92,24 @@ def predict_files(
         return result
 
     predictor: Predictor | None = None
-    for path, name in zip(paths, _names(paths, out, formats), strict=True):
-        result: Any = _tried(read, path, name)
+    names = _names(paths, out, formats, options.get("samples", 1))
+    for path, name in zip(paths, names, strict=True):
+        result: Any = _tried(path, read, path, name)
         if not isinstance(result, Exception):
             predictor = predictor or open_predictor()
-            result = _tried(predict, predictor, path, name, *result)
+            result = _tried(path, predict, predictor, path, name, *result)
         yield path, result
 
 
-def _tried(function: Callable[..., Any], *arguments: Any) -> Any:
-    """The result of a call, or its error if it concerns a single image."""
+def _tried(path: pathlib.Path, function: Callable[..., Any], *arguments: Any) -> Any:
+    """The result of a call, or its error if it concerns only the image `path`."""
     try:
         return function(*arguments)
     except Exception as error:
         if is_disk_full(error):
             raise
         if not isinstance(error, UserError | ValueError | OSError):
-            logging.error("%s", arguments, exc_info=error)
+            logging.error("%s", path, exc_info=error)
         return error
 
 
@@ -132,20 +137,30 @@ def _write(
     seed: int,
 ) -> None:
     """Writes the results for an image, and their duration into `result.seconds`."""
-    clock, files = Clock(), {}
-    for suffix in formats:
-        several = len(result.points) > 1 and suffix != "npz"
-        for k in range(len(result.points) if several else 1):
-            files[f"{name}_{k}.{suffix}" if several else f"{name}.{suffix}"] = k
-    view = f"{name}_view.png"  # the first file, because it marks the others as results
-    write_atomic(out / view, masks.result_png(result.view.image), sync=False)
+    clock, files, view = Clock(), _files(name, formats, len(result.points)), f"{name}_view.png"
+
+    def write_record() -> None:
+        document = _record(predictor, result, path, [*files, view], seed)
+        text = json.dumps(document, indent=2, allow_nan=False) + "\n"
+        write_atomic(out / f"{name}.json", text, sync=False)
+
+    write_record()  # first, because it marks the others as results if we are killed
     for file, k in files.items():
         result.save(out / file, k)
+    write_atomic(out / view, masks.result_png(result.view.image), sync=False)
     clock.lap("write")
     result.seconds.update(clock.laps)
-    document = _record(predictor, result, path, [*files, view], seed)
-    text = json.dumps(document, indent=2, allow_nan=False) + "\n"
-    write_atomic(out / f"{name}.json", text, sync=False)
+    write_record()
+
+
+def _files(name: str, formats: Sequence[str], samples: int) -> dict[str, int]:
+    """The files of the clouds, and the number of the sample in each; NPZ has all samples."""
+    files = {}
+    for suffix in formats:
+        several = samples > 1 and suffix != "npz"
+        for k in range(samples if several else 1):
+            files[f"{name}_{k}.{suffix}" if several else f"{name}.{suffix}"] = k
+    return files
 
 
 def _record(
@@ -154,7 +169,7 @@ def _record(
     """The contents of `NAME.json`."""
     view, camera = result.view, result.camera()
     return {
-        "format": f"psgn_jax prediction {VERSION}",
+        "format": f"{_FORMAT} {VERSION}",
         "image": str(path),
         "image_size": list(result.photo.size),
         "files": files,
@@ -214,15 +229,26 @@ def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
     return list(dict.fromkeys(paths))
 
 
-def _names(paths: Sequence[pathlib.Path], out: pathlib.Path, formats: Sequence[str]) -> list[str]:
+def _results(record: pathlib.Path) -> set[str]:
+    """The names of the files that a `NAME.json` lists as results, and its own."""
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+        stated = read_json(record)
+        if stated["format"].startswith(_FORMAT):
+            return {record.name, *stated["files"]}
+    return set()
+
+
+def _names(
+    paths: Sequence[pathlib.Path], out: pathlib.Path, formats: Sequence[str], samples: int
+) -> list[str]:
     """A name for the results of each image; unique even if case is ignored."""
     taken: set[str] = set()
 
     def is_free(name: str) -> bool:
-        view = out / f"{name}_view.png"
-        others = [view, *(out / f"{name}.{suffix}" for suffix in (*formats, "json"))]
-        return name.lower() not in taken and (
-            masks.is_result(view) or not any(other.exists() for other in others)
+        ours = _results(out / f"{name}.json")
+        files = (*_files(name, formats, samples), f"{name}_view.png", f"{name}.json")
+        return name.lower() not in taken and all(
+            file in ours or not (out / file).exists() for file in files
         )
 
     names = []

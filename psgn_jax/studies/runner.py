@@ -277,7 +277,8 @@ def _write(
 
 
 _ERRORS = (
-    "+-: standard error over samples and, with several seeds, over seeds. Differences are paired: "
+    "+-: standard error over samples (views of a model count as dependent) and, with several "
+    'seeds, over seeds. "Better on" counts models. Differences are paired: '
     "they are between runs with the same seed on the same samples."
 )
 
@@ -354,7 +355,7 @@ class Summary(NamedTuple):
     mean: float  # over seeds and samples
     error_samples: float  # standard error; seeds are averaged first. NaN for one model
     error_seeds: float  # standard error. NaN for one seed
-    # Share of samples that are better than in `minus`. NaN without `minus`, and for metrics of
+    # Share of models that are better than in `minus`. NaN without `minus`, and for metrics of
     # which neither more nor less is better.
     better: float
     samples: int  # their number
@@ -398,17 +399,19 @@ def _values(results: Results, metric: str) -> tuple[dict[str, np.ndarray], np.nd
 def _summary(name: str, minus: str, metric: str, array: np.ndarray, models: np.ndarray) -> Summary:
     seeds, samples = array.shape
     each, better = array.mean(axis=0), math.nan
+    _, model = np.unique(models, return_inverse=True)
+    of_models = np.bincount(model, each)  # sums, of which the sign counts
     if minus and samples and metric.startswith(_LARGER_IS_BETTER):
-        better = float(np.mean(each > 0))
+        better = float(np.mean(of_models > 0))
     elif minus and samples and metric.startswith(_SMALLER_IS_BETTER):
-        better = float(np.mean(each < 0))
+        better = float(np.mean(of_models < 0))
     mean = float(array.mean()) if array.size else math.nan
     errors = standard_error(each, models), standard_error(array.mean(axis=1) if samples else each)
     return Summary(name, minus, metric, mean, *errors, better, samples, seeds)
 
 
 def standard_error(values: np.ndarray, models: np.ndarray | None = None) -> float:
-    """Standard error of the mean of values [n]; NaN if n < 2.
+    """Standard error of the mean of values [n]; NaN for fewer than two values, or models.
 
     Views of a model depend on each other: with `models` [n], only models count as independent.
     """

@@ -108,7 +108,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
 
         # Scores that were measured in another way cannot be compared with those that follow.
         if other := stored and _measured(parse(stored.meta["config"])) != _measured(config):
-            checkpoints.scores.clear()
+            checkpoints.forget_scores()
         # A network from which the training starts is evaluated too.
         evaluate_first = due(plan.eval_every) and start not in checkpoints.scores
         evaluate_first |= bool(plan.eval_every and (init or other))

@@ -90,6 +90,20 @@ class Checkpoints:
     def score(self, step: int, metrics: Mapping[str, float]) -> None:
         steps = {step, *self.steps()}
         self.scores = {s: m for s, m in self.scores.items() if s in steps} | {step: dict(metrics)}
+        self._write_scores()
+
+    def forget_scores(self) -> None:
+        """Removes all scores, because those that follow are measured in another way."""
+        if best := self.best_step():
+            logging.warning(
+                "the evaluation has changed: the scores of earlier checkpoints are forgotten, and "
+                "that of step %d is no longer kept as the best", best,
+            )  # fmt: skip
+        self.scores = {}
+        if not self._read_only:
+            self._write_scores()
+
+    def _write_scores(self) -> None:
         text = json.dumps(with_checksum(self.scores), indent=1) + "\n"
         write_atomic(self._directory / "scores.json", text)
 

@@ -177,7 +177,8 @@ def test_results_never_replace_other_files_and_are_no_inputs(predictor, tmp_path
     names = ("chair.jpg", "chair_view.png", "lamp.jpg", "pot.jpg")
     for name in names:
         Image.fromarray(photo_of_a_box()).save(tmp_path / name)
-    (tmp_path / "pot.obj").write_text("a mesh")
+    for name in ("pot.obj", "lamp_1.ply"):
+        (tmp_path / name).write_text("a mesh")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     for _ in range(2):
         results = dict(predict_files(lambda: predictor, [tmp_path], tmp_path))
@@ -186,6 +187,10 @@ def test_results_never_replace_other_files_and_are_no_inputs(predictor, tmp_path
         assert {name: (tmp_path / name).read_bytes() for name in before} == before
         written = {path.stem for path in tmp_path.glob("*.json")}
         assert written == {"chair-2", "chair_view", "lamp", "pot-2"}
+    lamp = [tmp_path / "lamp.jpg"]
+    next(predict_files(lambda: predictor, lamp, tmp_path, samples=2))
+    assert (tmp_path / "lamp_1.ply").read_bytes() == before["lamp_1.ply"]
+    assert (tmp_path / "lamp-2_1.ply").exists()
     listed = sorted([*tmp_path.glob("*.jpg"), *tmp_path.glob("*.png")])  # as a shell expands p/*
     results = dict(predict_files(lambda: predictor, listed, tmp_path))
     assert sorted(path.name for path in results) == list(names)

@@ -61,6 +61,11 @@ def test_npm_fills_the_cache_once_and_without_it_the_way_out_is_named(
     for _ in range(2):
         assert lib.runtime_files() == small_runtime
     assert commands == [["npm", "pack", "--silent", f"onnxruntime-web@{lib.VERSION}"]]
+    (damaged,) = (tmp_path / "cache").rglob("*.wasm")
+    damaged.write_bytes(b"")
+    assert lib.runtime_files() == small_runtime
+    assert len(commands) == 2
+    monkeypatch.undo()
     monkeypatch.setenv("PSGN_CACHE", str(tmp_path))
     monkeypatch.setattr(lib.shutil, "which", lambda _: None)
     with pytest.raises(ConfigError, match=r"npm is not installed; run `npm pack.*`runtime`"):
