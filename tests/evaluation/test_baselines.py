@@ -62,5 +62,5 @@ def test_splits_that_cannot_be_compared_are_refused(case):
         baselines.measure(*case, None, "train")
     many = weights.config(model__fc_points=10_000)
     config = dataclasses.replace(many, data=case[0].data)
-    with pytest.raises(ConfigError, match="points; accepted: at least 20000, twice those"):
+    with pytest.raises(ConfigError, match="points; accepted for baselines: at least 20000, twice"):
         baselines.measure(config, None, None, "validation")
