@@ -76,11 +76,8 @@ def text_of(progress: shards.Progress) -> str:
     if len(refused) > 40:
         out.append(f"  and more: see {REPORT}")
     if again := sorted({x["status"] for x in refused}.intersection(_RETRIED)):
-        limits = {"timeout": "seconds_per_model", "memory": "megabytes_per_worker"}
-        raised = "".join(
-            f", with a higher job.{v} for {k}" for k, v in limits.items() if k in again
-        )
-        out.append(f"run the command again to retry what is {', '.join(again)}{raised}")
+        limits = "limits: job.seconds_per_model, job.megabytes_per_worker"
+        out.append(f"run the command again to retry what is {', '.join(again)} ({limits})")
     return "\n".join(map(one_line, out))
 
 

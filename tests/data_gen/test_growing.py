@@ -159,7 +159,7 @@ def test_what_failed_on_a_machine_is_tried_again(once, tmp_path):
 
     summary, _ = make(out, TEN, failing={"m1": "timeout", "m7": "unreadable"})
     assert summary.statuses == {"ok": 8, "timeout": 1, "unreadable": 1}
-    assert "timeout, unreadable, with a higher job.seconds_per_" in job.text_of(summary)
+    assert "retry what is timeout, unreadable (limits: job.seconds_" in job.text_of(summary)
     before = contents(out)
     assert make(out, TEN, failing={"m1": "timeout", "m7": "unreadable"})[1] == ["m1", "m7"]
     assert contents(out) == before
