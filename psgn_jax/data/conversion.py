@@ -25,6 +25,7 @@ from psgn_jax.system.untrusted import message_line, one_line
 FILES_PER_SHARD = 8
 MODELS_PER_SHARD = 64
 LAYOUTS = {"r2n2": r2n2, "occnet": occnet}
+_INCOMPLETE = "incomplete"  # status of an input of which something is missing
 
 ConvertedRecord = tuple[str, bytes, schema.Sample] | str
 """What is read from an input: split, bytes and sample of a record, or a message about a bad one."""
@@ -170,14 +171,15 @@ def convert(
                     records.setdefault(result[0], []).append(result[1])
             line = {
                 **inputs[number][0]._asdict(),
-                "status": "incomplete" if messages else "ok",
+                "status": _INCOMPLETE if messages else "ok",
                 "reason": "\n".join(messages),
                 "samples": sum(map(len, records.values())),
                 "splits": {split: len(own) for split, own in records.items()},
             }
             yield shards.Result(number, line, list(itertools.chain(*records.values())))
 
-    progress = shards.write(destination, Job(statement, inputs, per_shard, converts=True), make)
+    job = Job(statement, inputs, per_shard, converts=True, retried=(_INCOMPLETE,))
+    progress = shards.write(destination, job, make)
     left_out = [text for line in progress.lines for text in line["reason"].split("\n") if text]
     if not progress.samples:
         first = (left_out or ["none"])[0]

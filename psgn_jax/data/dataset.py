@@ -62,15 +62,13 @@ def shard_name(split: str, number: int, tag: str = "") -> str:
 class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
     """Context that writes one shard; the file gets its name when the block ends without error.
 
-    After the block, `shard` describes the file. `digest` identifies its inputs, `tag` its content
-    if that may change. If the file cannot be written, `write` or the end of the block raises
-    `OSError`, and no file is left.
+    After the block, `shard` describes the file. `digest` identifies its inputs and gives the name
+    its tag; `name_by` changes this tag. If the file cannot be written, `write` or the end of the
+    block raises `OSError`, and no file is left.
     """
 
-    def __init__(
-        self, folder: pathlib.Path, split: str, number: int, digest: str = "", tag: str = ""
-    ) -> None:
-        self._path = folder / shard_name(split, number, (tag or digest)[:8])
+    def __init__(self, folder: pathlib.Path, split: str, number: int, digest: str = "") -> None:
+        self._path, self._number = folder / shard_name(split, number, digest[:8]), number
         self._temporary = temporary_for(self._path)
         self._split, self._inputs = split, (digest,) if digest else ()
         self._categories: collections.Counter[str] = collections.Counter()
@@ -78,6 +76,9 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
         self._writer = array_record_module.ArrayRecordWriter(str(self._temporary), _WRITER_OPTIONS)
         self.count = 0
         self.shard: Shard  # set at the end of the block
+
+    def name_by(self, digest: str) -> None:
+        self._path = self._path.with_name(shard_name(self._split, self._number, digest[:8]))
 
     def write(self, record: bytes) -> None:
         stored = unpack(record)

@@ -106,8 +106,7 @@ class Job:
       inputs: tag of each input, and the argument of the function that makes its samples.
       per_shard: largest number of inputs of a shard.
       about: how the inputs were chosen, for `job.json` and for messages.
-      converts: published data are converted: inputs may vanish, and the next call tries inputs
-        again of which something is missing.
+      converts: published data are converted, so inputs may vanish.
       retried: statuses of inputs that the next call tries again.
     """
 
@@ -120,7 +119,7 @@ class Job:
 
     def tries_again(self, line: Line) -> bool:
         """Whether the next call tries this input again."""
-        return line["status"] in self.retried or (self.converts and line["status"] != "ok")
+        return line["status"] in self.retried
 
     def tags(self) -> list[Tag]:
         return [tag for tag, _ in self.inputs]
@@ -409,32 +408,29 @@ def _is_whole(folder: pathlib.Path, done: _Done) -> bool:
 
 
 def _write_block(folder: pathlib.Path, job: Job, block: _Block) -> None:
-    """Writes the shards of a block from the results of its inputs, which it removes.
-
-    If inputs are tried again, the shards have another name than those without them will have.
-    """
+    """Writes the shards of a block from the results of its inputs, which it removes."""
     tags = [job.inputs[i][0] for i in block.indices]
-
-    def result_of(tag: Tag) -> tuple[Line, list[bytes]]:
-        result = _read_result(folder, tag)
-        if result is None:
-            what = "samples were damaged meanwhile; run the command again"
-            raise ValueError(f"{folder / WORK}: {what}")
-        return result
-
-    lines = [result_of(tag)[0] for tag in tags]
-    again = [line["model_id"] for line in lines if job.tries_again(line)]
-    name = hashlib.sha256(json.dumps([block.digest, again]).encode()).hexdigest() if again else ""
+    lines: list[Line] = []
     writers: dict[str, ShardWriter] = {}
     with contextlib.ExitStack() as stack:
-        for tag, line in zip(tags, lines, strict=True):
-            left = iter(result_of(tag)[1])
-            for split, count in _counts(line).items():
+        for tag in tags:
+            result = _read_result(folder, tag)
+            if result is None:
+                what = "samples were damaged meanwhile; run the command again"
+                raise ValueError(f"{folder / WORK}: {what}")
+            lines.append(result[0])
+            left = iter(result[1])
+            for split, count in _counts(result[0]).items():
                 if split not in writers:
-                    writer = ShardWriter(folder, split, block.number, block.digest, name)
+                    writer = ShardWriter(folder, split, block.number, block.digest)
                     writers[split] = stack.enter_context(writer)
                 for record in itertools.islice(left, count):
                     writers[split].write(record)
+        # If inputs are tried again, the shards that have their samples too need another name.
+        if again := [line["model_id"] for line in lines if job.tries_again(line)]:
+            digest = hashlib.sha256(json.dumps([block.digest, again]).encode()).hexdigest()
+            for writer in writers.values():
+                writer.name_by(digest)
     shards = [dataclasses.asdict(writers[split].shard) for split in sorted(writers)]
     stated = {"lines": lines, "shards": shards}
     write_atomic(folder / WORK / f"{block.digest}.block", json.dumps(stated))
