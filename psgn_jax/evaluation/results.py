@@ -35,13 +35,6 @@ class SampleName(NamedTuple):
     view: int
 
 
-def models_of(names: Sequence[SampleName]) -> np.ndarray:
-    """The number of each sample's model [samples]."""
-    keys = [(name.category, name.model_id) for name in names]
-    numbers = {key: number for number, key in enumerate(dict.fromkeys(keys))}
-    return np.array([numbers[key] for key in keys])
-
-
 @dataclasses.dataclass(frozen=True)
 class Evaluation:
     """Metrics of every sample of a split, in order.

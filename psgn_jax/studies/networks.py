@@ -12,7 +12,6 @@ performance gain." The paper trains for 300,000 steps; sizes and measures here a
 
 import numpy as np
 
-from psgn_jax.evaluation.results import models_of
 from psgn_jax.studies import figures, runner
 
 LOSSES = {"cd": "chamfer_sq_mean", "emd": "emd_mean + 5*chamfer_sq_mean"}
@@ -65,7 +64,7 @@ def figure(results: runner.Results) -> figures.Figure:
     """Errors divided by `vanilla`'s, with the error over samples of the difference."""
     series: dict[str, list[float]] = {name: [] for name in NETWORKS}
     errors: dict[str, list[float]] = {name: [] for name in NETWORKS}
-    models = models_of(next(iter(results.values()))[0].names)
+    models = runner.models_of(results)
     for loss, metric in TRAINED_FOR.items():
         found = {
             name: np.mean([run.metrics[metric] for run in results[f"{name}_{loss}"]], axis=0)

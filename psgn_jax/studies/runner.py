@@ -21,7 +21,7 @@ from psgn_jax.config import recipes
 from psgn_jax.config.experiment import Config, ConfigError, check_paths, parse, to_dict
 from psgn_jax.data import loader
 from psgn_jax.data.manifest import load_manifest
-from psgn_jax.evaluation.results import SampleName, models_of
+from psgn_jax.evaluation.results import SampleName
 from psgn_jax.evaluation.table import Lines, aligned, csv_of, markdown
 from psgn_jax.studies import figures
 from psgn_jax.system.errors import UserError
@@ -390,17 +390,27 @@ def _values(results: Results, metric: str) -> tuple[dict[str, np.ndarray], np.nd
     if not arrays:
         return {}, np.array([])
     keep = ~np.isnan(np.concatenate(list(arrays.values()))).all(axis=0)
-    names = next(iter(results.values()))[0].names
-    # A number of the whole run belongs to no model.
-    models = models_of(names) if len(names) == len(keep) else np.arange(len(keep))
+    models = models_of(results)
+    if len(models) != len(keep):  # a number of the whole run
+        models = np.arange(len(keep))
     return {name: array[:, keep] for name, array in arrays.items()}, models[keep]
+
+
+def models_of(results: Results) -> np.ndarray:
+    """The number of each sample's model [samples]."""
+    names = next(iter(results.values()))[0].names
+    return np.unique([(n.category, n.model_id) for n in names], axis=0, return_inverse=True)[1]
+
+
+def _sums(values: np.ndarray, models: np.ndarray) -> np.ndarray:
+    """The sum of the values of each model."""
+    return np.bincount(np.unique(models, return_inverse=True)[1], values)
 
 
 def _summary(name: str, minus: str, metric: str, array: np.ndarray, models: np.ndarray) -> Summary:
     seeds, samples = array.shape
     each, better = array.mean(axis=0), math.nan
-    _, model = np.unique(models, return_inverse=True)
-    of_models = np.bincount(model, each)  # sums, of which the sign counts
+    of_models = _sums(each, models)
     if minus and samples and metric.startswith(_LARGER_IS_BETTER):
         better = float(np.mean(of_models > 0))
     elif minus and samples and metric.startswith(_SMALLER_IS_BETTER):
@@ -415,8 +425,9 @@ def standard_error(values: np.ndarray, models: np.ndarray | None = None) -> floa
 
     Views of a model depend on each other: with `models` [n], only models count as independent.
     """
-    _, model = np.unique(np.arange(len(values)) if models is None else models, return_inverse=True)
-    deviations = np.bincount(model, values - values.mean()) if len(values) else values
+    deviations = values - values.mean() if len(values) else values
+    if models is not None:
+        deviations = _sums(deviations, models)
     count = len(deviations)
     if count < 2:
         return math.nan
