@@ -207,8 +207,8 @@ def build_model(
                 notes.append(f"{int(missing.sum())} corner normals missing or zero, recomputed")
             smooth = crease_normals(vertices, faces)
             normals = np.where(missing[..., None], smooth, normals)
-    normals, names["warnings"] = normals.astype(np.float32), tuple(notes)
-    return Model(vertices, faces, normals, uv, owner, materials, **names)
+    normals = normals.astype(np.float32)
+    return Model(vertices, faces, normals, uv, owner, materials, warnings=tuple(notes), **names)
 
 
 def check_face_count(count: int, max_faces: int) -> None:

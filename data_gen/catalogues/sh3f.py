@@ -80,10 +80,11 @@ def read_library(path: str | os.PathLike[str]) -> list[Furniture]:
         identity = table.get(f"id#{n}") or name or str(n)
         texts = (table.get(f"{key}#{n}", "").split() for key in ("width", "depth", "height"))
         size = [(floats(words, 1) or [0.0])[0] for words in texts]
-        rotation = tuple(floats(table.get(f"modelRotation#{n}", "").split(), 9) or ())
-        category, file = table.get(f"category#{n}", ""), table[f"model#{n}"].lstrip("/")
-        place, three = f"{stem}/{identity}", (size[0], size[1], size[2])
-        pieces.append(Furniture(place, name, category, file, three, rotation))
+        pieces.append(Furniture(
+            model_id=f"{stem}/{identity}", name=name, category=table.get(f"category#{n}", ""),
+            file=table[f"model#{n}"].lstrip("/"), size=(size[0], size[1], size[2]),
+            rotation=tuple(floats(table.get(f"modelRotation#{n}", "").split(), 9) or ()),
+        ))  # fmt: skip
     return pieces
 
 

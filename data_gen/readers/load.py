@@ -52,10 +52,8 @@ def load_model(
     kind = posixpath.splitext(name)[1].lstrip(".").lower()
     stored = files.find(name)
     if stored is None:
-        kind_of_error = (
-            UnreadableModelError if isinstance(files, FolderFiles) else UnusableModelError
-        )
-        raise kind_of_error(f"file {name!r} {files.why_not(name)}")
+        refusal = UnreadableModelError if isinstance(files, FolderFiles) else UnusableModelError
+        raise refusal(f"file {name!r} {files.why_not(name)}")
     try:
         data = files.read(stored)
     except OSError as error:

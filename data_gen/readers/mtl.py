@@ -70,8 +70,8 @@ def read_mtl(text: str, assets: Assets, folder: str = "") -> dict[str, Material]
             current[words[0].lower()] = rest
     result = {}
     for name, lines in statements.items():
-        maps = (_map_name(lines[key]) if lines.get(key) else "" for key in ("map_kd", "map_d"))
-        texture, alpha_map = (assets.texture(name, folder) if name else None for name in maps)
+        files = (_map_name(lines[key]) if lines.get(key) else "" for key in ("map_kd", "map_d"))
+        texture, alpha_map = (assets.texture(file, folder) if file else None for file in files)
         if alpha_map is not None:
             texture = with_alpha_map(texture, alpha_map)
         diffuse = _colour(lines.get("kd", "").split())
