@@ -1,14 +1,20 @@
 """Trains and measures the network that finds masks (`models.mask_net`) on composites.
 
-    python recipes/mask_net.py train --encoder LITE0.safetensors --objects FOLDER...
-        --backgrounds FOLDER... --sources SOURCES.json --out MASK.safetensors
+    python recipes/mask_net.py train --objects FOLDER... --backgrounds FOLDER...
+        [--scenes FOLDER...] --sources SOURCES.json --out MASK.safetensors
     python recipes/mask_net.py measure --objects FOLDER... --backgrounds FOLDER...
         [--photos FOLDER...]
 
 An object comes from a record of its split (`train`, or `validation` to measure) or from a PNG file
-with transparency. A composite shows one or more objects on a plain or smooth ground, on a picture,
-or on a wall and a floor, with shadows, and with the effects of a camera. The mask is that of the
-central object. Composite i is a function of i. FOLDER of photos has `NAME.jpg` and `NAME_mask.png`.
+with transparency. Each folder is drawn equally often. A composite shows one or more objects on a
+plain or smooth ground, on a picture, or on a wall and a floor, with shadows, and with the effects
+of a camera. One in five shows a part of a record of `--scenes` with its own surroundings: images of
+the preset `photo` of the renderer. The mask is that of the central object. Composite i is a
+function of i. The encoder, EfficientNet-Lite0 trained on ImageNet, is that of the mask network
+`--init`, and stays as it is.
+
+`measure` uses the network of the package: first copy MASK.safetensors to
+`psgn_jax/weights/mask.safetensors`. FOLDER of photos has `NAME.jpg` and `NAME_mask.png`.
 """
 
 import argparse
@@ -22,9 +28,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from flax import traverse_util
 from PIL import Image, ImageFilter
-from safetensors.numpy import load_file
 
 from psgn_jax.data import photo
 from psgn_jax.data.dataset import RecordReader
@@ -33,32 +37,45 @@ from psgn_jax.models import efficientnet, mask_net
 from psgn_jax.prediction import masks
 from psgn_jax.weights.file import read_sources, write_arrays
 from psgn_jax.weights.leaves import named_leaves
-from psgn_jax.weights.mask import FORMAT, read_mask_network
+from psgn_jax.weights.mask import FILE, FORMAT, read_mask_network
 
 BATCH, SIDE = 16, 224
 BILINEAR = Image.Resampling.BILINEAR
 
 
+def samples_of(folder, split):
+    """The images of a split, with their masks as fourth channel."""
+    reader = RecordReader(str(folder), split)
+    for i in range(len(reader)):
+        sample = reader[i]
+        yield np.dstack([sample.image, sample.mask.astype(np.uint8) * 255])
+
+
+def stamps_of(folder):
+    """The pictures of a folder."""
+    for path in sorted(folder.rglob("*.png")):
+        picture = Image.open(path).convert("RGBA")
+        picture.thumbnail((320, 320))
+        yield np.asarray(picture)
+
+
+def box_of(picture):
+    """The box of the object in an RGBA picture."""
+    return Image.fromarray(picture[..., 3]).point(lambda v: 255 * (v > 127)).getbbox()
+
+
 def objects_of(folders, split):
-    """RGBA pictures of objects, cut to their boxes."""
-    found = []
+    """For each folder, RGBA pictures of objects, cut to their boxes."""
+    groups = []
     for folder in map(pathlib.Path, folders):
-        if (folder / "manifest.json").is_file():
-            reader = RecordReader(str(folder), split)
-            samples = (reader[i] for i in range(len(reader)))
-            pictures = [np.dstack([s.image, s.mask.astype(np.uint8) * 255]) for s in samples]
-        else:
-            pictures = []
-            for path in sorted(folder.rglob("*.png")):
-                picture = Image.open(path).convert("RGBA")
-                picture.thumbnail((320, 320))
-                pictures.append(np.asarray(picture))
-        for picture in pictures:
+        has_records = (folder / "manifest.json").is_file()
+        group = []
+        for picture in samples_of(folder, split) if has_records else stamps_of(folder):
             alpha = picture[..., 3] > 127
             if min(alpha.any(1).sum(), alpha.any(0).sum()) >= 16 and alpha.mean() < 0.9:
-                box = Image.fromarray(picture[..., 3]).point(lambda v: 255 * (v > 127)).getbbox()
-                found.append(Image.fromarray(picture).crop(box))
-    return found
+                group.append(Image.fromarray(picture).crop(box_of(picture)))
+        groups.append(group)
+    return groups
 
 
 def backgrounds_of(folders):
@@ -163,13 +180,39 @@ def over(ground, layer):
     return ground * (1 - alpha) + layer[..., :3] * alpha
 
 
-def composite(number, objects, backgrounds):
+def part_of(scene, rng):
+    """A part of an image with the whole object in it: image and mask, [SIDE, SIDE, ...]."""
+    left, top, right, bottom = box_of(scene)
+    height, width = scene.shape[:2]
+    box = [rng.uniform(0, left), rng.uniform(0, top), rng.uniform(right, width)]
+    part = Image.fromarray(scene).resize(
+        (SIDE, SIDE), BILINEAR, (*box, rng.uniform(bottom, height))
+    )
+    if rng.random() < 0.5:
+        part = part.transpose(Image.Transpose.FLIP_LEFT_RIGHT)
+    array = np.array(part)
+    return array[..., :3], array[..., 3] > 127
+
+
+def photographed(image, rng):
+    """An image with the effects of a camera, uint8."""
+    image = np.clip(image, 0, 255).astype(np.uint8)
+    image = change_light(image, rng, 0.7, 0.15)
+    image = degrade(image, rng, 1.2, 0.03)
+    return compress(image, rng.uniform(25, 95)) if rng.random() < 0.6 else image
+
+
+def composite(number, objects, backgrounds, scenes=()):
     """Image uint8 [SIDE, SIDE, 3] and mask bool [SIDE, SIDE] of the central object."""
     rng = np.random.default_rng((7, number))
+    if scenes and rng.random() < 0.2:
+        image, mask = part_of(scenes[rng.integers(len(scenes))], rng)
+        return photographed(image, rng), mask
     aspect = np.exp(rng.uniform(-0.55, 0.55))  # width over height of the photo before it is resized
 
     def draw():
-        return objects[rng.integers(len(objects))]
+        group = objects[rng.integers(len(objects))]
+        return group[rng.integers(len(group))]
 
     image = ground_of(backgrounds, rng, aspect).astype(np.float32)
     side = SIDE * (0.25 + 0.7 * rng.random() ** 0.7)
@@ -193,27 +236,31 @@ def composite(number, objects, backgrounds):
         front = placed(draw(), rng, side * rng.uniform(0.2, 0.5), at, aspect, True)
         image = over(image, front)
         mask &= front[..., 3] < 128
-    image = np.clip(image, 0, 255).astype(np.uint8)
-    image = change_light(image, rng, 0.7, 0.15)
-    image = degrade(image, rng, 1.2, 0.03)
-    if rng.random() < 0.6:
-        image = compress(image, rng.uniform(25, 95))
-    return image, mask
-
-
-def encoder_of(path):
-    """The parameters of EfficientNet-Lite0 in a file of weights of a `lite0` network."""
-    prefix = f"params.encoder.{efficientnet.NAME}."
-    leaves = {n.removeprefix(prefix): x for n, x in load_file(path).items() if prefix in n}
-    return traverse_util.unflatten_dict(leaves, sep=".")
+    return photographed(image, rng), mask
 
 
 def prepare(arguments):
     """Loads what `encoded` needs, in the process that makes batches."""
     global _sources, _encode
-    _sources = objects_of(arguments.objects, "train"), backgrounds_of(arguments.backgrounds)
-    print(len(_sources[0]), "objects", len(_sources[1]), "backgrounds", flush=True)
-    net, params = efficientnet.EfficientNetLite0(), encoder_of(arguments.encoder)
+    groups, backgrounds = (
+        objects_of(arguments.objects, "train"),
+        backgrounds_of(arguments.backgrounds),
+    )
+    scenes = [s for f in arguments.scenes for s in samples_of(f, "train") if s[..., 3].any()]
+    _sources = groups, backgrounds, scenes
+    print(
+        *map(len, groups),
+        "objects",
+        len(backgrounds),
+        "backgrounds",
+        len(scenes),
+        "scenes",
+        flush=True,
+    )
+    net, params = (
+        efficientnet.EfficientNetLite0(),
+        read_mask_network(arguments.init)[0][efficientnet.NAME],
+    )
     _encode = jax.jit(lambda image: net.apply({"params": params}, image / jnp.float32(255)))
 
 
@@ -246,14 +293,17 @@ def loss_of(logits, target):
 
 
 def train(arguments):
-    """Trains the decoder and writes the network; every batch is used twice."""
-    net = mask_net.MaskNet()
-    empty = jnp.zeros((1, SIDE, SIDE, 3))
-    params = jax.jit(net.init)(jax.random.key(0), empty)["params"]["decoder"]
-    if arguments.init:
-        params = read_mask_network(arguments.init)[0]["decoder"]
-    decoder = mask_net.MaskDecoder()
-    rate = optax.warmup_cosine_decay_schedule(0, arguments.rate, 100, 2 * arguments.steps, 1e-5)
+    """Trains the decoder and writes the network; each batch is used about twice."""
+    initial, decoder = read_mask_network(arguments.init)[0], mask_net.MaskDecoder()
+    params = initial["decoder"]
+    if arguments.new_decoder:
+        encoder, image = efficientnet.EfficientNetLite0(), jnp.zeros((1, SIDE, SIDE, 3))
+        maps = jax.eval_shape(encoder.apply, {"params": initial[efficientnet.NAME]}, image)
+        maps = [jnp.zeros(each.shape) for each in maps]
+        params = decoder.init(jax.random.key(0), maps)["params"]
+    rate = optax.warmup_cosine_decay_schedule(
+        0, arguments.rate, min(100, arguments.steps), 2 * arguments.steps, 1e-5
+    )
     optimiser = optax.chain(optax.clip_by_global_norm(1.0), optax.adamw(rate, weight_decay=1e-4))
 
     @jax.jit
@@ -284,7 +334,7 @@ def train(arguments):
                 f"{number} of {arguments.steps} batches: loss {loss:.3f}, IoU {iou:.3f}", flush=True
             )
     figures = {"composites": BATCH * (arguments.first + arguments.steps)}
-    params = {efficientnet.NAME: encoder_of(arguments.encoder), "decoder": params}
+    params = {**initial, "decoder": params}
     texts = {"figures": figures, "sources": read_sources(arguments.sources)}
     texts = {name: json.dumps(value) for name, value in texts.items()}
     write_arrays(arguments.out, FORMAT, named_leaves({"params": params}), texts, "float16")
@@ -327,11 +377,14 @@ def main():
         command.add_argument("--objects", nargs="+", required=True)
         command.add_argument("--backgrounds", nargs="+", required=True)
         if action is train:
-            command.add_argument("--encoder", required=True, help="weights of a lite0 network")
+            command.add_argument("--scenes", nargs="*", default=[])
             command.add_argument("--sources", required=True, help="JSON file: data and licences")
             command.add_argument("--steps", type=int, default=720)
             command.add_argument("--rate", type=float, default=2e-3)
-            command.add_argument("--init", default="", help="mask network to continue from")
+            command.add_argument("--init", default=FILE, help="mask network to continue from")
+            command.add_argument(
+                "--new_decoder", action="store_true", help="only its encoder stays"
+            )
             command.add_argument("--first", type=int, default=0, help="number of the first batch")
             command.add_argument("--out", required=True)
         else:
