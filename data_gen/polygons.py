@@ -12,8 +12,9 @@ def cut_ears(outlines: np.ndarray) -> np.ndarray:
     """Triangulates simple polygons, counter-clockwise [p, n, 2], by cutting ears: [p, n - 2, 3].
 
     An ear is a corner whose triangle is convex and contains no other corner. We cut the first ear
-    of each polygon, then the first ear of the rest, and so on. A polygon that intersects itself has
-    as many triangles, but they may overlap.
+    of each polygon, then the first ear of the rest, and so on. Corners at the same place do not
+    count: a bridge to a hole has its two ends twice. A polygon that intersects itself has as many
+    triangles, but they may overlap.
     """
     count, size = outlines.shape[:2]
     parts = -(-count * size**2 // _BLOCK)
@@ -31,6 +32,8 @@ def cut_ears(outlines: np.ndarray) -> np.ndarray:
             inside = _cross(a, b, others) >= 0
             inside &= _cross(b, c, others) >= 0
             inside &= _cross(c, a, others) >= 0
+        for corner in (a, b, c):
+            inside &= (others != corner).any(axis=-1)
         own = (np.arange(size)[:, None] - np.arange(size)) % size
         ears = convex & ~(inside & ~np.isin(own, [0, 1, size - 1])).any(axis=2)
         ear = ears.argmax(axis=1)  # the first corner if there is none

@@ -50,17 +50,22 @@ def test_blocks_of_lines_do_not_change_the_arrays(tmp_path, monkeypatch):
         np.testing.assert_array_equal(parts[key], whole[key])
 
 
-def test_a_concave_polygon_is_not_filled(write):
-    # An L of area 3 in a square of area 4, with each corner as the first one, in six heights.
-    outline = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
-    text = ""
-    for start in range(6):
+# An L of area 3 in a square of edge 2, and a frame in a square of edge 4 around a window of edge 2.
+L = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
+FRAME = [(0, 0), (4, 0), (4, 4), (0, 4), (0, 0), (1, 1), (1, 3), (3, 3), (3, 1), (1, 1)]
+
+
+@pytest.mark.parametrize(("outline", "edge", "area"), [(L, 2, 3), (FRAME, 4, 12)])
+def test_a_polygon_with_a_bay_or_a_hole_is_not_filled(write, outline, edge, area):
+    # Each corner is the first one, in another height.
+    text, size = "", len(outline)
+    for start in range(size):
         text += "".join(f"v {x} {y} {start / 9}\n" for x, y in outline[start:] + outline[:start])
-        text += "f -6 -5 -4 -3 -2 -1\n"
+        text += f"f {' '.join(str(k) for k in range(-size, 0))}\n"
     model = load_model(write("l.obj", text))
     extent = np.ptp(model.vertices, axis=0).max()
-    areas = face_areas(model.vertices, model.faces).reshape(6, 4).sum(axis=1) * 4 / extent**2
-    np.testing.assert_allclose(areas, 3)
+    areas = face_areas(model.vertices, model.faces).reshape(size, -1).sum(axis=1)
+    np.testing.assert_allclose(areas * edge**2 / extent**2, area)
 
 
 def test_materials_and_missing_files(write):
