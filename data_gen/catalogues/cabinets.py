@@ -69,7 +69,7 @@ def generate(kind: str, seed: int, hidden_seed: int) -> Model:
     scale = float(np.ptp(model.vertices[:, 0])) / LENGTH
     about = {**seeds, "hidden": {"depth": share}, "scale": scale}
     turn = turn_about_vertical(0.0 if kind == "front" else TURN)
-    return dataclasses.replace(model, parameters=about, vertices=model.vertices @ turn.T)
+    return dataclasses.replace(model.transformed(turn), parameters=about)
 
 
 def cabinets(seeds: tuple[int, int] = (160, 16), draws: tuple[int, int] = (4, 8)) -> Catalogue:
