@@ -21,6 +21,7 @@ from psgn_jax.system.untrusted import one_line, parse_json
 _MAX_XML = 64 << 20
 
 _ARCHIVES = {"zip", "bz2", "tar.bz2", "tar.gz"}
+_GLTF = ("glb", "gltf")
 _ZIPPED = ("zae", "3mf", "3dxml")  # formats that are zip archives of XML files
 
 # Turns +z into +y, and -y into +z.
@@ -43,7 +44,7 @@ def _faces_in_header(data: bytes, kind: str) -> int:
             words = [w for ln in head.splitlines() for w in ln.split(b"#")[0].split()]
             words = words[1:] if words and words[0].upper().endswith(b"OFF") else words
             return int(words[1]) if len(words) > 1 else 0
-        if kind in ("glb", "gltf"):
+        if kind in _GLTF:
             length = struct.unpack("<I", data[12:16])[0]
             tree = parse_json(data[20 : 20 + length] if kind == "glb" else data, max_depth=64)
             uses: dict[int, int] = {}
@@ -89,8 +90,13 @@ def _resolver(assets: Assets) -> Any:
     return Resolver()
 
 
-def _from_trimesh_material(material: Any, assets: Assets) -> Material:
-    """A material of trimesh (simple or physically based) as a Blinn-Phong material."""
+def _from_trimesh_material(
+    material: Any, assets: Assets, painted: np.ndarray | None = None
+) -> Material:
+    """A material of trimesh (simple or physically based) as a Blinn-Phong material.
+
+    `painted` is the texture of a material that has none.
+    """
     import trimesh
 
     name = str(getattr(material, "name", "") or "")
@@ -113,6 +119,7 @@ def _from_trimesh_material(material: Any, assets: Assets) -> Material:
 
     physical = hasattr(material, "baseColorFactor")
     texture = texture_of(getattr(material, "baseColorTexture" if physical else "image", None))
+    texture = painted if texture is None else texture
     plain = (1.0, 1.0, 1.0, 1.0) if texture is not None else (*GREY, 1.0)
     if physical:
         base = rgba(material.baseColorFactor, plain)
@@ -155,6 +162,15 @@ def palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:
         Material(diffuse=(1.0, 1.0, 1.0), texture=texture.reshape(width, width, 4), name="colours"),
         np.repeat(uv[:, None], 3, axis=1),
     )
+
+
+def _displayed(linear: np.ndarray) -> np.ndarray:
+    """The uint8 RGBA [F, 4] of linear RGB or RGBA [F, 3 or 4], 1 = white."""
+    colours = np.ones((len(linear), 4))
+    colours[:, : linear.shape[1]] = np.nan_to_num(linear).clip(0, 1)
+    colours[:, :3] **= 1 / 2.2
+    result: np.ndarray = (255 * colours).round().astype(np.uint8)
+    return result
 
 
 @contextlib.contextmanager
@@ -244,12 +260,25 @@ def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
                 known[key] = len(materials)
                 materials.append(_from_trimesh_material(visual.material, assets))
             owner = known[key]
+            paint = visual.vertex_attributes.get("color") if kind in _GLTF else None
+            if paint is not None:
+                white = 1 if paint.dtype.kind == "f" else np.iinfo(paint.dtype).max
+                colours = _displayed(paint[corner].mean(axis=1) / white)
+                if materials[owner].texture is None:
+                    owner, (painted, uv) = len(materials), palette(colours)
+                    material = _from_trimesh_material(visual.material, assets, painted.texture)
+                    materials.append(material)
+                elif (colours < 255).any():
+                    assets.warn("vertex colours of faces with a texture are not used")
         else:
             owner, material = len(materials), Material()
             if visual.kind in ("vertex", "face"):
                 whole = visual.kind == "face"
                 colours = visual.face_colors if whole else visual.vertex_colors[corner].mean(axis=1)
-                material, uv = palette(np.asarray(colours).round().astype(np.uint8))
+                colours = np.asarray(colours)
+                if kind in _GLTF:  # linear, like its factors
+                    colours = _displayed(colours / 255)
+                material, uv = palette(colours.round().astype(np.uint8))
             materials.append(material)
         part = {"vertices": vertices, "faces": corner + offset, "normals": normals, "uv": uv,
                 "face_material": np.full(len(corner), owner)}  # fmt: skip

@@ -6,6 +6,7 @@ import zipfile
 import numpy as np
 import pytest
 from helpers.obj_text import png
+from PIL import Image
 
 from data_gen.mesh import UnusableModelError, face_normals, texels
 from data_gen.readers.load import load_model
@@ -77,6 +78,24 @@ def test_vertex_colours_become_a_palette(trimesh, write):
     colours = texels(model.materials[0].texture, model.uv[:, 0])
     assert {tuple(c[:3]) for c in colours.tolist()} <= {(255, 0, 0), (0, 255, 0)}
     assert not model.materials[0].has_alpha  # two of its four texels are not used
+
+
+@pytest.mark.parametrize("case", ["alone", "factor", "texture"])
+def test_vertex_colours_of_gltf_are_linear_factors(trimesh, write, case):
+    box, colours = trimesh.creation.box(), np.full((8, 4), (51, 102, 51, 255), np.uint8)
+    if case == "alone":
+        box.visual.vertex_colors = colours
+    else:
+        picture = {} if case == "factor" else {"baseColorTexture": Image.new("RGB", (1, 1))}
+        material = trimesh.visual.material.PBRMaterial(baseColorFactor=[0.5, 1, 1, 1], **picture)
+        box.visual = trimesh.visual.TextureVisuals(uv=np.zeros((8, 2)), material=material)
+        box.visual.vertex_attributes["color"] = colours
+    model = load_model(write("box.glb", box.export(file_type="glb")))
+    material = model.materials[model.face_material[0]]
+    shown = texels(material.texture, model.uv[:, 0])[0, :3] / 255 * material.diffuse
+    factor = {"alone": (0.2, 0.4, 0.2), "factor": (0.1, 0.4, 0.2), "texture": (0, 0, 0)}[case]
+    np.testing.assert_allclose(shown, np.array(factor) ** (1 / 2.2), atol=0.004)
+    assert any("vertex colours" in line for line in model.warnings) == (case == "texture")
 
 
 def test_nested_brackets_are_refused(write):
