@@ -48,7 +48,7 @@ class FilmSettings:
       saturation: factor of the distance of colours from grey.
       vignette: relative darkening of the corners.
       blur: of the lens, standard deviation in pixels.
-      grain: of the sensor, standard deviation at middle grey, 1 = white.
+      grain: of the sensor, 1 = white; the standard deviation at middle grey is about half of it.
     """
 
     exposure: Annotated[Range, Within(-10, 10)] = (-0.6, 0.5)

@@ -14,8 +14,8 @@ Every row has a cloud of n points for each sample of a split; n is the network's
 - shuffled: the network's predictions for other images of the split. If this row is as good as the
   network, the network ignores its images.
 
-The features are maps of stride 32 of EfficientNet-Lite0 (`models.efficientnet`), averaged over 2x2
-cells, less their mean over the training images.
+The features are maps of stride 32 of EfficientNet-Lite0 (`models.efficientnet`), reduced to 3x4
+cells by a triangle filter, less their mean over the training images.
 """
 
 import dataclasses
