@@ -153,6 +153,8 @@ def test_surfaces_thin_cells_and_empty_predictions(monkeypatch):
     assert (points >= low - 1e-6).all()
     assert (points <= high + 1e-6).all()
     assert on_face.any(axis=1).all()
+    found = comparison.distances(points, {"occupancy": volume, "points": points}, 0)
+    assert found["cd_volume"] > 0  # another cloud of the same surface
     volume[:] = False
     volume[4:6, 4:6, 4:6] = True  # a block
     volume[10, 10, :20] = True  # a rod
