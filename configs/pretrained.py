@@ -9,7 +9,7 @@ Command: python data_gen/free_set.py --packages FOLDER --out records/free
          python data_gen/render.py --catalogue=records --source=records/authors
              --out=records/variants --option variants=8 --sample=1500 --config.views=4
              --config.image.samples=2
-         python data_gen/render.py --config=data_gen/config.py:level --catalogue=records
+         python data_gen/render.py --config=level --catalogue=records
              --source=records/authors --out=records/variants_level --option variants=8
              --sample=700 --seed=5 --config.views=4 --config.image.samples=2
          python -m psgn_jax.main --config=configs/pretrained.py --workdir=runs/pretrained

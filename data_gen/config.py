@@ -1,9 +1,9 @@
 """Configuration of `data_gen/render.py`. Every field is also a flag: `--config.views=8`.
 
-`--config=data_gen/config.py:photo` starts from a preset: "authors" (the default), "r2n2" (the
-camera of 3D-R2N2), "photo" (images that look like photographs), "angles" (the cameras of "photo"
-with the light and shading of "authors") or "level" (like "angles", but with elevations of -8 to 10
-degrees). For your own settings, copy this file and change what it returns.
+`--config=photo` starts from a preset: "authors" (the default), "r2n2" (the camera of 3D-R2N2),
+"photo" (images that look like photographs), "angles" (the cameras of "photo" with the light and
+shading of "authors") or "level" (like "angles", but with elevations of -8 to 10 degrees). For your
+own settings, copy this file and change what it returns.
 """
 
 import ml_collections

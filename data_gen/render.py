@@ -6,11 +6,12 @@ NAME is one of the catalogues below. PATH is the source of this catalogue: a fol
 numbers of models. The folder RECORDS becomes a data set for training. Its file `models.jsonl` has a
 line for each model: status, reason for a refusal, checks and time.
 
-Any setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`. You can kill the
-command; the same command continues where it stopped. The records are identical, byte for byte, for
-any number of workers, restarts or parts. The parts of `--shard=i/n` share the folder; the one that
-finishes last completes the data set. `data_gen/cluster.py` describes what the workers of
-`--scheduler=tcp://host:8786` need.
+Any setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`, and
+`--config=photo` starts from the preset of this name. You can kill the command; the same command
+continues where it stopped. The records are identical, byte for byte, for any number of workers,
+restarts or parts. The parts of `--shard=i/n` share the folder; the one that finishes last completes
+the data set. `data_gen/cluster.py` describes what the workers of `--scheduler=tcp://host:8786`
+need.
 
 A complete data set can be extended: the same command with a larger `--limit`, `--sample` or source
 renders only the new models. Training reads the old state until the new one is complete.
@@ -46,17 +47,31 @@ from data_gen.catalogues.open_catalogue import (
 )
 from psgn_jax.config import structured
 from psgn_jax.config.command_line import Flags
+from psgn_jax.config.structured import ConfigError, suggestion
 from psgn_jax.system.processes import start_command
 from psgn_jax.system.signals import exit_on_signals
 
 _DEFAULT = pathlib.Path(__file__).with_name("config.py")
 
 
+def path_of(value: str) -> str:
+    """The path of settings, given as a path or as a preset's name; `ConfigError` if neither."""
+    if pathlib.Path(value.partition(":")[0]).is_file():  # a colon begins the argument of a file
+        return value
+    if value in settings.PRESETS:
+        return f"{_DEFAULT}:{value}"
+    hint = suggestion(value.rpartition(":")[2], settings.PRESETS)
+    raise ConfigError(
+        f"--config={value}: no such file and no such preset; {hint}expected the path of a .py file "
+        f"or one of {', '.join(sorted(settings.PRESETS))}"
+    )
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command; returns its exit code."""
     usage = "psgn render --catalogue=NAME --source=PATH --out=FOLDER"
     flags = Flags(usage, __doc__, lambda: "\n".join(_details()))
-    flags.config(settings.Settings(), file=str(_DEFAULT))
+    flags.config(settings.Settings(), path_of, str(_DEFAULT))
     flags.enum("catalogue", None, sorted(CATALOGUES), "Where the models come from.")
     flags.string("source", None, "Source of the catalogue: a folder, a file, or numbers of models.")
     flags.string("out", None, "Folder of the data set.")
@@ -105,9 +120,9 @@ def _main(flags: Flags) -> int:
 def _details() -> Iterator[str]:
     """From the docstrings, the catalogues with their options, and the settings."""
     yield (
-        "\n--config=FILE: a Python file whose `get_config` returns the settings;\n"
-        "  `data_gen/config.py:NAME` starts from one of the presets "
-        f"{', '.join(sorted(settings.PRESETS))}."
+        f"\n--config=NAME: one of the presets {', '.join(sorted(settings.PRESETS))};\n"
+        "--config=FILE: a Python file whose `get_config` returns the settings, such as a copy of\n"
+        f"  {_DEFAULT}"
     )
     for name in sorted(CATALOGUES):
         yield from _documented(f"--catalogue={name}", CATALOGUES[name])

@@ -277,13 +277,18 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
         ("--shard=2/2", "--shard=2/2: expected i/n"),
         ("--config.vews=3", "--config.vews=3: no such setting; did you mean 'views'?"),
         ("--config.views=abc", "abc"),
-        ("--config=nowhere.py", "--config=nowhere.py: there is no such file"),
+        ("--config=nowhere.py", "--config=nowhere.py: no such file and no such preset; expected"),
+        (
+            "--config=fotos",
+            "did you mean 'photo'? expected the path of a .py file or one of angles,",
+        ),
         (f"--config={CONFIG}:nobody", "preset 'nobody': expected one of"),
         ("--config.image.rays=9", f"image.rays: {no_effect} image.shading=photo"),
-        ("--seed=3", f"--seed=3: {no_effect} --sample"),
+        # The preset sets image.shading=photo, so that only the seed is wrong.
+        ("--config=photo --config.image.rays=9 --seed=3", f"--seed=3: {no_effect} --sample"),
         ("--exclude=lmap", "--exclude=lmap: no category and no name matches; did you mean 'lamp'?"),
         # Fields may precede --config.
-        (f"--config.camera.aim=(7.,1.) --config={CONFIG}:r2n2", "camera.aim=(7.0, 1.0): accepted"),
+        ("--config.camera.aim=(7.,1.) --config=r2n2", "camera.aim=(7.0, 1.0): accepted"),
     )
     arguments = [["render", *command, *wrong.split(" ")] for wrong, _ in cases]
     imports = ["data_gen.catalogues.open_catalogue"]
@@ -295,6 +300,7 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
         assert said.count("\n") == 1, said
     assert not (tmp_path / "out").exists()
     assert first.returncode == 0
+    assert str(CONFIG) in first.stdout
     text = " ".join(first.stdout.split())
     for part in (
         "source: a folder of records.",
