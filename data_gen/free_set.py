@@ -20,7 +20,7 @@ the preset of that name (`data_gen/config.py`), in `records/free/photo/<source>`
 `--variants=8` replaces each model by 8 variants with other proportions.
 
 Exit codes: 0 done; 1 done, but some sources could not be rendered; 2 wrong arguments, missing
-packages or no data set; 143 stopped by SIGTERM; 130 stopped by Ctrl-C.
+packages or no data set; 5 the disk is full; 143 stopped by SIGTERM; 130 stopped by Ctrl-C.
 """
 
 import contextlib
@@ -48,7 +48,7 @@ from data_gen.catalogues.indexed import INDEX, fits, read_index
 from data_gen.catalogues.open_catalogue import open_catalogue, variants_of
 from psgn_jax.config.command_line import Flags
 from psgn_jax.data.shards import read_report
-from psgn_jax.system.files import write_atomic
+from psgn_jax.system.files import check_folder, is_disk_full, write_atomic
 from psgn_jax.system.processes import start_command
 from psgn_jax.system.signals import exit_on_signals
 from psgn_jax.system.untrusted import message_line
@@ -418,8 +418,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _main(flags: Flags) -> int:
     exit_on_signals()
     given = flags.values
-    if given.out is None and not given.check:
-        raise ValueError("--out is missing")
+    if not given.check:
+        if given.out is None:
+            raise ValueError("--out is missing")
+        check_folder(given.out, "--out")
     unknown = [name for name in given.sources if name not in SOURCES]
     if unknown:
         raise ValueError(f"--sources: got {unknown[0]!r}, expected some of {list(SOURCES)}")
@@ -433,9 +435,12 @@ def _main(flags: Flags) -> int:
     made, problems = _render(parts, given)
     if given.check:
         return 0
+    sys.stdout.write("\n".join(["", *problems, ""]))
+    if not made:
+        raise ValueError("no data set was made")
     paths = shlex.quote(",".join(str(pathlib.Path(given.out) / folder) for folder in made))
-    sys.stdout.write("\n".join(["", *problems, f"--config.data.path={paths}", ""]))
-    return 2 if not made else 1 if problems else 0
+    sys.stdout.write(f"--config.data.path={paths}\n")
+    return 1 if problems else 0
 
 
 def _render(parts: Sequence[Part], given: Any) -> tuple[list[str], list[str]]:
@@ -464,6 +469,8 @@ def _render(parts: Sequence[Part], given: Any) -> tuple[list[str], list[str]]:
             lines[part.folder] = done.lines
             text = write_table(out, parts, given.packages, lines)
         except (ValueError, OSError) as error:
+            if is_disk_full(error):
+                raise
             problems.append(f"not made: {part.folder}: {message_line(error)}")
             logging.error("%s", problems[-1])
     sys.stdout.write(f"{count} images\n" if given.check else text)

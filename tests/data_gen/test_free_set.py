@@ -1,3 +1,4 @@
+import errno
 import gzip
 import json
 import types
@@ -184,13 +185,26 @@ def test_the_table(write, tmp_path):
     assert rows[0]["folders"] == ["level/chairs", "chairs", "photo/chairs"]
 
 
-def test_a_source_without_samples_is_not_made(tmp_path, monkeypatch):
+def test_a_source_without_samples_is_not_made(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(free_set.job, "render_catalogue", lambda *_: Progress(40, (), True))
     given = {"packages": "", "fraction": 1, "variants": 0, "check": False, "centre": "bounds"}
     given |= {"workers": 0, "variant": "auto", "out": tmp_path}
     made, problems = free_set._render(free_set.plan([small()]), types.SimpleNamespace(**given))
     place = tmp_path / "chairs" / "models.jsonl"
     assert (made, problems) == ([], [f"not made: chairs: no model has samples, see {place}"])
+    monkeypatch.setattr(free_set, "exit_on_signals", lambda: None)
+    arguments = [f"--packages={tmp_path}", f"--out={tmp_path}", "--sources=procedural"]
+    assert free_set.main(arguments) == 2
+    said = capsys.readouterr()
+    assert "not made: procedural" in said.out
+    assert "data.path" not in said.out  # which would name the default data set
+    assert said.err.endswith("error: no data set was made\n")
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "full")
+
+    monkeypatch.setattr(free_set.job, "render_catalogue", full)
+    assert free_set.main(arguments) == 5
 
 
 def test_what_is_wrong_is_said_before_the_work(tmp_path):
@@ -198,6 +212,7 @@ def test_what_is_wrong_is_said_before_the_work(tmp_path):
         ([], "--packages is missing"),
         (["--packages=/nowhere", "--out=x"], "apt-get download sweethome3d-furniture"),
         (["--packages=.", "--out=x", "--sources=cats"], "got 'cats'"),
+        (["--packages=.", "--out=/dev/null", "--sources=procedural"], "error: --out=/dev/null: it"),
         (["--packages=.", "--out=x", "--fraction=2"], "fraction"),
         (["--packages=.", "--out=x", "cats"], "unexpected argument 'cats'"),
     )
