@@ -21,9 +21,21 @@ def with_default_data(config: Config, *, training: bool = True) -> Config:
 
     `data.path` stays empty, so the configuration in the folder of a run does not change. Without
     `training`, a configuration with `data.eval_path` needs no other records.
+
+    Raises:
+      ConfigError: the task needs several views of each model, or as `default_dataset`.
+      UserError: the cache folder cannot be written.
     """
-    if config.data.path or (config.data.eval_path and not training):
+    given = config.data
+    if given.path or (given.eval_path and not training):
         return config
+    views = max(given.train_views * training, given.eval_views * (not given.eval_path))
+    if views > 1:
+        raise ConfigError(
+            f"data.path is empty, and the default data set has one view of each model, but "
+            f"task={config.task!r} needs {views}: set data.path to a folder of records with "
+            f"{views} views, such as one of psgn render --config.views={views}"
+        )
     data = dataclasses.replace(config.data, default_folder=default_dataset())
     return dataclasses.replace(config, data=data)
 

@@ -8,7 +8,7 @@ from data_gen import default as recipe
 from data_gen import engine, job, settings
 from data_gen.engine import has_mitsuba
 from psgn_jax.commands import default_data
-from psgn_jax.config.experiment import Config, ConfigError, to_dict
+from psgn_jax.config.experiment import Config, ConfigError, parse, to_dict
 from psgn_jax.data import shards
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.manifest import Manifest, load_manifest, save_manifest
@@ -26,6 +26,8 @@ def test_without_mitsuba_the_remedy_is_named(monkeypatch):
     monkeypatch.setattr(engine, "has_mitsuba", lambda: False)
     with pytest.raises(ConfigError, match=r"pip install 'psgn-jax\[render\]'"):
         default_data.with_default_data(Config())
+    with pytest.raises(ConfigError, match=r"'views' needs 5: .* --config\.views=5"):
+        default_data.with_default_data(parse({"task": "views"}))
 
 
 def test_a_complete_one_is_taken_as_it_is(cache, monkeypatch, caplog):
