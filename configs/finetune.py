@@ -10,8 +10,8 @@ squared of the validation models fell from .0061 to .0043 (docs/predict.md).
 
 WEIGHTS is a file of weights, the folder of a run, or the name of weights in the package, listed by
 `psgn weights list`. Network, input and loss are those of `pretrained.py`. If the
-weights are from another network, an error names the layers that do not fit. The learning rate is a
-third of that of `pretrained.py`, because the network is already trained.
+weights are from another network, an error names the layers that do not fit. The learning rate is
+two fifths of that of `pretrained.py`, because the network is already trained.
 """
 
 import ml_collections
