@@ -61,6 +61,7 @@ function meshesOf(model) {
 
 const emptyEntry = () => ({ seconds: 0, done: false, model: { turn: 0, x: 0, y: 0, parts: [] }, undo: [], redo: [] });
 const state = { entries: data.cases.map(emptyEntry), at: 0, selected: -1, mode: "move", active: -Infinity };
+let kept = ""; // the text in this browser, as far as this tab knows
 const entry = () => state.entries[state.at], model = () => entry().model, selected = () => model().parts[state.selected];
 
 /** Changes the model in one step of undo; while a handle is dragged, the step was begun before. */
@@ -135,9 +136,18 @@ function restore(text) {
   Object.assign(state, { entries, selected: -1 });
 }
 
+/** Restores what this browser has kept. */
+function follow(text) {
+  restore(text);
+  kept = savedModels(false);
+}
+
+/** Writes only what was changed here: another tab may have changed more. */
 function keep() {
+  const text = savedModels(false);
   try {
-    localStorage.setItem(KEY, savedModels(false));
+    if (text !== kept) localStorage.setItem(KEY, text);
+    kept = text;
     $("status").textContent = "Saved in this browser";
   } catch {
     $("status").textContent = "This browser cannot keep your work: press Save all before you leave";
@@ -366,8 +376,13 @@ addEventListener("keydown", event => {
 
 try {
   const saved = localStorage.getItem(KEY);
-  if (saved) restore(saved);
+  if (saved) follow(saved);
 } catch { /* what this browser has kept is not usable */ }
 open(0);
 addEventListener("pagehide", keep);
+addEventListener("storage", ({ key, newValue }) => { // another tab has kept more
+  if (key !== KEY || !newValue) return;
+  follow(newValue);
+  show();
+});
 globalThis.human = { state, views, insert, meshesOf, model, toWorld, project };
