@@ -109,7 +109,7 @@ def write_network(
         logging.info("%s: %.1f MB, %s", name, size / 1e6, _summary(checked))
 
     for stored in weights:
-        texts = {"name": run.source, "format": FORMAT}
+        texts = {"name": description["name"], "format": FORMAT}
         content = onnx_file.to_onnx(network, network.inputs, "points", stored, texts)
         write(ONNX_NAMES[stored], stored, content, session(content)(inputs))
     if stablehlo:
@@ -232,7 +232,7 @@ def _describe(run: Trained, network: PortableNetwork) -> dict[str, Any]:
         latents = sampling.sample_latents(network.config, 0, 1, LATENTS, 0)[0].tolist()
     return {
         "format": FORMAT,
-        "name": pathlib.Path(run.source).name if run.source else "",
+        "name": os.path.basename(os.path.abspath(run.source)) if run.source else "",
         "step": run.step,
         "inputs": [item._asdict() | {"shape": list(item.shape)} for item in network.inputs],
         "num_points": network.num_points,

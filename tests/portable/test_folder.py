@@ -120,7 +120,8 @@ def exported(tmp_path_factory):
     out = tmp_path_factory.mktemp("export")
     solids = drawn_solids.samples(5, seed=0, image_size=(48, 64))
     write_dataset(out / "records", {"validation": solids}, source="solids")
-    run = make_run(model__random_size=3)._replace(sources=helper.SOURCES)
+    source = "/home/ada/runs/tiny/."
+    run = make_run(model__random_size=3)._replace(sources=helper.SOURCES, source=source)
     about = folder.write_folder(
         run, out / "network", weights=("float32", "float16"), data=str(out / "records")
     )
@@ -135,6 +136,8 @@ def test_what_the_folder_says_of_itself(exported):
         content = (out / name).read_bytes()
         assert (len(content), hashlib.sha256(content).hexdigest()) == (row["bytes"], row["sha256"])
     assert np.shape(about["latents"]) == (folder.LATENTS, 3)
+    (own,) = (p.value for p in onnx.load(out / "network.onnx").metadata_props if p.key == "name")
+    assert about["name"] == own == "tiny"  # without the folders of this machine
     text = (out / "README.md").read_text()
     assert "`r` | float32 [batch, draws, 3]" in text
     assert "chairs: CC-BY-3.0 (Ada, Bo)" in text
