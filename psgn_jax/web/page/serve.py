@@ -4,6 +4,7 @@ import contextlib
 import functools
 import http.server
 import pathlib
+import re
 from http import HTTPStatus
 from typing import Any
 from urllib.parse import urlsplit
@@ -44,10 +45,11 @@ class _Handler(http.server.SimpleHTTPRequestHandler):
             super().handle()
 
     def send_head(self) -> Any:
-        port = self.connection.getsockname()[1]
-        if self.headers.get("Host") in (f"127.0.0.1:{port}", f"localhost:{port}"):
+        # Any port: browsers leave 80 out, and a tunnel has its own.
+        if re.fullmatch(r"(127\.0\.0\.1|localhost)(:\d+)?", self.headers.get("Host") or ""):
             return super().send_head()
-        return self.send_error(HTTPStatus.FORBIDDEN)
+        why = "The address must begin with http://127.0.0.1 or http://localhost."
+        return self.send_error(HTTPStatus.FORBIDDEN, explain=why)
 
     def translate_path(self, path: str) -> str:
         """The requested file; "", which cannot be opened, if it is not in the folder."""
