@@ -43,7 +43,8 @@ def _main(flags: Flags) -> None:
     if not values.serve:
         return
     with server(pathlib.Path(values.out), values.port) as running:
-        sys.stdout.write(f"http://localhost:{running.server_port}/ (Ctrl-C ends it)\n")
+        # Not localhost: another program may listen on that name's IPv6 address.
+        sys.stdout.write(f"http://127.0.0.1:{running.server_port}/ (Ctrl-C ends it)\n")
         sys.stdout.flush()
         with contextlib.suppress(KeyboardInterrupt):
             running.serve_forever()
