@@ -15,6 +15,7 @@ from collections.abc import Sequence
 
 from psgn_jax.config.command_line import Flags
 from psgn_jax.data.schema import RecordError
+from psgn_jax.system.files import is_disk_full
 from psgn_jax.system.untrusted import message_line, one_line
 from psgn_jax.viewing import spheres
 from psgn_jax.viewing.inspection import make_sheet, report
@@ -39,6 +40,12 @@ def _main(flags: Flags) -> int:
     except RecordError as error:
         sys.stderr.write(f"no contact sheet: {message_line(error)}\n")
         return 1
-    spheres.write_picture(sheet, target)
-    sys.stdout.write(f"contact sheet: {one_line(target)}\n")
+    try:
+        spheres.write_picture(sheet, target)
+        sys.stdout.write(f"contact sheet: {one_line(target)}\n")
+    except OSError as error:
+        if values.sheet or is_disk_full(error):
+            raise
+        why = f"{one_line(target.parent)}: {error.strerror}"
+        sys.stderr.write(f"no contact sheet: {why}; give --sheet\n")
     return 0 if whole else 1

@@ -1,3 +1,5 @@
+import errno
+
 import numpy as np
 from PIL import Image
 
@@ -15,6 +17,17 @@ def test_report_and_sheet(dataset, tmp_path, capsys):
     picture = np.asarray(Image.open(sheet))
     assert picture.shape == (2 * (48 + 16) + 12, 2 * (3 * 64 + 12) + 12, 3)
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 100
+
+
+def test_a_folder_that_cannot_be_written_can_be_checked(copied, capsys, monkeypatch):
+    def refuse(*_, **__):
+        raise OSError(errno.EROFS, "Read-only file system", ".sheet.png.1a2b.tmp")
+
+    monkeypatch.setattr(inspect.spheres, "write_picture", refuse)
+    assert inspect.main([str(copied), "--samples", "1"]) == 0
+    shown = capsys.readouterr()
+    assert shown.err == f"no contact sheet: {copied}: Read-only file system; give --sheet\n"
+    assert inspect.main([str(copied), "--samples", "1", "--sheet", "x.png"]) == 2
 
 
 def test_samples_off_their_masks_are_flagged(make, rng, tmp_path):
