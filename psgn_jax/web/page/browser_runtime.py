@@ -18,6 +18,7 @@ from absl import logging
 
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.system.files import cache_folder, write_atomic
+from psgn_jax.system.untrusted import message_line
 
 VERSION = "1.30.0"
 FILES = {
@@ -47,12 +48,15 @@ def runtime_files(given: str | os.PathLike[str] = "") -> dict[str, bytes]:
     if given:
         return _checked(_read(pathlib.Path(given)), f"runtime={given}")
     kept = cache_folder() / f"onnxruntime-web-{VERSION}"
-    with contextlib.suppress(ConfigError):  # it is incomplete or damaged
+    with contextlib.suppress(ConfigError, OSError):  # it is incomplete, damaged or unreadable
         return _checked(_read(kept), str(kept))
     with tempfile.TemporaryDirectory(prefix="psgn-page-") as folder:
         files = _checked(_read(_packed(pathlib.Path(folder))), "the npm registry's package")
-    for name, content in files.items():
-        write_atomic(kept / name, content, sync=False)
+    try:
+        for name, content in files.items():
+            write_atomic(kept / name, content, sync=False)
+    except OSError as error:
+        logging.warning("onnxruntime-web is not kept: %s", message_line(error))
     return files
 
 

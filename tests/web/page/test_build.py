@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import os
 import subprocess
 import tarfile
 
@@ -65,6 +66,8 @@ def test_npm_fills_the_cache_once_and_without_it_the_way_out_is_named(
     damaged.write_bytes(b"")
     assert lib.runtime_files() == small_runtime
     assert len(commands) == 2
+    monkeypatch.setenv("PSGN_CACHE", os.devnull)  # nothing can be kept there
+    assert lib.runtime_files() == small_runtime
     monkeypatch.undo()
     monkeypatch.setenv("PSGN_CACHE", str(tmp_path))
     monkeypatch.setattr(lib.shutil, "which", lambda _: None)
