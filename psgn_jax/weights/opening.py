@@ -90,7 +90,7 @@ def open_initial(config: Config) -> Trained:
     """
     init = config.train.init
     names = [name.strip() for name in init.split(",")]
-    if len(names) == 1 or pathlib.Path(init).exists():
+    if len(names) == 1 or os.path.exists(init):  # False for a list that is too long for a name
         return _open(config, init)
     if "" in names:
         raise ConfigError(f"train.init={init!r}: a name is empty; accepted: names between commas")
@@ -114,7 +114,7 @@ def open_initial(config: Config) -> Trained:
 
 def _open(config: Config, init: str) -> Trained:
     path = pathlib.Path(init)
-    if not path.exists() and init not in shipped():
+    if not os.path.exists(init) and init not in shipped():
         raise ConfigError(
             f"train.init={init!r}: does not exist; accepted: the folder of a trained run, a file "
             f"of weights, or the name of weights in the package ({', '.join(shipped())})"

@@ -101,5 +101,7 @@ def test_several_networks_start_as_their_mean(tmp_path):
         open_initial(with_init(config, f"{files[0]},{files[1]}"))
     with pytest.raises(ConfigError, match=r"train\.init='nothing': does not exist"):
         open_initial(with_init(config, f"{files[0]},nothing"))
+    with pytest.raises(ConfigError, match=r"train\.init='x': does not exist"):
+        open_initial(with_init(config, ",".join("x" * 150)))
     with pytest.raises(ConfigError, match="a name is empty; accepted: names between commas"):
         open_initial(with_init(config, f"{files[0]},"))
