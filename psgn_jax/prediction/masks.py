@@ -91,16 +91,21 @@ def mask_of(
       PhotoError: the mask cannot be used.
       ValueError: `invert` without a mask.
     """
-    name = "given"
+    name, hint = "given", ""
     if mask is None and method == "auto" and read.path is not None:
         # A result that nobody has changed is not used.
-        files = images_named(read.path.parent, f"{read.path.stem}_mask")
+        files = list(images_named(read.path.parent, f"{read.path.stem}_mask"))
         mask = next((file for file in files if not is_result(file)), None)
         name = mask.name if mask else name
+        if files:
+            hint = f"; {files[0].name} beside it is an unchanged proposal"
     if mask is None:
         if invert is not None:
             raise ValueError("invert_mask: accepted only with a given mask")
-        return find_mask(read.image, read.alpha, method, accept=accept)
+        try:
+            return find_mask(read.image, read.alpha, method, accept=accept)
+        except UncertainMaskError as error:
+            raise UncertainMaskError(f"{error}{hint}", error.mask) from None
     pixels, warnings = photo.read_mask(mask, read), []
     if invert is None and _looks_inverted(pixels):
         warnings.append("the mask covers the border but not the middle: it was inverted")

@@ -227,8 +227,10 @@ def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch
     np.testing.assert_array_equal(accepted.mask, proposed)
     np.testing.assert_array_equal(predicted(mask=str(out)).points, accepted.points)
     # Beside the photo, a proposal is used only after it was mended, and then it is not replaced.
-    for _ in range(2):
-        assert isinstance(predicted(tmp_path), masks.UncertainMaskError)
+    for hint in ("", "; a_mask.png beside it is an unchanged proposal"):
+        refused = predicted(tmp_path)
+        assert isinstance(refused, masks.UncertainMaskError)
+        assert f"set accept_mask{hint}; its proposal is " in str(refused)
     mended = proposed.copy()
     mended[40:60, 10:20] = True
     Image.fromarray(mended).save(tmp_path / "a_mask.png")
