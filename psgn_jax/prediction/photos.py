@@ -11,7 +11,7 @@ import dataclasses
 import json
 import os
 import pathlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,12 +21,12 @@ from PIL import Image
 from psgn_jax.config.experiment import ConfigError, to_dict
 from psgn_jax.data import photo
 from psgn_jax.prediction import masks
-from psgn_jax.prediction.cloud import DEFAULT_FORMATS, FC, Prediction
+from psgn_jax.prediction.cloud import DEFAULT_FORMATS, FC, FORMATS, Prediction
 from psgn_jax.prediction.predictor import Clock, Predictor
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import is_disk_full, write_atomic
 from psgn_jax.system.untrusted import read_json
-from psgn_jax.viewing.predictions import VERSION
+from psgn_jax.viewing.predictions import MOST_CLOUDS, VERSION
 
 _FORMAT = "psgn_jax prediction"
 
@@ -46,7 +46,8 @@ def predict_files(
     """Predicts clouds for files and folders of images, one by one, and writes them to `out`.
 
     In a folder, we leave out the results of earlier runs. Only these are replaced, as far as the
-    last `NAME.json` lists them. If there is another file of the same name, results get a number.
+    last `NAME.json` lists them; a cloud that is not written again is deleted, unless it was changed
+    since. If there is another file of the same name, results get a number.
     `mask_from`, `invert_mask`, `accept_mask` and further options are as for `Predictor.__call__`.
 
     Args:
@@ -138,9 +139,10 @@ def _write(
 ) -> None:
     """Writes the results for an image, and their duration into `result.seconds`."""
     clock, files, view = Clock(), _files(name, formats, len(result.points)), f"{name}_view.png"
+    old = _old(out, name, files)
 
     def write_record() -> None:
-        document = _record(predictor, result, path, [*files, view], seed)
+        document = _record(predictor, result, path, [*files, view, *old], seed)
         text = json.dumps(document, indent=2, allow_nan=False) + "\n"
         write_atomic(out / f"{name}.json", text, sync=False)
 
@@ -150,7 +152,18 @@ def _write(
     write_atomic(out / view, masks.result_png(result.view.image), sync=False)
     clock.lap("write")
     result.seconds.update(clock.laps)
+    while old:
+        (out / old.pop()).unlink(missing_ok=True)
     write_record()
+
+
+def _old(out: pathlib.Path, name: str, new: Mapping[str, int]) -> list[str]:
+    """The clouds of an earlier run that `new` does not replace, unchanged since that run."""
+    record = out / f"{name}.json"
+    possible = {*_files(name, FORMATS, 1), *_files(name, FORMATS, MOST_CLOUDS)}
+    listed = [out / file for file in sorted(_results(record) & possible - new.keys())]
+    ours = [p for p in listed if p.is_file() and p.stat().st_mtime_ns <= record.stat().st_mtime_ns]
+    return [path.name for path in ours]
 
 
 def _files(name: str, formats: Sequence[str], samples: int) -> dict[str, int]:

@@ -1,6 +1,7 @@
 """From image files to clouds: the output, refused files, and the effect of one bad file."""
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -191,6 +192,16 @@ def test_results_never_replace_other_files_and_are_no_inputs(predictor, tmp_path
     next(predict_files(lambda: predictor, lamp, tmp_path, samples=2))
     assert (tmp_path / "lamp_1.ply").read_bytes() == before["lamp_1.ply"]
     assert (tmp_path / "lamp-2_1.ply").exists()
+    # Clouds that are not written again are deleted, unless they were changed since.
+    mine, record = tmp_path / "lamp.ply", tmp_path / "lamp.json"
+    mine.write_text("a mesh")
+    os.utime(mine, ns=(0, record.stat().st_mtime_ns + 10**9))
+    next(predict_files(lambda: predictor, lamp, tmp_path, samples=2, formats=["obj"]))
+    written = {"lamp_0.obj", "lamp_1.obj", "lamp_view.png"}
+    others = {lamp[0].name, mine.name, record.name, "lamp_1.ply"}
+    assert {path.name for path in tmp_path.glob("lamp[._]*")} == written | others
+    assert set(json.loads(record.read_text())["files"]) == written
+    assert mine.read_text() == "a mesh"
     listed = sorted([*tmp_path.glob("*.jpg"), *tmp_path.glob("*.png")])  # as a shell expands p/*
     results = dict(predict_files(lambda: predictor, listed, tmp_path))
     assert sorted(path.name for path in results) == list(names)
