@@ -261,9 +261,23 @@ def test_files_that_are_no_photos_end_in_a_sentence_and_the_page_goes_on(open_pa
     Image.new("RGB", (3000, 2000), (240, 240, 240)).save(tmp_path / "large.jpg")
     give(page, tmp_path / "large.jpg")
     assert page.evaluate("[psgn.page.photo.width, psgn.page.photo.height]") == [1600, 1067]
+    # Of two photos, the one chosen last stays, even if the other takes longer.
+    page.evaluate(
+        """() => {
+          const read = createImageBitmap;
+          createImageBitmap = async (file, ...more) => {
+            if (file.name === "large.jpg") await new Promise(act => setTimeout(act, 3000));
+            return read(file, ...more).finally(() => { psgn.last = file.name ?? psgn.last; });
+          };
+        }"""
+    )
+    page.set_input_files("#file", str(tmp_path / "large.jpg"))
     give(page, tmp_path / "cut.png")
     assert problem(page) == ""
     assert "points in" in status(page)
+    wait(page, "psgn.last === 'large.jpg'")
+    page.wait_for_timeout(500)
+    assert page.evaluate("psgn.page.name") == "cut"
 
 
 def answering(answer):

@@ -23,8 +23,8 @@ function opaqueIn(rgba) {
   return mask;
 }
 
-/** photo: { rgb, width, height, bitmap }; maskSession: of the mask network, once a photo needs it; mask: the context of a canvas that is opaque on the object; doubt: what to say of that mask until it is changed; clouds: one for each guess. */
-const page = { photo: null, mask: null, doubt: "", history: [], clouds: [], sample: 0, name: "" };
+/** photo: { rgb, width, height, bitmap }; maskSession: of the mask network, once a photo needs it; mask: the context of a canvas that is opaque on the object; doubt: what to say of that mask until it is changed; clouds: one for each guess; turns: how many files of each kind were chosen. */
+const page = { photo: null, mask: null, doubt: "", history: [], clouds: [], sample: 0, name: "", turns: { photo: 0, mask: 0 } };
 const viewer = new CloudView([$("cloud")]);
 
 function say(text) {
@@ -46,8 +46,13 @@ const guarded = step => async (...values) => {
 
 // --- photo and mask files ------------------------------------------------------------------------
 
-/** Decodes an image, turned upright and reduced to MAX_SIDE: { bitmap, width, height, rgba }. */
-async function decode(file) {
+/** Decodes an image, turned upright and reduced to MAX_SIDE: { bitmap, width, height, rgba }. It never ends if another of its kind is chosen meanwhile. */
+function decode(file, kind) {
+  const turn = ++page.turns[kind];
+  return decoded(file).finally(() => turn === page.turns[kind] || new Promise(() => {}));
+}
+
+async function decoded(file) {
   if (file.size > MAX_BYTES) throw new PhotoError(`This file has ${Math.round(file.size / 1e6)} MB; up to ${MAX_BYTES / 1e6} MB can be read.`);
   const whole = await createImageBitmap(file, { imageOrientation: "from-image" }).catch(() => {
     throw new PhotoError(`${file.name} is not an image that this browser can read; expected JPEG, PNG or WebP.`);
@@ -69,7 +74,7 @@ const open = guarded(async files => {
   const [file] = files.filter((_, i) => i !== masked);
   if (!file) throw new PhotoError("What you dropped is not a file; save the picture first, then drop the file.");
   say("Reading the photo");
-  const { bitmap, width, height, rgba } = await decode(file);
+  const { bitmap, width, height, rgba } = await decode(file, "photo");
   page.name = file.name.replace(/\.[^.]*$/, "").replace(/[^\w-]+/g, "_");
   page.photo = { bitmap, width, height, rgb: withoutAlpha(rgba) };
   page.mask = contextOf(width, height);
@@ -89,7 +94,8 @@ const open = guarded(async files => {
 
 const openMask = guarded(async file => {
   if (!file) return;
-  const { width, height } = page.photo, { bitmap, ...read } = await decode(file);
+  const { photo } = page, { width, height } = photo, { bitmap, rgba, ...read } = await decode(file, "mask");
+  if (page.photo !== photo) return; // another photo was opened
   if (!sameProportions(read.width, read.height, width, height)) {
     throw new PhotoError(`The mask has ${read.width} x ${read.height} pixels; expected the photo's ${width} x ${height} or the same proportions.`);
   }
