@@ -6,6 +6,7 @@ Tests therefore evaluate expressions repeatedly.
 
 import pathlib
 import re
+import shutil
 import time
 
 import numpy as np
@@ -163,6 +164,14 @@ def test_masks_from_transparency_from_files_and_drawn(open_page, predictor, tmp_
     give(page, tmp_path / "cut.png")
     expected = predictor(rgba, samples=8).points
     np.testing.assert_allclose(clouds(page)[0], expected, atol=1e-4)
+    shutil.copy(tmp_path / "my chair.png", tmp_path / "chair_mask.png")
+    give(page, tmp_path / "my chair.png", tmp_path / "chair_mask.png")
+    assert problem(page).startswith("The mask looks like a photograph")
+    Image.new("L", (320, 240), 255).save(tmp_path / "chair_mask.png")
+    give(page, tmp_path / "my chair.png", tmp_path / "chair_mask.png")
+    assert problem(page).startswith("The mask covers the whole image")
+    give(page, tmp_path / "cut.png", tmp_path / "my chair.png")
+    assert problem(page).startswith("Open one photo at a time")
     # A mask for an open photo.
     give(page, tmp_path / "my chair.png")
     settled(page, lambda: page.click("#clear"))

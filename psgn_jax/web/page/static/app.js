@@ -6,7 +6,7 @@ import { FORMATS } from "./files.js";
 import { coloursFromView, intoSilhouette, meanWithMirror, mirrored, mostOutside, networkInputs, normalForm, PhotoError, place, sameProportions, strayPoints } from "./framing.js";
 
 const SAMPLES = 8, PAUSE = 120, HISTORY = 10, VEIL = "rgba(18, 24, 40, .68)", EDGE = "#ffb020";
-const RUNTIME = "runtime/ort-wasm-simd-threaded.wasm.gz", MAX_BYTES = 80e6, MAX_SIDE = 1600, MIN_SIDE = 16;
+const RUNTIME = "runtime/ort-wasm-simd-threaded.wasm.gz", MAX_BYTES = 80e6, MAX_SIDE = 1600, MIN_SIDE = 16, MOST_BETWEEN = 0.08;
 const $ = id => document.getElementById(id);
 const each = (selector, act) => document.querySelectorAll(selector).forEach(act);
 const make = (tag, fields) => Object.assign(document.createElement(tag), fields);
@@ -68,9 +68,10 @@ async function decoded(file) {
 
 const withoutAlpha = rgba => new Uint8Array(3 * rgba.length / 4).map((_, i) => rgba[4 * Math.floor(i / 3) + i % 3]);
 
-/** Opens a photo (a file or an <img>), and its mask if there is a second file: the one called NAME_mask. */
+/** Opens a photo (a file or an <img>), and its mask if there is a second file, called NAME_mask. */
 const open = guarded(async files => {
-  const masked = files.length > 1 ? Math.max(0, files.findIndex(file => /_mask\.\w+$/.test(file.name))) : -1;
+  const masked = files.length > 1 ? files.findIndex(file => /_mask\.\w+$/.test(file.name)) : -1;
+  if (files.length > (masked < 0 ? 1 : 2)) throw new PhotoError("Open one photo at a time; a second file must be its mask, called NAME_mask.");
   const [file] = files.filter((_, i) => i !== masked);
   if (!file) throw new PhotoError("What you dropped is not a file; save the picture first, then drop the file.");
   say("Reading the photo");
@@ -101,13 +102,16 @@ const openMask = guarded(async file => {
   }
   const context = contextOf(width, height);
   context.drawImage(bitmap, 0, 0, width, height);
-  const data = pixelsOf(context), transparent = data.some((v, i) => i % 4 === 3 && v < 255);
-  const luma = Uint8Array.from({ length: width * height }, (_, i) => Math.round(
-    0.299 * data[4 * i] + 0.587 * data[4 * i + 1] + 0.114 * data[4 * i + 2],
-  ));
-  const half = luma.reduce((a, b) => Math.max(a, b)) / 2;
+  const transparent = rgba.some((v, i) => i % 4 === 3 && v < 255);
+  const levelsOf = data => Uint8Array.from({ length: data.length / 4 }, (_, i) => transparent
+    ? data[4 * i + 3]
+    : Math.round(0.299 * data[4 * i] + 0.587 * data[4 * i + 1] + 0.114 * data[4 * i + 2]));
+  const own = levelsOf(rgba), top = own.reduce((a, b) => Math.max(a, b));
+  const between = sum(own.map(level => level > 0.1 * top && level < 0.9 * top)) / own.length;
+  if (between > MOST_BETWEEN) throw new PhotoError("The mask looks like a photograph; expected white on the object, black elsewhere.");
+  if (own.every(level => level > top / 2)) throw new PhotoError("The mask covers the whole image; expected white on the object, black elsewhere.");
   remember();
-  setMask(transparent ? opaqueIn(data) : luma.map(level => level > half));
+  setMask(levelsOf(pixelsOf(context)).map(level => level > top / 2));
 });
 
 /** The mask that the mask network finds, like `find_mask` in Python, and its doubt. */
