@@ -24,6 +24,8 @@ pytestmark = pytest.mark.slow
 SECONDS = 120
 CHAIR = pathlib.Path(__file__).resolve().parents[3] / "docs" / "photos" / "chair.jpg"
 SHAPE = (240, 320)
+DRAWN = """(photo => photo.getContext("2d").getImageData(0, 0, photo.width, photo.height).data
+  .some(value => value))(document.getElementById("photo"))"""
 
 
 @pytest.fixture(scope="module")
@@ -164,9 +166,12 @@ def test_masks_from_transparency_from_files_and_drawn(open_page, predictor, tmp_
     give(page, tmp_path / "cut.png")
     expected = predictor(rgba, samples=8).points
     np.testing.assert_allclose(clouds(page)[0], expected, atol=1e-4)
+    # If the mask is refused, the photo is shown without the earlier cloud.
     shutil.copy(tmp_path / "my chair.png", tmp_path / "chair_mask.png")
     give(page, tmp_path / "my chair.png", tmp_path / "chair_mask.png")
     assert problem(page).startswith("The mask looks like a photograph")
+    assert (page.evaluate("psgn.page.clouds"), page.evaluate(DRAWN)) == ([], True)
+    assert not page.is_visible("[data-format=ply]")
     Image.new("L", (320, 240), 255).save(tmp_path / "chair_mask.png")
     give(page, tmp_path / "my chair.png", tmp_path / "chair_mask.png")
     assert problem(page).startswith("The mask covers the whole image")

@@ -82,6 +82,9 @@ const open = guarded(async files => {
   Object.assign(page, { history: [], doubt: "" });
   Object.assign($("photo"), { width, height }).style.setProperty("--ratio", width / height);
   document.body.classList.add("has-photo");
+  clearTimeout(timer);
+  removeClouds();
+  draw();
   const opaque = opaqueIn(rgba), share = sum(opaque) / opaque.length;
   if (masked >= 0) await openMask(files[masked]);
   else if (share > 0.0005 && share < 0.97) setMask(opaque);
@@ -158,7 +161,6 @@ const undo = () => setMask(page.history.pop() ?? maskArray());
 
 let timer = 0;
 function changed() {
-  $("undo").disabled = !page.history.length;
   draw();
   clearTimeout(timer);
   timer = setTimeout(predict, PAUSE);
@@ -178,6 +180,7 @@ function draw(path = []) {
   context.drawImage(bitmap, 0, 0);
   context.drawImage(layer.canvas, 0, 0);
   Object.assign(context, { strokeStyle: "#fff", lineWidth: 2 * reach }).stroke(pathThrough(path));
+  $("undo").disabled = !page.history.length;
 }
 
 const checked = name => document.querySelector(`input[name=${name}]:checked`).value;
@@ -253,11 +256,17 @@ async function load() {
   return { about, maskBytes, session: await startSession(bytes) };
 }
 
-const predict = guarded(async () => {
-  const { about, session } = await network, { photo } = page, mask = maskArray(), begin = performance.now();
+function removeClouds() {
   document.body.classList.remove("has-cloud");
   viewer.show([]);
   page.clouds = [];
+}
+
+const predict = guarded(async () => {
+  const { photo } = page;
+  const { about, session } = await network, mask = maskArray(), begin = performance.now();
+  if (page.photo !== photo) return; // another one was opened
+  removeClouds();
   if (!mask.includes(1)) return say("Draw around the object, paint over it, or open a mask file.");
   say("Predicting");
   await new Promise(resolve => setTimeout(resolve)); // the message is drawn first
@@ -275,6 +284,7 @@ const predict = guarded(async () => {
   if (!about.random_size) predicted = meanWithMirror(predicted, await run(mirrored(image, w, 3), mirrored(small, w, 1)));
   const parts = Array.from({ length: count }, (_, k) =>
     intoSilhouette(predicted.slice(k * length, (k + 1) * length), small, mostOutside(view), about));
+  if (page.photo !== photo) return;
   const points = Float32Array.from(parts.flatMap(part => [...part])), stray = parts.map(strayPoints);
   const { points: normal } = view.placed ? normalForm(points, stray.flat()) : { points };
   page.clouds = parts.map((part, k) => ({
