@@ -26,6 +26,8 @@ CHAIR = pathlib.Path(__file__).resolve().parents[3] / "docs" / "photos" / "chair
 SHAPE = (240, 320)
 DRAWN = """(photo => photo.getContext("2d").getImageData(0, 0, photo.width, photo.height).data
   .some(value => value))(document.getElementById("photo"))"""
+LOADING = """/^Loading: [1-9]\\d*\\.\\d of \\d+\\.\\d MB/
+  .test(document.getElementById("status").textContent)"""
 
 
 @pytest.fixture(scope="module")
@@ -159,7 +161,7 @@ def test_a_mask_is_found_as_by_python_or_proposed_and_corrected(open_page, tmp_p
     assert "not certain" not in status(page)
 
 
-def test_masks_from_transparency_from_files_and_drawn(open_page, predictor, tmp_path):
+def test_masks_from_transparency_from_files_and_drawn(open_page, address, predictor, tmp_path):
     rgba = write_cut_out(tmp_path)
     image, mask = write_photo(tmp_path)
     page = open_page()
@@ -187,9 +189,13 @@ def test_masks_from_transparency_from_files_and_drawn(open_page, predictor, tmp_
     give(page, tmp_path / "my chair_mask.png", to="#mask-file")
     np.testing.assert_array_equal(mask_of(page), mask)
     # A mask that is given while one is looked for stays.
-    slow = open_page()
+    slow, held = open_page("about:blank"), []
+    slow.route("**/mask.onnx", lambda route: held.append(route))
+    slow.goto(address)
     slow.set_input_files("#file", str(tmp_path / "my chair.png"))
-    wait(slow, "psgn.page.photo !== null")
+    wait(slow, f"psgn.page.photo !== null && {DRAWN}")
+    wait(slow, LOADING)
+    held.pop().continue_()
     give(slow, tmp_path / "my chair_mask.png", to="#mask-file")
     wait(slow, "psgn.page.maskSession")
     slow.wait_for_timeout(3000)
@@ -238,8 +244,7 @@ def test_the_page_shows_that_it_loads_and_works_offline_once_loaded(open_page, a
     page = open_page("about:blank")
     page.route("**/mask.onnx", lambda route: held.append(route))
     page.goto(address)
-    loading = "/^Loading: [1-9]\\d*\\.\\d of \\d+\\.\\d MB/"
-    wait(page, f"{loading}.test(document.getElementById('status').textContent)")
+    wait(page, LOADING)
     wait(page, "psgn.network !== undefined")
     held.pop().continue_()
     wait(page, "document.getElementById('about').textContent !== ''")

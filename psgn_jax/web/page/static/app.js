@@ -119,6 +119,7 @@ const openMask = guarded(async file => {
 
 /** The mask that the mask network finds, like `find_mask` in Python, and its doubt. */
 async function findMask({ bitmap, width, height }) {
+  say(loading);
   const { about, maskBytes } = await network, { side, doubtful_below: doubtful, middle, least_agreement: least } = about.mask_network;
   say("Looking for the object");
   page.maskSession ??= await startSession(maskBytes);
@@ -223,12 +224,15 @@ async function fetched(name) {
   return response;
 }
 
+let loading = "Loading"; // the last message of `download`
+
 /** Bytes of the files; while nothing else is said, the status shows how much of all, `total` bytes, has arrived. */
 function download(names, total) {
   let megabytes = 0;
   const counted = () => new TransformStream({ transform: (part, to) => {
     megabytes += part.length / 1e6;
-    if (/^(Start|Load)ing/.test($("status").textContent)) say(`Loading: ${megabytes.toFixed(1)} of ${(total / 1e6).toFixed(1)} MB`);
+    loading = `Loading: ${megabytes.toFixed(1)} of ${(total / 1e6).toFixed(1)} MB`;
+    if (/^(Start|Load)ing/.test($("status").textContent)) say(loading);
     to.enqueue(part);
   } });
   return Promise.all(names.map(async name =>
@@ -264,6 +268,7 @@ function removeClouds() {
 
 const predict = guarded(async () => {
   const { photo } = page;
+  say(loading);
   const { about, session } = await network, mask = maskArray(), begin = performance.now();
   if (page.photo !== photo) return; // another one was opened
   removeClouds();
