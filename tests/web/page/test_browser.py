@@ -157,8 +157,11 @@ def test_a_mask_is_found_as_by_python_or_proposed_and_corrected(open_page, tmp_p
     give(page, tmp_path / "two.png")
     assert masks.mask_iou(mask_of(page, two.shape[:2]), error.value.mask) > 0.75
     assert re.search(r"points in .* It is not certain .* \(\d\d %\): correct", status(page))
+    page.click("#photo")  # changes nothing
     settled(page, lambda: page.click("#invert"))
     assert "not certain" not in status(page)
+    settled(page, lambda: page.click("#undo"))
+    assert "not certain" in status(page)
 
 
 def test_masks_from_transparency_from_files_and_drawn(open_page, address, predictor, tmp_path):

@@ -157,8 +157,14 @@ function setMask(mask) {
 }
 
 const maskArray = () => opaqueIn(pixelsOf(page.mask));
-const remember = () => Object.assign(page, { doubt: "", history: [...page.history, maskArray()].slice(-HISTORY) });
-const undo = () => setMask(page.history.pop() ?? maskArray());
+const remember = () => Object.assign(page, { doubt: "", history: [...page.history, { mask: maskArray(), doubt: page.doubt }].slice(-HISTORY) });
+
+function undo() {
+  if (!page.history.length) return;
+  const { mask, doubt } = page.history.pop();
+  page.doubt = doubt;
+  setMask(mask);
+}
 
 let timer = 0;
 function changed() {
@@ -185,7 +191,7 @@ function draw(path = []) {
 }
 
 const checked = name => document.querySelector(`input[name=${name}]:checked`).value;
-let path = [], removing = false;
+let path = [], pointer = 0, removing = false; // of the stroke that is being drawn
 
 /** The mask's context, which adds what is drawn or removes it. */
 const pen = () => Object.assign(page.mask, { globalCompositeOperation: removing ? "destination-out" : "source-over" });
@@ -203,17 +209,21 @@ function extend({ clientX, clientY }) {
 $("photo").addEventListener("contextmenu", event => event.preventDefault());
 $("photo").addEventListener("pointerdown", event => {
   if (path.length) return;
-  $("photo").setPointerCapture(event.pointerId);
+  pointer = event.pointerId;
+  $("photo").setPointerCapture(pointer);
   remember();
   removing = (checked("mode") === "remove") !== (event.button === 2);
   extend(event);
 });
-$("photo").addEventListener("pointermove", event => { if (path.length) extend(event); });
-for (const name of ["pointerup", "pointercancel"]) $("photo").addEventListener(name, () => {
-  if (!path.length) return;
-  if (checked("tool") === "outline") pen().fill(pathThrough(path));
+$("photo").addEventListener("pointermove", event => { if (path.length && event.pointerId === pointer) extend(event); });
+for (const name of ["pointerup", "pointercancel"]) $("photo").addEventListener(name, event => {
+  if (!path.length || event.pointerId !== pointer) return;
+  const outline = checked("tool") === "outline", click = outline && path.length < 3;
+  if (outline) pen().fill(pathThrough(path));
   path = [];
-  changed();
+  if (!click) return changed();
+  page.doubt = page.history.pop().doubt;
+  draw();
 });
 
 // --- points ----------------------------------------------------------------------------------------
@@ -344,7 +354,7 @@ $("sample").addEventListener("input", event => show(+event.target.value));
 $("reset").addEventListener("click", () => { $("turning").checked = false; viewer.spin(false); viewer.reset(); });
 $("turning").addEventListener("change", event => viewer.spin(event.target.checked));
 addEventListener("keydown", event => {
-  if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && page.photo) undo();
+  if ((event.ctrlKey || event.metaKey) && !event.shiftKey && event.key.toLowerCase() === "z") undo();
 });
 
 const network = load();
