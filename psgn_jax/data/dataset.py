@@ -128,7 +128,16 @@ def write_dataset(
     source: str,
     records_per_shard: int = 512,
 ) -> Manifest:
-    """Writes a data set, one sample in memory at a time; `RecordError` if the folder has one."""
+    """Writes a data set, one sample in memory at a time; `RecordError` if the folder has one.
+
+    A wrong argument raises ValueError before the first sample is taken.
+    """
+    for split in splits:
+        shard_name(split, 0)  # checks the name
+    if not isinstance(source, str):
+        raise ValueError(f"source {source!r}: expected a string")
+    if records_per_shard < 1:
+        raise ValueError(f"records_per_shard {records_per_shard}: expected at least 1")
     folder = pathlib.Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     if (folder / MANIFEST).exists():

@@ -204,6 +204,15 @@ def test_failed_writing_leaves_nothing_and_a_data_set_is_not_overwritten(tmp_pat
     with pytest.raises(RecordError, match="exists; give another folder"):
         write_dataset(copied, {"train": [sample]}, source="test")
     assert len(RecordReader(copied, "train")) == 37
+    good = {"splits": {"train": [sample]}, "source": "test"}
+    for wrong in (
+        {"splits": {"train": [sample], "Test": [sample]}},
+        {"source": copied},
+        {"records_per_shard": 0},
+    ):
+        with pytest.raises(ValueError, match=": expected "):
+            write_dataset(tmp_path / "none", **good | wrong)
+    assert not (tmp_path / "none").exists()
 
 
 def crafted(content, **changes):
