@@ -10,7 +10,7 @@ import os
 import pathlib
 import warnings
 from collections.abc import Iterator
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image, ImageOps, UnidentifiedImageError
@@ -18,6 +18,11 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 from psgn_jax.data import resize
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.untrusted import brief, kind_of, one_line
+
+if TYPE_CHECKING:
+    from jax import Array
+else:
+    Array = np.ndarray  # without importing JAX
 
 MAX_PIXELS = 150_000_000
 """Larger images are refused before they are decoded: a small file can decode to gigabytes."""
@@ -55,7 +60,7 @@ class Photo:
     path: pathlib.Path | None = None  # None for a photo from elsewhere
 
 
-Source = str | os.PathLike[str] | IO[bytes] | Image.Image | np.ndarray
+Source = str | os.PathLike[str] | IO[bytes] | Image.Image | np.ndarray | Array
 """A path, an open file, a PIL image, or an array."""
 
 
@@ -63,8 +68,8 @@ def read_photo(image: Source | Photo) -> Photo:
     """Reads an image of any common format: the first frame, upright, as 8-bit RGB.
 
     Args:
-      image: a path, a binary file such as `io.BytesIO`, a PIL image, or an array uint8 [h, w],
-        [h, w, 3] or [h, w, 4]. A `Photo` is returned as it is.
+      image: a path, a binary file such as `io.BytesIO`, a PIL image, or an array of NumPy or JAX,
+        uint8 [h, w], [h, w, 3] or [h, w, 4]. A `Photo` is returned as it is.
 
     Raises:
       PhotoError: the path is not a file or not an image, or the image is damaged, larger than 150
@@ -73,7 +78,7 @@ def read_photo(image: Source | Photo) -> Photo:
     """
     if isinstance(image, Photo):
         return image
-    stored = _stored(image)
+    stored = _stored(image, "the image")
     read = _upright(stored, stored.orientation)
     path = pathlib.Path(image) if isinstance(image, str | os.PathLike) else None
     return dataclasses.replace(read, path=path)
@@ -93,10 +98,11 @@ def read_mask(mask: Source, photo: Photo) -> np.ndarray:
     """
     name = f"mask {one_line(mask)}" if isinstance(mask, str | os.PathLike) else "the mask"
     levels: np.ndarray
+    mask = _with_numpy(mask)
     if isinstance(mask, np.ndarray):
         size, levels = mask.shape, mask.astype(np.float32)
     else:
-        stored = _stored(mask)
+        stored = _stored(mask, "the mask")
         turn, as_stored = stored.orientation, _upright_size(photo.size, photo.orientation)
         if turn == 1 and photo.size != as_stored and same_proportions(stored.size, as_stored):
             turn = photo.orientation
@@ -138,10 +144,18 @@ def same_proportions(size: tuple[int, ...], other: tuple[int, ...]) -> bool:
     return abs(height - size[0]) <= max(1.0, 0.01 * size[0])
 
 
-def _stored(image: Source) -> Photo:
-    """The first frame as stored."""
+def _with_numpy(image: Source) -> Source:
+    """An array of JAX or another library as one of NumPy; anything else as it is."""
+    if isinstance(image, np.ndarray | Image.Image) or not hasattr(image, "__array__"):
+        return image
+    return np.asarray(image)
+
+
+def _stored(image: Source, noun: str) -> Photo:
+    """The first frame as stored; messages call it `noun`."""
     if isinstance(image, list | tuple):
-        raise ValueError("the image is a list: accepted: one image; use a loop for several")
+        raise ValueError(f"{noun} is a list: accepted: one image; use a loop for several")
+    image = _with_numpy(image)
     if isinstance(image, np.ndarray):
         if image.dtype != np.uint8 or image.ndim < 2 or image.shape[2:] not in ((), (3,), (4,)):
             raise ValueError(
@@ -149,18 +163,18 @@ def _stored(image: Source) -> Photo:
                 "(RGB) or [h, w, 4] (RGBA)"
             )
         size = image.shape[0], image.shape[1]
-        _check_size("the image", size)
+        _check_size(noun, size)
         colours = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
         alpha = colours[..., 3] if colours.shape[2] == 4 else None
         return Photo(colours[..., :3], useful_alpha(alpha), size)
     if isinstance(image, Image.Image):
-        _check_size("the image", (image.height, image.width))
+        _check_size(noun, (image.height, image.width))
         try:
             image.load()
         except Exception as error:  # as in `_opened`
-            raise PhotoError(f"the image is damaged or unreadable: {brief(error)}") from None
+            raise PhotoError(f"{noun} is damaged or unreadable: {brief(error)}") from None
         return _from_picture(image, (image.height, image.width))
-    with _opened(image) as (file, size):
+    with _opened(image, noun) as (file, size):
         file.load()
         return _from_picture(file, size)
 
@@ -203,7 +217,7 @@ def turned(plane: np.ndarray, orientation: int) -> np.ndarray:
 
 
 @contextlib.contextmanager
-def _opened(path: Any) -> Iterator[tuple[Image.Image, tuple[int, int]]]:
+def _opened(path: Any, noun: str) -> Iterator[tuple[Image.Image, tuple[int, int]]]:
     """Context with an opened file and its (H, W); errors in the block become `PhotoError`."""
     if isinstance(path, str | os.PathLike):
         shown = one_line(path)
@@ -214,11 +228,11 @@ def _opened(path: Any) -> Iterator[tuple[Image.Image, tuple[int, int]]]:
         if kind is not None:
             raise PhotoError(f"{shown} is {kind}, expected a file")
     elif hasattr(path, "seek"):
-        shown = one_line(getattr(path, "name", "the image"))
+        shown = one_line(getattr(path, "name", noun))
         path.seek(0)
     else:
         raise ValueError(
-            f"the image is {type(path).__name__}: accepted: a path, an open file, a PIL image or "
+            f"{noun} is {type(path).__name__}: accepted: a path, an open file, a PIL image or "
             "an array"
         )
     Image.init()

@@ -5,6 +5,7 @@ import os
 import struct
 import zlib
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.commands import PHOTOS
@@ -156,7 +157,7 @@ def test_a_photograph_is_no_mask(path):
     assert agree.mean() > 0.98
 
 
-def test_open_files_are_read_and_a_list_is_refused(tmp_path):
+def test_open_files_and_arrays_of_jax_are_read_and_a_list_is_refused(tmp_path):
     image, mask = scene()
     stream = io.BytesIO(saved(tmp_path, image).read_bytes())
     stream.read()  # somebody has looked at it
@@ -164,8 +165,12 @@ def test_open_files_are_read_and_a_list_is_refused(tmp_path):
     np.testing.assert_array_equal(read.image, image)
     with saved(tmp_path, mask, "mask.png").open("rb") as file:
         np.testing.assert_array_equal(photo.read_mask(file, read), mask)
-    with pytest.raises(ValueError, match="is a list: accepted: one image; use a loop"):
+    np.testing.assert_array_equal(photo.read_photo(jnp.asarray(image)).image, image)
+    np.testing.assert_array_equal(photo.read_mask(jnp.asarray(mask), read), mask)
+    with pytest.raises(ValueError, match="image is a list: accepted: one image; use a loop"):
         photo.read_photo([image])
+    with pytest.raises(ValueError, match="the mask is a list: accepted: one image"):
+        photo.read_mask([mask], read)
     for wrong, message in ((3, "image is int: accepted: a path"), (np.zeros((50, 50)), "float64")):
         with pytest.raises(ValueError, match=message):
             photo.read_photo(wrong)
