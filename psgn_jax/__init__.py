@@ -37,7 +37,8 @@ def load(network: str | os.PathLike[str] = "") -> Predictor:
     from psgn_jax.weights.opening import open_network
 
     is_run = os.path.isdir(network)
-    return Predictor(open_network(network) if is_run else open_network(weights=str(network)))
+    run, weights = (network, None) if is_run else (None, str(network))
+    return Predictor(open_network(run, weights, name="network"))
 
 
 def __getattr__(name: str) -> object:

@@ -32,7 +32,7 @@ def shipped() -> dict[str, pathlib.Path]:
     return dict(sorted(paths.items()))
 
 
-def weights_path(name_or_file: str = "") -> pathlib.Path:
+def weights_path(name_or_file: str = "", argument: str = "weights") -> pathlib.Path:
     """The file of weights for a name or a path; "" is `DEFAULT`. `ConfigError` if there is none."""
     known, name = shipped(), name_or_file or DEFAULT
     path = pathlib.Path(name)
@@ -40,9 +40,10 @@ def weights_path(name_or_file: str = "") -> pathlib.Path:
         return known[name]
     if path.suffix == SUFFIX or path.is_file():
         return path
+    folder = "" if argument == "weights" else "the folder of a run, "
     raise ConfigError(
-        f"weights={name}: {suggestion(name, known)}accepted: a file of weights, or one of "
-        f"{', '.join(known)}"
+        f"{argument}={name}: {suggestion(name, known)}accepted: {folder}a file of weights, or one "
+        f"of {', '.join(known)}"
     )
 
 
@@ -58,7 +59,7 @@ def open_network(
       weights: name or file of weights (`weights_path`); used if there is no `workdir`. The `scores`
         of the opened run are then the metrics in the file.
       checkpoint: "best" or "last", of a run; weights have only one.
-      name: of the argument `workdir` in messages.
+      name: of the argument in messages, if it is neither `workdir` nor `weights`.
 
     Raises:
       ConfigError: both are given, or another checkpoint than "best" without `workdir`, or the
@@ -71,7 +72,7 @@ def open_network(
         return open_run(workdir, checkpoint, name=name)
     if checkpoint != "best":
         raise ConfigError(f"checkpoint={checkpoint}: accepted only for a run")
-    path = weights_path(weights or "")
+    path = weights_path(weights or "", "weights" if name == "workdir" else name)
     read = read_weights(path)
     step, scores = read.figures["step"], dict(read.figures["metrics"])
     return Trained(read.config, step, read.params, scores, path.stem, "weights", read.sources)

@@ -52,6 +52,10 @@ def test_names_of_shipped_weights(shipped, file):
     ):
         with pytest.raises(ConfigError, match=message):
             open_network(**arguments)
+    with pytest.raises(ConfigError, match=r"^network=runs/x: accepted: the folder of a run, "):
+        psgn_jax.load("runs/x")
+    with pytest.raises(ConfigError, match=r"^network=.*: no run there"):
+        psgn_jax.load(file.parent)
 
 
 def test_a_predictor_of_weights_is_that_of_the_run(run, shipped, tmp_path, capsys):
