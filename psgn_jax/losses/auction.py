@@ -301,7 +301,7 @@ def assign(
     if max_bids is None:
         max_bids = min(BIDS_PER_POINT * len(a), 2**30)
     for name, value in (("tolerance", tolerance), ("max_bids", max_bids)):
-        if isinstance(value, int | float) and not value >= 0:
+        if not isinstance(value, jax.core.Tracer) and not float(value) >= 0:
             raise ValueError(f"{name}: got {value}, expected >= 0")
     dtype = jnp.promote_types(a.dtype, b.dtype)
     a, b = (lax.stop_gradient(x.astype(dtype)) for x in (a, b))

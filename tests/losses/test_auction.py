@@ -114,8 +114,9 @@ def test_wrong_arguments():
         with pytest.raises(ValueError, match=r"pred: got float32\[0, 3\], expected an array"):
             call(good[:0], good)
     for name in ("tolerance", "max_bids"):
-        with pytest.raises(ValueError, match=f"{name}: got -5, expected >= 0"):
-            losses.assign(good, good, **{name: -5})
+        for negative in (-5, np.int64(-5)):
+            with pytest.raises(ValueError, match=f"{name}: got -5, expected >= 0"):
+                losses.assign(good, good, **{name: negative})
 
 
 def test_memory_is_linear():
