@@ -21,7 +21,8 @@ def check_points(points: Float[Array, "n 3"], name: str) -> Float[Array, "n 3"]:
             " (one cloud; use jax.vmap or losses.map_pairs for a batch)"
         )
     if not isinstance(points, jax.core.Tracer) and getattr(points, "is_fully_addressable", True):
-        bad = np.flatnonzero(~np.isfinite(np.asarray(points, np.float32)).all(axis=-1))
+        dtype = jax.dtypes.canonicalize_dtype(jnp.promote_types(points.dtype, jnp.float32))
+        bad = np.flatnonzero(~np.isfinite(np.asarray(points, dtype)).all(axis=-1))
         if len(bad):
             raise ValueError(
                 f"{name}: point {bad[0]} of {len(points)} is {np.asarray(points[bad[0]]).tolist()},"

@@ -100,6 +100,8 @@ def test_with_64_bits(rng, dtype):
         assert value.dtype == grad.dtype == dtype
         best = reference.emd_sum(a, b) / 40
         assert best * (1 - 1e-6) <= value <= best * 1.0101
+        large = a * np.float64(1e50)  # beyond float32
+        assert losses.chamfer_sq(large, large) == 0
 
 
 def test_a_larger_truth_is_thinned_at_random(rng):
