@@ -47,7 +47,10 @@ def matched_distances(
     """
     matched = assign(pred, gt, tolerance=tolerance, max_bids=max_bids)
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
-    square = jnp.square(pred - gt[matched.index]).sum(axis=-1)
+    # On a mesh with explicit axes, one `gt` for a batch of `pred` does not say where the result is.
+    place = jax.typeof(pred).sharding
+    matches = gt.at[matched.index].get(out_sharding=None if place.mesh.empty else place)
+    square = jnp.square(pred - matches).sum(axis=-1)
     # A product instead of `where`, so that the gradient of a non-finite pair is NaN as well.
     healthy = jnp.where(jnp.isnan(matched.gap)[None], jnp.nan, 1.0)
     return MatchedDistances(safe_sqrt(square) * healthy, matched)

@@ -109,6 +109,8 @@ def compare(devices):
             # Without a gradient, other functions are traced.
             for call in (*map(jax.jit, mapped), jax.vmap(f))[: 3 * (devices == 2)]:
                 np.testing.assert_allclose(call(x, y), values, rtol=1e-5)
+        common = jax.vmap(losses.emd_mean, (0, None))(x, b[0])
+        np.testing.assert_allclose(common, [losses.emd_mean(each, b[0]) for each in a], rtol=1e-5)
 compare(1)
 compare(2)
 """
