@@ -111,6 +111,8 @@ def compare(devices):
                 np.testing.assert_allclose(call(x, y), values, rtol=1e-5)
         common = jax.vmap(losses.emd_mean, (0, None))(x, b[0])
         np.testing.assert_allclose(common, [losses.emd_mean(each, b[0]) for each in a], rtol=1e-5)
+        farthest = jax.vmap(lambda each: losses.farthest_points(each, 4))
+        np.testing.assert_array_equal(farthest(x), farthest(a))
 compare(1)
 compare(2)
 """
