@@ -47,7 +47,7 @@ from data_gen.catalogues.open_catalogue import (
 )
 from psgn_jax.config import structured
 from psgn_jax.config.command_line import Flags
-from psgn_jax.config.structured import ConfigError, suggestion
+from psgn_jax.config.recipes import named_file
 from psgn_jax.system.processes import start_command
 from psgn_jax.system.signals import exit_on_signals
 
@@ -56,15 +56,7 @@ _DEFAULT = pathlib.Path(__file__).with_name("config.py")
 
 def path_of(value: str) -> str:
     """The path of settings, given as a path or as a preset's name; `ConfigError` if neither."""
-    if pathlib.Path(value.partition(":")[0]).is_file():  # a colon begins the argument of a file
-        return value
-    if value in settings.PRESETS:
-        return f"{_DEFAULT}:{value}"
-    hint = suggestion(value.rpartition(":")[2], settings.PRESETS)
-    raise ConfigError(
-        f"--config={value}: no such file and no such preset; {hint}expected the path of a .py file "
-        f"or one of {', '.join(sorted(settings.PRESETS))}"
-    )
+    return named_file(value, {name: f"{_DEFAULT}:{name}" for name in sorted(settings.PRESETS)})
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -74,6 +74,8 @@ def objects_of(folders, split):
             alpha = picture[..., 3] > 127
             if min(alpha.any(1).sum(), alpha.any(0).sum()) >= 16 and alpha.mean() < 0.9:
                 group.append(Image.fromarray(picture).crop(box_of(picture)))
+        if not group:
+            raise SystemExit(f"{folder}: there is no object of at least 16 pixels")
         groups.append(group)
     return groups
 
@@ -185,13 +187,13 @@ def part_of(scene, rng):
     left, top, right, bottom = box_of(scene)
     height, width = scene.shape[:2]
     box = [rng.uniform(0, left), rng.uniform(0, top), rng.uniform(right, width)]
-    part = Image.fromarray(scene).resize(
-        (SIDE, SIDE), BILINEAR, (*box, rng.uniform(bottom, height))
-    )
+    box.append(rng.uniform(bottom, height))
+    # One by one: resized together, the colours would be multiplied by the mask.
+    planes = [Image.fromarray(np.ascontiguousarray(scene[..., c])) for c in range(4)]
+    part = np.dstack([plane.resize((SIDE, SIDE), BILINEAR, box) for plane in planes])
     if rng.random() < 0.5:
-        part = part.transpose(Image.Transpose.FLIP_LEFT_RIGHT)
-    array = np.array(part)
-    return array[..., :3], array[..., 3] > 127
+        part = part[:, ::-1]
+    return part[..., :3], part[..., 3] > 127
 
 
 def photographed(image, rng):
@@ -242,25 +244,14 @@ def composite(number, objects, backgrounds, scenes=()):
 def prepare(arguments):
     """Loads what `encoded` needs, in the process that makes batches."""
     global _sources, _encode
-    groups, backgrounds = (
-        objects_of(arguments.objects, "train"),
-        backgrounds_of(arguments.backgrounds),
-    )
+    groups = objects_of(arguments.objects, "train")
+    backgrounds = backgrounds_of(arguments.backgrounds)
     scenes = [s for f in arguments.scenes for s in samples_of(f, "train") if s[..., 3].any()]
     _sources = groups, backgrounds, scenes
-    print(
-        *map(len, groups),
-        "objects",
-        len(backgrounds),
-        "backgrounds",
-        len(scenes),
-        "scenes",
-        flush=True,
-    )
-    net, params = (
-        efficientnet.EfficientNetLite0(),
-        read_mask_network(arguments.init)[0][efficientnet.NAME],
-    )
+    objects = sum(map(len, groups))
+    print(f"{objects} objects, {len(backgrounds)} backgrounds, {len(scenes)} scenes", flush=True)
+    net = efficientnet.EfficientNetLite0()
+    params = read_mask_network(arguments.init)[0][efficientnet.NAME]
     _encode = jax.jit(lambda image: net.apply({"params": params}, image / jnp.float32(255)))
 
 

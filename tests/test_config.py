@@ -33,7 +33,6 @@ WRONG = [
     ({"model": {"widhts": (1, 2)}}, "model.widhts is not a field; did you mean 'widths'?"),
     ({"model": {"in_channels": 3}}, "model.in_channels follows from data"),
     ({"model": 3}, "model=3: accepted: a section with name"),
-    ({"seed": 2**32}, "seed=4294967296: accepted: a number >= 0 and <= 4294967295"),
     ({"train": {"steps": 1.5}}, "train.steps=1.5: accepted: an integer"),
     ({"train": {"steps": True}}, "train.steps=True: accepted: an integer"),
     ({"optim": {"learning_rate": 0}}, "optim.learning_rate=0: accepted: a number > 0"),

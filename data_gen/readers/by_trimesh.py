@@ -265,10 +265,11 @@ def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
                 white = 1 if paint.dtype.kind == "f" else np.iinfo(paint.dtype).max
                 colours = _displayed(paint[corner].mean(axis=1) / white)
                 if materials[owner].texture is None:
-                    owner, (painted, uv) = len(materials), palette(colours)
+                    owner = len(materials)
+                    painted, uv = palette(colours)
                     material = _from_trimesh_material(visual.material, assets, painted.texture)
                     materials.append(material)
-                elif (colours < 255).any():
+                elif (colours[:, :3] < 255).any():
                     assets.warn("vertex colours of faces with a texture are not used")
         else:
             owner, material = len(materials), Material()

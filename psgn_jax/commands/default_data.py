@@ -29,7 +29,9 @@ def with_default_data(config: Config, *, training: bool = True) -> Config:
     given = config.data
     if given.path or (given.eval_path and not training):
         return config
-    views = max(given.train_views * training, given.eval_views * (not given.eval_path))
+    views = 0 if given.eval_path else given.eval_views
+    if training:
+        views = max(views, given.train_views)
     if views > 1:
         raise ConfigError(
             f"data.path is empty, and the default data set has one view of each model, but "

@@ -42,10 +42,11 @@ def _main(flags: Flags) -> int:
         return 1
     try:
         spheres.write_picture(sheet, target)
-        sys.stdout.write(f"contact sheet: {one_line(target)}\n")
     except OSError as error:
         if values.sheet or is_disk_full(error):
             raise
         why = f"{one_line(target.parent)}: {error.strerror}"
         sys.stderr.write(f"no contact sheet: {why}; give --sheet\n")
+    else:
+        sys.stdout.write(f"contact sheet: {one_line(target)}\n")
     return 0 if whole else 1

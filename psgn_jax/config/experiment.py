@@ -202,8 +202,8 @@ class VoxelConfig:
 class Config:
     """Everything a run depends on."""
 
-    # Of all random numbers. JAX reads 32 bits of a seed.
-    seed: Annotated[int, Bounds(low=0, high=2**32 - 1)] = 0
+    # Of all random numbers. JAX reads the lowest 32 bits only.
+    seed: Annotated[int, Bounds(low=0, high=2**63 - 1)] = 0
     data: DataConfig = dataclasses.field(default_factory=DataConfig)
     model: ModelConfig = dataclasses.field(default_factory=ModelConfig)
     loss: LossConfig = dataclasses.field(default_factory=LossConfig)

@@ -5,6 +5,7 @@ The files are in `configs/` of a clone, and in `psgn_jax/configs/` of an install
 
 import ast
 import pathlib
+from collections.abc import Mapping
 
 import ml_collections
 
@@ -37,12 +38,17 @@ def load(name: str) -> ml_collections.ConfigDict:
 
 def path_of(value: str) -> str:
     """The path of a configuration, given as a path or as a name; `ConfigError` if neither."""
+    return named_file(value, {name: str(folder() / f"{name}.py") for name in names()})
+
+
+def named_file(value: str, files: Mapping[str, str]) -> str:
+    """`value` if it is the path of a file, or the file of this name; `ConfigError` if neither."""
     if pathlib.Path(value.partition(":")[0]).is_file():  # a colon begins the argument of a file
         return value
-    if value in names():
-        return str(folder() / f"{value}.py")
-    hint = suggestion(pathlib.Path(value).stem, names())
+    if value in files:
+        return files[value]
+    hint = suggestion(pathlib.Path(value.rpartition(":")[2]).stem, files)
     raise ConfigError(
         f"--config={value}: no such file and no such name; {hint}expected the path of a "
-        f"configuration or one of {', '.join(names())}"
+        f"configuration or one of {', '.join(files)}"
     )

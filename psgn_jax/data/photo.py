@@ -10,7 +10,7 @@ import os
 import pathlib
 import warnings
 from collections.abc import Iterator
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
 import numpy as np
 from PIL import Image, ImageOps, UnidentifiedImageError
@@ -18,11 +18,6 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 from psgn_jax.data import resize
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.untrusted import brief, kind_of, one_line
-
-if TYPE_CHECKING:
-    from jax import Array
-else:
-    Array = np.ndarray  # without importing JAX
 
 MAX_PIXELS = 150_000_000
 """Larger images are refused before they are decoded: a small file can decode to gigabytes."""
@@ -60,8 +55,8 @@ class Photo:
     path: pathlib.Path | None = None  # None for a photo from elsewhere
 
 
-Source = str | os.PathLike[str] | IO[bytes] | Image.Image | np.ndarray | Array
-"""A path, an open file, a PIL image, or an array."""
+Source = str | os.PathLike[str] | IO[bytes] | Image.Image | np.ndarray
+"""A path, an open file, a PIL image, or an array, of another library as well."""
 
 
 def read_photo(image: Source | Photo) -> Photo:

@@ -72,8 +72,8 @@ def _indices(points: Array, num_samples: int) -> Array:
         place = jnp.where(row == farthest, places, _BLOCK - 1).min()
         return (nearest_sq, block * _BLOCK + place), chosen
 
-    # Computed from the points, so that a mesh with explicit axes splits both like the points.
-    infinite = jnp.where(index_of < n, jnp.maximum(x, jnp.inf), -1)
-    first = 0 * x[0, 0].astype(jnp.int32)
+    # Made like the points, so that a mesh with explicit axes splits both like them.
+    infinite = jnp.where(index_of < n, jnp.full_like(x, jnp.inf), -1)
+    first = jnp.zeros_like(x[0, 0], jnp.int32)
     _, chosen = jax.lax.scan(step, (infinite, first), None, length=num_samples)
     return jnp.where(jnp.isfinite(points).all(), chosen, n)

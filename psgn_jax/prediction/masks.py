@@ -98,7 +98,7 @@ def mask_of(
         mask = next((file for file in files if not is_result(file)), None)
         name = mask.name if mask else name
         if files:
-            hint = f"; {files[0].name} beside it is an unchanged proposal"
+            hint = f"; {files[0].name}, beside the photo, is an unchanged proposal"
     if mask is None:
         if invert is not None:
             raise ValueError("invert_mask: accepted only with a given mask")

@@ -11,7 +11,7 @@ import dataclasses
 import json
 import os
 import pathlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,12 +21,12 @@ from PIL import Image
 from psgn_jax.config.experiment import ConfigError, to_dict
 from psgn_jax.data import photo
 from psgn_jax.prediction import masks
-from psgn_jax.prediction.cloud import DEFAULT_FORMATS, FC, FORMATS, Prediction
+from psgn_jax.prediction.cloud import DEFAULT_FORMATS, FC, Prediction
 from psgn_jax.prediction.predictor import Clock, Predictor
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import is_disk_full, write_atomic
 from psgn_jax.system.untrusted import read_json
-from psgn_jax.viewing.predictions import MOST_CLOUDS, VERSION
+from psgn_jax.viewing.predictions import VERSION
 
 _FORMAT = "psgn_jax prediction"
 
@@ -46,8 +46,8 @@ def predict_files(
     """Predicts clouds for files and folders of images, one by one, and writes them to `out`.
 
     In a folder, we leave out the results of earlier runs. Only these are replaced, as far as the
-    last `NAME.json` lists them; a cloud that is not written again is deleted, unless it was changed
-    since. If there is another file of the same name, results get a number.
+    last `NAME.json` lists them; its `earlier_files` are those of runs before, with other formats or
+    another number of samples. If there is another file of the same name, results get a number.
     `mask_from`, `invert_mask`, `accept_mask` and further options are as for `Predictor.__call__`.
 
     Args:
@@ -139,12 +139,14 @@ def _write(
 ) -> None:
     """Writes the results for an image, and their duration into `result.seconds`."""
     clock, files, view = Clock(), _files(name, formats, len(result.points)), f"{name}_view.png"
-    old = _old(out, name, files)
+    record = out / f"{name}.json"
+    listed = sorted(_results(record) - {record.name, view, *files})
+    earlier = [file for file in listed if (out / file).exists()]
 
     def write_record() -> None:
-        document = _record(predictor, result, path, [*files, view, *old], seed)
+        document = _record(predictor, result, path, [*files, view], earlier, seed)
         text = json.dumps(document, indent=2, allow_nan=False) + "\n"
-        write_atomic(out / f"{name}.json", text, sync=False)
+        write_atomic(record, text, sync=False)
 
     write_record()  # first, because it marks the others as results if we are killed
     for file, k in files.items():
@@ -152,18 +154,7 @@ def _write(
     write_atomic(out / view, masks.result_png(result.view.image), sync=False)
     clock.lap("write")
     result.seconds.update(clock.laps)
-    while old:
-        (out / old.pop()).unlink(missing_ok=True)
     write_record()
-
-
-def _old(out: pathlib.Path, name: str, new: Mapping[str, int]) -> list[str]:
-    """The clouds of an earlier run that `new` does not replace, unchanged since that run."""
-    record = out / f"{name}.json"
-    possible = {*_files(name, FORMATS, 1), *_files(name, FORMATS, MOST_CLOUDS)}
-    listed = [out / file for file in sorted(_results(record) & possible - new.keys())]
-    ours = [p for p in listed if p.is_file() and p.stat().st_mtime_ns <= record.stat().st_mtime_ns]
-    return [path.name for path in ours]
 
 
 def _files(name: str, formats: Sequence[str], samples: int) -> dict[str, int]:
@@ -177,7 +168,12 @@ def _files(name: str, formats: Sequence[str], samples: int) -> dict[str, int]:
 
 
 def _record(
-    predictor: Predictor, result: Prediction, path: pathlib.Path, files: list[str], seed: int
+    predictor: Predictor,
+    result: Prediction,
+    path: pathlib.Path,
+    files: list[str],
+    earlier: list[str],
+    seed: int,
 ) -> dict[str, Any]:
     """The contents of `NAME.json`."""
     view, camera = result.view, result.camera()
@@ -186,6 +182,7 @@ def _record(
         "image": str(path),
         "image_size": list(result.photo.size),
         "files": files,
+        "earlier_files": earlier,
         "frame": "right-handed, +z up, +y image right, +x toward the camera, origin on the ground",
         "unit": "radius of the object's bounding hemisphere",
         "mask_from": result.mask_from,
@@ -247,7 +244,7 @@ def _results(record: pathlib.Path) -> set[str]:
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
         stated = read_json(record)
         if stated["format"].startswith(_FORMAT):
-            return {record.name, *stated["files"]}
+            return {record.name, *stated["files"], *stated.get("earlier_files", [])}
     return set()
 
 

@@ -127,6 +127,7 @@ def sampler(
     keys = [key for key in networks.input_keys(config) if key != "points"]
 
     def run(params: Any, batch: Mapping[str, Any], seed: Any, first: Any) -> Any:
-        return of_batch(params, {k: batch[k] for k in keys}, np.uint32(seed), np.int32(first))
+        values = {k: batch[k] for k in keys}
+        return of_batch(params, values, np.uint32(seed & 0xFFFFFFFF), np.int32(first))
 
     return run

@@ -217,7 +217,7 @@ def measure(run: runner.Run) -> runner.Measured:
     shown = first, [cases[i]["points"] for i in sharing], np.stack(some)
     arrays = {key: np.atleast_1d(value) for key, value in metrics.items()}
     about = f"{found.about}, {NUM_DRAWS} draws, {NUM_MEASURED} for depths"
-    # Samples with the same image have the same predictions, so they count as one model.
+    # Cabinets that differ only in depth count as one model; in `front`, they have the same image.
     names = [n._replace(model_id=str(c.seed)) for n, c in zip(found.names, known, strict=True)]
     return found._replace(names=names, metrics=arrays, shown=shown, about=about)
 

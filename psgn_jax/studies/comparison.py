@@ -189,10 +189,11 @@ _sampled = jax.jit(farthest_points, static_argnums=1)
 _distances = jax.jit(functools.partial(evaluate_pair, emd_tolerance=0.01))
 
 
-def cloud_of(volume: np.ndarray, number: int, stream: int = 2) -> np.ndarray:
+def cloud_of(volume: np.ndarray, number: int, stream: int) -> np.ndarray:
     """A cloud [1024, 3], by farthest point sampling of the surface of the occupied cells.
 
-    The random numbers of a predicted volume are those of `stream` 2, of the true one those of 0.
+    `stream` selects the random numbers: 0 for true volumes, 2 for predicted ones, so that they
+    share none. Stream 1 chooses the points of true surfaces.
     """
     solid = shapenet.WorldGrid(volume, np.array(GRID_ORIGIN), GRID_EDGE / len(volume))
     points = shapenet.surface_points(solid, CANDIDATES, np.random.default_rng([stream, number]))
@@ -232,7 +233,7 @@ def measure(run: runner.Run) -> runner.Measured:
             pred = solid_at(pred, scores[key])
             found["thin_recall"] = float(pred[thin].mean()) if thin.any() else np.nan
         if run.name == PEER:
-            found |= distances(cloud_of(pred, number), case, number)
+            found |= distances(cloud_of(pred, number, 2), case, number)
         category = str(case["category"])
         if category not in shown or thin.sum() > shown[category]["thin"].sum():
             shown[category] = {**case, "pred": pred, "thin": thin}

@@ -27,7 +27,7 @@ _FIELDS = {
     "to_view": ("f", "33"),
 }
 MOST_CLOUDS = 64
-_LARGEST = {"k": MOST_CLOUDS, "n": 1 << 16, "h": 2048, "w": 2048, "a": 2048, "b": 2048}
+_LARGEST = {"k": MOST_CLOUDS, "n": 1 << 18, "h": 2048, "w": 2048, "a": 2048, "b": 2048}
 
 
 class PredictionFileError(UserError):

@@ -277,7 +277,7 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
         ("--shard=2/2", "--shard=2/2: expected i/n"),
         ("--config.vews=3", "--config.vews=3: no such setting; did you mean 'views'?"),
         ("--config.views=abc", "abc"),
-        ("--config=nowhere.py", "--config=nowhere.py: no such file and no such preset; expected"),
+        ("--config=nowhere.py", "--config=nowhere.py: no such file and no such name; expected"),
         (
             "--config=fotos",
             "did you mean 'photo'? expected the path of a .py file or one of angles,",

@@ -147,7 +147,7 @@ def test_surfaces_thin_cells_and_empty_predictions(monkeypatch):
     monkeypatch.setattr(comparison, "CANDIDATES", 512)
     volume = np.zeros((32, 32, 32), bool)
     volume[8:24, 12:20, 0:4] = True
-    points = comparison.cloud_of(volume, 0)
+    points = comparison.cloud_of(volume, 0, 2)
     low, high = np.array([-0.5, -0.25, 0]), np.array([0.5, 0.25, 0.25])
     on_face = (np.abs(points - low) < 1e-6) | (np.abs(points - high) < 1e-6)
     assert (points >= low - 1e-6).all()

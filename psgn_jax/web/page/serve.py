@@ -48,7 +48,7 @@ class _Handler(http.server.SimpleHTTPRequestHandler):
         # Any port: browsers leave 80 out, and a tunnel has its own.
         if re.fullmatch(r"(127\.0\.0\.1|localhost)(:\d+)?", self.headers.get("Host") or ""):
             return super().send_head()
-        why = "The address must begin with http://127.0.0.1 or http://localhost."
+        why = "The host must be 127.0.0.1 or localhost."
         return self.send_error(HTTPStatus.FORBIDDEN, explain=why)
 
     def translate_path(self, path: str) -> str:

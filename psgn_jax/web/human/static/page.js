@@ -131,7 +131,8 @@ function restore(text) {
     const { seconds, done, model } = saved.cases[i], read = JSON.parse(model);
     const numbers = meshesOf(read).flatMap(mesh => mesh.corners.flat());
     if (!numbers.every(Number.isFinite)) throw new Error(`the model of case ${i + 1} is damaged`);
-    return { ...emptyEntry(), seconds, done, model: read };
+    const old = state.entries[i], same = JSON.stringify(old.model) === model; // then undo stays
+    return { ...(same ? old : emptyEntry()), seconds, done, model: read };
   });
   Object.assign(state, { entries, selected: -1 });
 }
@@ -140,6 +141,13 @@ function restore(text) {
 function follow(text) {
   restore(text);
   kept = savedModels(false);
+}
+
+/** Shows what another tab has kept. */
+function catchUp(text) {
+  if (!text || text === kept) return;
+  follow(text);
+  show();
 }
 
 /** Writes only what was changed here: another tab may have changed more. */
@@ -380,9 +388,6 @@ try {
 } catch { /* what this browser has kept is not usable */ }
 open(0);
 addEventListener("pagehide", keep);
-addEventListener("storage", ({ key, newValue }) => { // another tab has kept more
-  if (key !== KEY || !newValue) return;
-  follow(newValue);
-  show();
-});
+addEventListener("storage", ({ key, newValue }) => { if (key === KEY) catchUp(newValue); });
+addEventListener("pageshow", ({ persisted }) => { if (persisted) catchUp(localStorage.getItem(KEY)); });
 globalThis.human = { state, views, insert, meshesOf, model, toWorld, project };

@@ -80,6 +80,7 @@ const open = guarded(async files => {
   page.photo = { bitmap, width, height, rgb: withoutAlpha(rgba) };
   page.mask = contextOf(width, height);
   Object.assign(page, { history: [], doubt: "" });
+  path = [];
   Object.assign($("photo"), { width, height }).style.setProperty("--ratio", width / height);
   document.body.classList.add("has-photo");
   clearTimeout(timer);
@@ -222,7 +223,7 @@ for (const name of ["pointerup", "pointercancel"]) $("photo").addEventListener(n
   if (outline) pen().fill(pathThrough(path));
   path = [];
   if (!click) return changed();
-  page.doubt = page.history.pop().doubt;
+  page.doubt = page.history.pop()?.doubt ?? page.doubt;
   draw();
 });
 
