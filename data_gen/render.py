@@ -46,8 +46,7 @@ from data_gen.catalogues.open_catalogue import (
     variants_of,
 )
 from psgn_jax.config import structured
-from psgn_jax.config.command_line import Flags
-from psgn_jax.config.recipes import named_file
+from psgn_jax.config.command_line import Flags, named_file
 from psgn_jax.system.processes import start_command
 from psgn_jax.system.signals import exit_on_signals
 

@@ -14,13 +14,13 @@ import re
 import runpy
 import sys
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from absl import flags as absl_flags
 from absl import logging
 
-from psgn_jax.config.structured import ConfigError, build, unknown_setting
+from psgn_jax.config.structured import ConfigError, build, suggestion, unknown_setting
 from psgn_jax.system.files import exit_code_of
 from psgn_jax.system.processes import ROOT
 from psgn_jax.system.untrusted import message_line, one_line
@@ -182,6 +182,19 @@ class Flags:
                 )
             )
         return "\n".join([*lines, self._details()]).rstrip() + "\n"
+
+
+def named_file(value: str, files: Mapping[str, str]) -> str:
+    """`value` if it is the path of a file, or the file of this name; `ConfigError` if neither."""
+    if pathlib.Path(value.partition(":")[0]).is_file():  # a colon begins the argument of a file
+        return value
+    if value in files:
+        return files[value]
+    hint = suggestion(pathlib.Path(value.rpartition(":")[2]).stem, files)
+    raise ConfigError(
+        f"--config={value}: no such file and no such name; {hint}expected the path of a "
+        f"configuration or one of {', '.join(files)}"
+    )
 
 
 def load_file(value: str) -> Any:

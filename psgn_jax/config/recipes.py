@@ -5,12 +5,10 @@ The files are in `configs/` of a clone, and in `psgn_jax/configs/` of an install
 
 import ast
 import pathlib
-from collections.abc import Mapping
 
 import ml_collections
 
-from psgn_jax.config.command_line import load_file
-from psgn_jax.config.structured import ConfigError, suggestion
+from psgn_jax.config.command_line import load_file, named_file
 from psgn_jax.system.processes import ROOT
 
 
@@ -39,16 +37,3 @@ def load(name: str) -> ml_collections.ConfigDict:
 def path_of(value: str) -> str:
     """The path of a configuration, given as a path or as a name; `ConfigError` if neither."""
     return named_file(value, {name: str(folder() / f"{name}.py") for name in names()})
-
-
-def named_file(value: str, files: Mapping[str, str]) -> str:
-    """`value` if it is the path of a file, or the file of this name; `ConfigError` if neither."""
-    if pathlib.Path(value.partition(":")[0]).is_file():  # a colon begins the argument of a file
-        return value
-    if value in files:
-        return files[value]
-    hint = suggestion(pathlib.Path(value.rpartition(":")[2]).stem, files)
-    raise ConfigError(
-        f"--config={value}: no such file and no such name; {hint}expected the path of a "
-        f"configuration or one of {', '.join(files)}"
-    )

@@ -28,6 +28,7 @@ _FIELDS = {
 }
 MOST_CLOUDS = 64
 _LARGEST = {"k": MOST_CLOUDS, "n": 1 << 18, "h": 2048, "w": 2048, "a": 2048, "b": 2048}
+_MOST_NUMBERS = 1 << 24  # in one array
 
 
 class PredictionFileError(UserError):
@@ -45,7 +46,8 @@ def read_prediction(path: str | os.PathLike[str], fields: Sequence[str]) -> dict
         if kind_of(path) is None and not zipfile.is_zipfile(path):
             raise ValueError("expected a file NAME.npz of `psgn predict`")
         limits = {
-            name: math.prod(_LARGEST.get(c) or int(c) for c in _FIELDS[name][1]) for name in fields
+            name: min(_MOST_NUMBERS, math.prod(_LARGEST.get(c) or int(c) for c in _FIELDS[name][1]))
+            for name in fields
         }
         arrays = read_npz(path, {**limits, "version": 1})
         _check(arrays, fields)

@@ -278,10 +278,7 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
         ("--config.vews=3", "--config.vews=3: no such setting; did you mean 'views'?"),
         ("--config.views=abc", "abc"),
         ("--config=nowhere.py", "--config=nowhere.py: no such file and no such name; expected"),
-        (
-            "--config=fotos",
-            "did you mean 'photo'? expected the path of a .py file or one of angles,",
-        ),
+        ("--config=fotos", "did you mean 'photo'? expected the path of a configuration or one of"),
         (f"--config={CONFIG}:nobody", "preset 'nobody': expected one of"),
         ("--config.image.rays=9", f"image.rays: {no_effect} image.shading=photo"),
         # The preset sets image.shading=photo, so that only the seed is wrong.
