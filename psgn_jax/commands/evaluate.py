@@ -39,11 +39,11 @@ _OPTIONS = ("split", "out", "draws", "frame", "refine")
 
 def open_with_records(
     workdir: str | None, weights: str | None, checkpoint: str = "best", data: str | None = None,
-    *, training: bool = False, name: str = "workdir",
+    *, training: bool = False, name: str = "",
 ) -> Trained:  # fmt: skip
     """Opens a network to be evaluated; `data` replaces the records of its configuration.
 
-    `training`: whether those for training are needed; `name`: of the argument `workdir`.
+    `training`: whether those for training are needed; `name`: as for `open_network`.
     """
     run = open_network(workdir, weights, checkpoint, name)
     config = run.config

@@ -113,9 +113,8 @@ def report_runs(
         collector = report_lib.Collector(folder)
         result = evaluate_run(run, create_task, on_batch=collector, **options)
         options["out"] = None
-        label = pathlib.Path(run.source).resolve().name
         num_fc = len(networks.build(run.config.model).branches.fc)
-        reported.append(report_lib.Reported(label, result, collector, num_fc))
+        reported.append(report_lib.Reported(run.name, result, collector, num_fc))
     try:
         page = report_lib.write_report(folder, reported)
     except ValueError as error:

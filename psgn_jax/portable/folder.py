@@ -232,7 +232,7 @@ def _describe(run: Trained, network: PortableNetwork) -> dict[str, Any]:
         latents = sampling.sample_latents(network.config, 0, 1, LATENTS, 0)[0].tolist()
     return {
         "format": FORMAT,
-        "name": os.path.basename(os.path.abspath(run.source)) if run.source else "",
+        "name": run.name,
         "step": run.step,
         "inputs": [item._asdict() | {"shape": list(item.shape)} for item in network.inputs],
         "num_points": network.num_points,

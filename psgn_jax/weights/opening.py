@@ -51,7 +51,7 @@ def open_network(
     workdir: str | os.PathLike[str] | None = None,
     weights: str | None = None,
     checkpoint: str = "best",
-    name: str = "workdir",
+    name: str = "",
 ) -> Trained:
     """Opens a trained network from a run or from weights.
 
@@ -59,7 +59,7 @@ def open_network(
       weights: name or file of weights (`weights_path`); used if there is no `workdir`. The `scores`
         of the opened run are then the metrics in the file.
       checkpoint: "best" or "last", of a run; weights have only one.
-      name: of the argument in messages, if it is neither `workdir` nor `weights`.
+      name: of the argument in messages, in place of `workdir` and `weights`.
 
     Raises:
       ConfigError: both are given, or another checkpoint than "best" without `workdir`, or the
@@ -69,10 +69,10 @@ def open_network(
     if workdir and weights:
         raise ConfigError(f"weights={weights}: accepted only without a run")
     if workdir:
-        return open_run(workdir, checkpoint, name=name)
+        return open_run(workdir, checkpoint, name=name or "workdir")
     if checkpoint != "best":
         raise ConfigError(f"checkpoint={checkpoint}: accepted only for a run")
-    path = weights_path(weights or "", "weights" if name == "workdir" else name)
+    path = weights_path(weights or "", name or "weights")
     read = read_weights(path)
     step, scores = read.figures["step"], dict(read.figures["metrics"])
     return Trained(read.config, step, read.params, scores, path.stem, "weights", read.sources)

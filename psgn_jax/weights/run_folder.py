@@ -32,6 +32,11 @@ class Trained(NamedTuple):
     sources: Sequence[Mapping[str, Any]] = ()  # data and licences, as in `weights.file.Weights`
     checkpoint: str = "best"  # the checkpoint that was asked for, "best" or "last"
 
+    @property
+    def name(self) -> str:
+        """The last part of `source`, without the folders of this machine."""
+        return pathlib.Path(self.source).resolve().name if self.source else ""
+
 
 def open_run(
     workdir: str | os.PathLike[str], checkpoint: str = "best", *, averaged: bool = True,

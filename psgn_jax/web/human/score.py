@@ -68,7 +68,7 @@ def label_networks(runs: Sequence[Trained]) -> dict[str, Trained]:
     labelled: dict[str, Trained] = {}
     for run in runs:
         require_photos(run.config, "psgn human score")
-        label = one_line(pathlib.Path(run.source).resolve().name)
+        label = one_line(run.name)
         if label in labelled or label == PERSON:
             raise ConfigError(
                 f"{run.source}: the name {label!r} is already used; expected another one"
