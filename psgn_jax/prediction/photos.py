@@ -45,10 +45,11 @@ def predict_files(
 ) -> Iterator[tuple[pathlib.Path, Prediction | Exception]]:
     """Predicts clouds for files and folders of images, one by one, and writes them to `out`.
 
-    In a folder, we leave out the results of earlier runs. Only these are replaced, as far as the
-    last `NAME.json` lists them; its `earlier_files` are those of runs before, with other formats or
-    another number of samples. If there is another file of the same name, results get a number.
-    `mask_from`, `invert_mask`, `accept_mask` and further options are as for `Predictor.__call__`.
+    In a folder, we leave out HEIC files with a converted copy, and the results of earlier runs.
+    Only these results are replaced, as far as the last `NAME.json` lists them; its `earlier_files`
+    are those of runs before, with other formats or another number of samples. If there is another
+    file of the same name, results get a number. `mask_from`, `invert_mask`, `accept_mask` and
+    further options are as for `Predictor.__call__`.
 
     Args:
       open_predictor: returns the network; called after the first image and mask were read, so that
@@ -226,9 +227,7 @@ def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
     """The files, and the images in the folders, without repetition, masks and earlier results."""
     paths: list[pathlib.Path] = []
     for image in map(pathlib.Path, images):
-        inside = sorted(image.iterdir()) if image.is_dir() else []
-        fit = [p for p in inside if p.suffix.lower() in photo.SUFFIXES and p.name[0] != "."]
-        paths += filter(pathlib.Path.is_file, fit) if image.is_dir() else [image]
+        paths += _images_in(image) if image.is_dir() else [image]
     if paths[1:] or paths != list(map(pathlib.Path, images)):  # a file alone is always meant
         masks_of = {p.with_name(f"{p.stem}_mask") for p in paths}
         paths = [
@@ -237,6 +236,15 @@ def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
             if p.with_suffix("") not in masks_of and not (p.suffix == ".png" and masks.is_result(p))
         ]
     return list(dict.fromkeys(paths))
+
+
+def _images_in(folder: pathlib.Path) -> list[pathlib.Path]:
+    """The images of a folder by their suffix, and HEIC files that have no converted copy there."""
+    files = [p for p in folder.iterdir() if p.name[0] != "." and p.is_file()]
+    images = [p for p in files if p.suffix.lower() in photo.SUFFIXES]
+    copied = {p.stem for p in images}
+    heic = [p for p in files if p.suffix.lower() in photo.HEIC and p.stem not in copied]
+    return sorted(images + heic)
 
 
 def _results(record: pathlib.Path) -> set[str]:

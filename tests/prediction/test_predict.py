@@ -130,6 +130,20 @@ def test_files_and_folders(predictor, tmp_path):
     np.testing.assert_array_equal(trimesh.load(out / "b_1.ply").vertices, points[1])
 
 
+@pytest.mark.parametrize("brand", ["heic", "mif1"])
+def test_heic_is_refused_with_advice_unless_a_copy_is_beside_it(brand, predictor, tmp_path):
+    folder = tmp_path / "in"
+    folder.mkdir()
+    for name in ("a.HEIC", "b.heic"):
+        (folder / name).write_bytes(b"\0\0\0\x18ftyp" + brand.encode() + bytes(64))
+    Image.fromarray(photo_of_a_box()).save(folder / "b.jpg")
+    for images in ([folder], [folder / "a.HEIC", folder / "b.jpg"]):
+        (path, error), (other, result) = predict_files(lambda: predictor, images, tmp_path / "out")
+        assert (path.name, other.name) == ("a.HEIC", "b.jpg")
+        assert "JPEG 2000 or AVIF; convert others, such as HEIC, to JPEG" in str(error)
+        assert isinstance(result, Prediction)
+
+
 def test_masks_by_name(predictor, tmp_path):
     out, images, folder = tmp_path / "out", tmp_path / "in", tmp_path / "masks"
     images.mkdir()
