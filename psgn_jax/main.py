@@ -7,7 +7,8 @@ configuration that comes with the package. Any field of it can be given as a fla
 Exit codes: 0 done; 2 a wrong configuration (the message names the field) or a file that cannot be
 written; 3 a loss that is not finite; 4 another process of the same training has ended; 5 a full
 disk; 143 stopped by SIGTERM; 130 stopped by Ctrl-C. In the last two cases, a checkpoint has been
-saved, unless the step took longer than `train.stop_seconds` or a second signal came.
+saved, unless the step took longer than `train.stop_seconds`, a second signal came, or Ctrl-C
+stopped one of several processes.
 """
 
 import pathlib

@@ -1,10 +1,10 @@
 """Predicts points from photos: `psgn predict IMAGE... --out DIR`.
 
-Images are files of any common format, or folders of such files. `psgn_jax.prediction.predictor`
-describes how the object is found and framed, `psgn_jax.prediction.photos` describes the output. An
-image that cannot be processed does not stop the others. Exit codes: 0 all images were processed; 1
-some failed; 2 all failed, or an argument is wrong. `docs/reliability.md` lists the exit codes of a
-full disk and of Ctrl-C.
+Images are files such as PNG, JPEG, TIFF, WebP or AVIF, or folders of such files; convert others,
+such as HEIC, to JPEG. `psgn_jax.prediction.predictor` describes how the object is found and framed,
+`psgn_jax.prediction.photos` describes the output. An image that cannot be processed does not stop
+the others. Exit codes: 0 all images were processed; 1 some failed; 2 all failed, or an argument is
+wrong; 5 a full disk; 130 stopped by Ctrl-C.
 
 In a notebook: `psgn_jax.load()(image)`.
 """

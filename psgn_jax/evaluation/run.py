@@ -3,8 +3,9 @@
 The network's task (`Config.task`) defines the metrics; clouds have the metrics of
 `evaluation.clouds.evaluate_pair`. The unit is the radius of an object's bounding hemisphere.
 
-The folder `eval_<split>_<best|last>` of a run gets `table.txt`, `table.csv` and `table.json` with a
-row for each category and the two averages, and `samples.csv` with a row for each sample.
+The folder `eval_<split>_<best|last>` of a run (then `_placed` if placed, `_refine` if refined) gets
+`table.txt`, `table.csv` and `table.json` with a row for each category and the two averages, and
+`samples.csv` with a row for each sample.
 """
 
 import dataclasses

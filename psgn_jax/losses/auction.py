@@ -288,9 +288,9 @@ def assign(
       max_bids: >= 0, the budget; None: 2000 n. One bid is a pass over the n distances of a point.
 
     Raises:
-      ValueError: wrong shape or dtype, unequal sizes, a negative tolerance or budget, or (outside
-        `jit`) a non-finite coordinate. Inside `jit`, such a coordinate, or an extent in (0, 1e-38),
-        gives the bijection i -> i, `converged` False and a NaN gap.
+      ValueError: wrong shape or dtype, unequal sizes, a negative tolerance or budget, or (called
+        directly) a non-finite coordinate. Inside `jit`, `vmap` and `grad`, such a coordinate, or an
+        extent in (0, 1e-38), gives the bijection i -> i, `converged` False and a NaN gap.
     """
     a, b = check_points(pred, "pred"), check_points(gt, "gt")
     if len(a) != len(b):

@@ -97,8 +97,8 @@ def nearest_both(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> tuple[Ne
     (64 + max(n, m) / 64) min(n, m) numbers; 16 times the 64 on a GPU.
 
     Raises:
-      ValueError: wrong shape or dtype, or (outside `jit`) a non-finite coordinate. Inside `jit` it
-        makes all distances of the pair and their gradients NaN.
+      ValueError: wrong shape or dtype, or (called directly) a non-finite coordinate. Inside `jit`,
+        `vmap` and `grad`, it makes all distances of the pair and their gradients NaN.
     """
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
     dtype = jnp.promote_types(pred.dtype, gt.dtype)

@@ -26,12 +26,12 @@ def farthest_point_indices(points: Float[Array, "n 3"], num_samples: int) -> Int
     Ties (in float arithmetic) go to the lowest index. No index occurs twice, even if points
     coincide. The indices have no gradient; `farthest_points` has one. Memory beyond the input: 4 n
     numbers. For a batch use `jax.vmap`; on a CPU `jax.lax.map(..., batch_size=2)` takes half the
-    time, because two clouds fit in the cache. Inside `jit`, a non-finite coordinate makes every
-    index n (`farthest_points` then returns NaN).
+    time, because two clouds fit in the cache. Inside `jit`, `vmap` and `grad`, a non-finite
+    coordinate makes every index n (`farthest_points` then returns NaN).
 
     Raises:
-      ValueError: wrong shape or dtype, `num_samples` out of range, or (outside `jit`) a non-finite
-        coordinate.
+      ValueError: wrong shape or dtype, `num_samples` out of range, or (called directly) a
+        non-finite coordinate.
     """
     points = check_points(points, "points")
     if not 1 <= num_samples <= len(points):

@@ -49,7 +49,7 @@ class PhotoCamera(NamedTuple):
         prediction has them.
       unit: length of the cloud's unit, in metres if the object's height was given, else 1.
       error: largest distance between the projections of `points` and of the cloud moved by
-        `extrinsics`, in pixels of the network's image of 192x256.
+        `extrinsics`, in pixels of the view of 192x256.
     """
 
     intrinsics: np.ndarray

@@ -32,7 +32,8 @@ METHODS = ("auto", "alpha", "plain", "network")
 SIDE = 256
 """Height and width of the photo that the mask network sees, whatever its proportions."""
 LEAST_CERTAINTY = 0.8
-"""`certainty` below which the network's mask is not used; see docs/journal.md."""
+"""`certainty` below which the network's mask is not used (**ours**): 5 to 10 % of the masks, see
+docs/journal.md, 2026-11-26."""
 DOUBTFUL_BELOW = 0.9
 """`certainty` below which a warning says that the mask may be wrong."""
 _DOUBTFUL = (

@@ -15,8 +15,8 @@ def keep_freed_memory() -> bool:
     operating system, so every call causes a page fault for each 4 KiB. With this setting, blocks
     under 2 GiB come from a heap that all threads share, and up to 2 GiB of it stay when they are
     free. One forward and backward pass of `authors_small.py` with 16 samples on one core takes 166
-    ms instead of 206, and trainings process a third more samples per second (docs/benchmarks.md,
-    "Training step"). The peak memory of a training grows by at most a few percent.
+    ms instead of 206, and trainings process a third more samples per second (docs/journal.md,
+    "speed on two cores"). The peak memory of a training grows by at most a few percent.
     """
     if sys.platform != "linux":
         return False
