@@ -133,8 +133,15 @@ def render_catalogue(
     about |= {"moved": moved} if moved else {}
     inputs = [(shards.Tag(e.model_id, e.category, e.split), e) for e in entries]
     statement, about = json.loads(json.dumps([statement, about]))
-    retried = _RETRIED if part == (0, 1) else ()  # the parts of a job array do not wait for it
-    job = shards.Job(statement, inputs, options.models_per_shard, about, retried=retried)
+    files = {e.model_id: e.file for e in entries}
+
+    def tries_again(line: shards.Line) -> bool:
+        now = files[line["model_id"]]
+        mended = line["status"] == "refused" and line.get("file", now) != now
+        # The parts of a job array do not wait for it.
+        return part == (0, 1) and (mended or line["status"] in _RETRIED)
+
+    job = shards.Job(statement, inputs, options.models_per_shard, about, tries_again=tries_again)
     maps = None
     if options.light.folder and not shards.is_complete(out, job):
         # Read before anything is written, so that an error here leaves the folder unchanged.

@@ -44,7 +44,7 @@ def model_seed(seed: int, source: str, model_id: str) -> int:
 def failure(entry: Entry, status: str, reason: str) -> dict[str, Any]:
     """The line of `models.jsonl` for a model without samples."""
     names = {"model_id": entry.model_id, "category": entry.category, "split": entry.split}
-    return {**names, "status": status, "reason": reason, "samples": 0}
+    return {**names, "file": entry.file, "status": status, "reason": reason, "samples": 0}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -33,6 +33,7 @@ class Entry:
       load: reads the model, with this name and category, and normalises it to the project's frame.
         It raises `mesh.UnusableModelError` if no sample can be made from the model.
       variant_loader: from a name and a deviation to the variant; None = `proportions.vary`.
+      file: `file_state` of its file, or "". A refused model is tried again if this changes.
     """
 
     model_id: str
@@ -40,6 +41,7 @@ class Entry:
     split: str
     load: Callable[[], Model]
     variant_loader: Callable[[str, float], Model] | None = None
+    file: str = ""
 
     def __post_init__(self) -> None:
         """Makes both names printable."""
@@ -53,7 +55,8 @@ class Entry:
         """
         name = f"{self.model_id}{_VARIANT}{number}"
         load = self.variant_loader or functools.partial(_load_variant, self.load)
-        return Entry(name, self.category, self.split, functools.partial(load, name, deviation))
+        load = functools.partial(load, name, deviation)
+        return Entry(name, self.category, self.split, load, file=self.file)
 
 
 _VARIANT = " variant "

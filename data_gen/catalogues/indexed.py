@@ -17,6 +17,7 @@ from data_gen.catalogues.families import kit, materials
 from data_gen.mesh import Material, Model
 from data_gen.readers.load import load_model
 from data_gen.readers.model_files import FolderFiles
+from psgn_jax.system.files import file_state
 from psgn_jax.system.untrusted import one_line
 
 INDEX = "index.csv"
@@ -78,7 +79,8 @@ def indexed(
         name, category = row["file"], row.get("category", "")
         about = {k: v for k, v in row.items() if k not in ("file", "category") and v}
         load = functools.partial(_load, name, files, category, about)
-        entries.append(Entry(name, category, split_of(family_of(name), fractions), load))
+        split, state = split_of(family_of(name), fractions), file_state(files.root / name)
+        entries.append(Entry(name, category, split, load, file=state))
     return Catalogue("indexed", entries, fractions)
 
 

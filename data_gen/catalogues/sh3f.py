@@ -19,6 +19,7 @@ from data_gen.mesh import Model, UnreadableModelError
 from data_gen.readers.load import load_model
 from data_gen.readers.model_files import ZipFiles, open_archive
 from data_gen.readers.mtl import floats
+from psgn_jax.system.files import file_state
 
 PROPERTIES = "PluginFurnitureCatalog.properties"
 
@@ -154,5 +155,6 @@ def sweet_home(
     entries = []
     for (library, piece), name in zip(pieces, names, strict=True):
         load = functools.partial(_load, str(library), dataclasses.replace(piece, model_id=name))
-        entries.append(Entry(name, piece.category, split_of(name, fractions), load))
+        split, state = split_of(name, fractions), file_state(library)
+        entries.append(Entry(name, piece.category, split, load, file=state))
     return Catalogue("sh3f", entries, fractions)

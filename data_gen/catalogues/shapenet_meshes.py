@@ -14,6 +14,7 @@ from data_gen.mesh import MAX_FACES
 from data_gen.readers.load import load_model
 from data_gen.readers.model_files import FolderFiles
 from psgn_jax.data import synsets
+from psgn_jax.system.files import file_state
 
 _LAYOUTS = (("models/model_normalized.obj", "-z"), ("model.obj", "+x"))
 
@@ -60,7 +61,7 @@ def shapenet(
                 load_model, file, FolderFiles(folder), up="+y", front=front,
                 category=category, model_id=model_id, max_faces=max_faces,
             )  # fmt: skip
-            entries.append(Entry(model_id, category, split, load))
+            entries.append(Entry(model_id, category, split, load, file=file_state(folder / file)))
     if not entries:
         expected = " or ".join(f"<synset>/<model>/{file}" for file, _ in _LAYOUTS)
         raise ValueError(f"source {str(source)!r}: it contains no model, expected {expected}")

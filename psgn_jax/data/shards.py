@@ -28,7 +28,7 @@ import pathlib
 import re
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import msgpack
@@ -107,7 +107,7 @@ class Job:
       per_shard: largest number of inputs of a shard.
       about: how the inputs were chosen, for `job.json` and for messages.
       converts: published data are converted, so inputs may vanish.
-      retried: statuses of inputs that the next call tries again.
+      tries_again: whether the next call tries the input of a line again; not if nothing is missing.
     """
 
     statement: Mapping[str, Any]
@@ -115,11 +115,7 @@ class Job:
     per_shard: int
     about: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     converts: bool = False
-    retried: Collection[str] = ()
-
-    def tries_again(self, line: Line) -> bool:
-        """Whether the next call tries this input again."""
-        return line["status"] in self.retried
+    tries_again: Callable[[Line], bool] = lambda line: False
 
     def tags(self) -> list[Tag]:
         return [tag for tag, _ in self.inputs]
@@ -427,8 +423,8 @@ def _write_block(folder: pathlib.Path, job: Job, block: _Block) -> None:
                 for record in itertools.islice(left, count):
                     writers[split].write(record)
         # If inputs are tried again, the shards that have their samples too need another name.
-        if again := [line["model_id"] for line in lines if job.tries_again(line)]:
-            digest = hashlib.sha256(json.dumps([block.digest, again]).encode()).hexdigest()
+        if missing := [line["model_id"] for line in lines if line["status"] != "ok"]:
+            digest = hashlib.sha256(json.dumps([block.digest, missing]).encode()).hexdigest()
             for writer in writers.values():
                 writer.name_by(digest)
     shards = [dataclasses.asdict(writers[split].shard) for split in sorted(writers)]

@@ -27,10 +27,13 @@ OPTIONS = settings.parse({"views": 1, "models_per_shard": 3})
 TEN = [f"m{k}" for k in range(10)]
 
 
-def listed(names, split=lambda name: "test" if name[-1] in "37" else "train", fractions=None):
+def listed(
+    names, split=lambda name: "test" if name[-1] in "37" else "train", fractions=None, file=""
+):
     """A catalogue of given names."""
     entries = [
-        Entry(name, name.rpartition("/")[0] or "thing", split(name), lambda: None) for name in names
+        Entry(name, name.rpartition("/")[0] or "thing", split(name), lambda: None, file=file)
+        for name in names
     ]
     return Catalogue("listed", entries, fractions)
 
@@ -169,6 +172,32 @@ def test_what_failed_on_a_machine_is_tried_again(once, tmp_path):
     assert make(out, TEN, first=seen_by_readers)[1] == ["m7"]
     assert contents(out) == contents(once)
     assert make(out, TEN)[1] == []
+
+
+def test_refused_models_are_tried_again_if_their_file_has_changed(once, tmp_path):
+    out = tmp_path / "out"
+    bad = {"m1": "refused", "m5": "refused"}
+
+    def seen_by_readers():
+        assert models_of(out) == [name for name in TEN if name not in bad]
+
+    make(out, listed(TEN, file="1"), failing=bad)
+    before = contents(out)
+    assert make(out, listed(TEN, file="1"))[1] == []
+    assert make(out, listed(TEN, file="2"), part=(0, 2))[1] == []
+    assert make(out, listed(TEN, file="2"), failing=bad)[1] == ["m1", "m5"]
+    assert contents(out) == before
+    assert make(out, listed(TEN, file="2"))[1] == []
+    with pytest.raises(KeyboardInterrupt):
+        make(out, listed(TEN, file="3"), stop_after=1)
+    seen_by_readers()
+    assert make(out, listed(TEN, file="3"), first=seen_by_readers)[1] == ["m5"]
+    assert contents(out) == contents(once)
+    # A report of an earlier version does not tell the files.
+    make(tmp_path / "old", listed(TEN, file="1"), failing=bad)
+    report = tmp_path / "old" / shards.REPORT
+    report.write_text(report.read_text().replace('"file": "1", ', ""))
+    assert make(tmp_path / "old", listed(TEN, file="2"))[0].statuses == {"ok": 8, "refused": 2}
 
 
 def test_a_job_that_was_begun_grows(once, tmp_path):

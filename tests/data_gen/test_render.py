@@ -218,6 +218,20 @@ def test_refused_models_have_reasons_and_do_not_stop_the_job(here, write, tmp_pa
     assert "not finite" in reasons["good/nan.obj"]
 
 
+def test_a_mended_mesh_is_rendered(here, write, tmp_path):
+    def rendered(out):
+        source = open_catalogue("folder", tmp_path / "meshes", variants=2)
+        return job.render_catalogue(source, tmp_path / out, options(), render=here)
+
+    write("meshes/good.obj", CUBE + FACES)
+    write("meshes/bad.obj", "")
+    assert rendered("out").statuses == {"ok": 2, "refused": 2}
+    write("meshes/bad.obj", CUBE + FACES)
+    assert rendered("out").statuses == {"ok": 4}
+    rendered("whole")
+    assert contents(tmp_path / "out") == contents(tmp_path / "whole")
+
+
 def test_a_wrong_light_marks_no_folder_and_a_wrong_library_is_no_variant(tmp_path, monkeypatch):
     source = open_catalogue("procedural", "chair=1")
     (tmp_path / "torn.hdr").write_bytes(b"#?RADIANCE\ntorn")
