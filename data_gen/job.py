@@ -38,32 +38,43 @@ FEW_MODELS = 20
 
 
 def _with_all_splits(
-    out: pathlib.Path, entries: Sequence[Entry], fractions: Sequence[float]
+    out: pathlib.Path, entries: Sequence[Entry], wanted: Sequence[str]
 ) -> tuple[list[Entry], dict[str, str]]:
     """The models with no empty split, and the objects that `moved_to_empty_splits` moves.
 
-    Models in the folder keep their splits.
+    Models in the folder keep their splits. Those that were tried and have no samples do not count.
     """
     places = (out / shards.JOB, out / shards.WORK / shards.JOB)
     stated = [s for s in map(shards.specification, places) if s is not None]
     lines = shards.read_report(out) if (out / REPORT).exists() else []
-    tags = [*map(shards.tag_of, lines), *(tag for s in stated for tag in s[1])]
-    there = {original_name(tag.model_id) for tag in tags}
+    tried = {original_name(line["model_id"]) for line in lines}
+    there = tried.union(original_name(tag.model_id) for s in stated for tag in s[1])
     moved = {n: x for s in stated for n, x in s[0].get("moved", {}).items() if x in SPLITS}
     splits = {original_name(e.model_id): e.split for e in entries}
     splits |= {name: split for name, split in moved.items() if name in splits}
-    wanted = [split for split, fraction in zip(SPLITS, fractions, strict=True) if fraction]
-    moved |= moved_to_empty_splits(splits, wanted, there)
+    without = tried.difference(_with_samples(lines))
+    counted = {name: split for name, split in splits.items() if name not in without}
+    moved |= moved_to_empty_splits(counted, wanted, there)
     splits |= moved
-    if len(splits) < FEW_MODELS:
-        counts = Counter(splits.values())
-        logging.warning(
-            "a small set (models: %s): a network overfits on it, and its figures say little; "
-            "the catalogue's option fractions=0.6,0.2,0.2 sets the fractions of the splits",
-            ", ".join(f"{counts[split]} in {split!r}" for split in wanted),
-        )
     entries = [dataclasses.replace(e, split=splits[original_name(e.model_id)]) for e in entries]
     return entries, moved
+
+
+def _with_samples(lines: Sequence[shards.Line]) -> dict[str, str]:
+    """The splits of the objects that have samples, by name."""
+    return {original_name(x["model_id"]): x["split"] for x in lines if x["samples"]}
+
+
+def _warn_of_few(lines: Sequence[shards.Line], wanted: Sequence[str]) -> None:
+    counts = Counter(_with_samples(lines).values())
+    if counts.total() < FEW_MODELS:
+        logging.warning(
+            "a small set (models with samples: %s): a network overfits on it, and its figures say "
+            "little; the catalogue's option fractions=0.6,0.2,0.2 sets the fractions of the splits",
+            ", ".join(f"{counts[split]} in {split!r}" for split in wanted),
+        )
+    if empty := [split for split in wanted if not counts[split]]:
+        logging.warning("no samples in %s: mend refused files or add models", ", ".join(empty))
 
 
 def text_of(progress: shards.Progress) -> str:
@@ -118,9 +129,8 @@ def render_catalogue(
     variant, message = choose_variant(options.job.variant)
     if message:
         logging.warning("%s", message)
-    moved: dict[str, str] = {}
-    if catalogue.fractions is not None:
-        entries, moved = _with_all_splits(out, entries, catalogue.fractions)
+    wanted = [s for s, share in zip(SPLITS, catalogue.fractions or (), strict=False) if share]
+    entries, moved = _with_all_splits(out, entries, wanted) if wanted else (entries, {})
     values = structured.to_dict(options)
     del values["job"]
     if options.light.folder:
@@ -149,4 +159,7 @@ def render_catalogue(
         size = lights.DETAIL if detail else lights.MAP_SIZE
         maps = load_maps(options.light.folder, variant, size)
     context = Context(options, catalogue.name, variant, maps)
-    return shards.write(out, job, lambda tasks: render(tasks, context), part)
+    progress = shards.write(out, job, lambda tasks: render(tasks, context), part)
+    if wanted and progress.complete:
+        _warn_of_few(progress.lines, wanted)
+    return progress

@@ -38,6 +38,14 @@ def listed(
     return Catalogue("listed", entries, fractions)
 
 
+def hashed(names, fractions=FRACTIONS):
+    return listed(names, lambda name: split_of(name, fractions), fractions)
+
+
+def splits_of(folder):
+    return {line["model_id"]: line["split"] for line in shards.read_report(folder)}
+
+
 @functools.cache
 def record_of(model_id, category):
     rng = np.random.default_rng(model_seed(0, "listed", model_id) % 2**31)
@@ -231,17 +239,12 @@ def test_two_processes_do_not_do_the_same_part(once, tmp_path):
 
 
 def test_a_small_set_has_all_splits_and_keeps_them_when_it_grows(tmp_path, caplog):
-    def hashed(count, fractions=FRACTIONS):
-        names = [f"n{k}" for k in range(count)]
-        return listed(names, lambda name: split_of(name, fractions), fractions)
-
-    def splits_of(folder):
-        return {line["model_id"]: line["split"] for line in shards.read_report(folder)}
-
-    assert {e.split for e in hashed(5).models} == {"train"}
+    names = [f"n{k}" for k in range(40)]
+    five = hashed(names[:5])
+    assert {e.split for e in five.models} == {"train"}
     before = {}
     for count in (1, 2, 5, 40):
-        _, rendered = make(tmp_path / "grown", hashed(count))
+        _, rendered = make(tmp_path / "grown", hashed(names[:count]))
         found = splits_of(tmp_path / "grown")
         assert len(rendered) == len(found) - len(before)
         assert before.items() <= found.items()
@@ -249,15 +252,38 @@ def test_a_small_set_has_all_splits_and_keeps_them_when_it_grows(tmp_path, caplo
         assert ("a small set" in caplog.text) == (count < 20)
         before = found
         caplog.clear()
-    make(tmp_path / "five", hashed(5))
-    five = splits_of(tmp_path / "five")
-    assert sorted(five.values()) == ["test", "train", "train", "train", "validation"]
+    make(tmp_path / "five", five)
+    found = sorted(splits_of(tmp_path / "five").values())
+    assert found == ["test", "train", "train", "train", "validation"]
     # The same in parts; what the options exclude stays empty.
     for part in ((1, 2), (0, 2)):
-        make(tmp_path / "parts", hashed(5), part=part)
+        make(tmp_path / "parts", five, part=part)
     assert contents(tmp_path / "parts") == contents(tmp_path / "five")
-    make(tmp_path / "all", hashed(5, (1.0, 0.0, 0.0)))
+    make(tmp_path / "all", hashed(names[:5], (1.0, 0.0, 0.0)))
     assert set(splits_of(tmp_path / "all").values()) == {"train"}
+
+
+def test_a_split_whose_models_were_refused_gets_a_new_one(tmp_path, caplog):
+    names = [name for name in (f"n{k}" for k in range(30)) if split_of(name) == "train"]
+    first, all_of_them = hashed(names[:6]), hashed(names[:9])
+    make(tmp_path / "whole", first)
+    moved = {name: s for name, s in splits_of(tmp_path / "whole").items() if s != "train"}
+    assert sorted(moved.values()) == ["test", "validation"]
+    assert "no samples in" not in caplog.text
+    out = tmp_path / "out"
+    for _ in range(2):
+        caplog.clear()
+        make(out, first, failing=dict.fromkeys(moved, "refused"))
+        assert "4 in 'train', 0 in 'validation', 0 in 'test'" in caplog.text
+        assert "no samples in validation, test: mend" in caplog.text
+    before = splits_of(out)
+    caplog.clear()
+    for part in ((1, 2), (0, 2)):
+        make(out, all_of_them, failing=dict.fromkeys(moved, "refused"), part=part)
+    assert before.items() <= splits_of(out).items()
+    assert "5 in 'train', 1 in 'validation', 1 in 'test'" in caplog.text
+    assert "no samples in" not in caplog.text
+    assert make(out, all_of_them)[1] == []
 
 
 class Killed(BaseException):
