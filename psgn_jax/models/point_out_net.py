@@ -88,9 +88,10 @@ class Bottleneck(nn.Module):
 
 
 class Encoder(nn.Module):
-    """Two convolutions at each level, the first strided; one more above the bottleneck.
+    """Two convolutions at full size; at each further level a strided one, then two more.
 
-    Returns the features of all levels but the last, full size first, and the bottleneck.
+    The level above the bottleneck has three more. Returns the features of all levels but the last,
+    full size first, and the bottleneck.
     """
 
     widths: tuple[int, ...]  # feature maps per level, full size first
