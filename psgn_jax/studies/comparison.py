@@ -28,7 +28,7 @@ import numpy as np
 from scipy import ndimage
 
 from psgn_jax import tasks
-from psgn_jax.config.experiment import Config
+from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.data.sources import shapenet
 from psgn_jax.evaluation.clouds import evaluate_pair
 from psgn_jax.evaluation.table import Lines
@@ -132,17 +132,30 @@ def configs(base: Config, folder: Callable[[str], str]) -> dict[str, runner.Over
 
 def train(run: runner.Run) -> None:
     """Trains a run, 3D-R2N2 for as long as `OURS` and its networks took together."""
+    begun = (run.folder / "config.json").exists()
+    needed = (*HEADS[OURS], OURS) if run.name == PEER else HEADS.get(run.name, ())
+    others = [] if begun else [_finished(run, name) for name in needed]
     if run.name == PEER:
-        if (run.folder / "config.json").exists():
+        if begun:
             steps = load_config(run.folder).train.steps
         else:
-            folders = [run.folder.with_name(f"{n}-{run.seed}") for n in (*HEADS[OURS], OURS)]
-            others = [run._replace(folder=f, config=load_config(f)) for f in folders]
             seconds = np.nansum([runner.cost(other)[1] for other in others])
             steps = max(1, round(float(seconds) / step_seconds(run)))
         fields = {"train.steps": steps, "train.eval_every": steps}
         run = run._replace(config=runner.changed(run.config, fields))
     runner.train_network(run)
+
+
+def _finished(run: runner.Run, name: str) -> runner.Run:
+    """The run on which `run` builds; raises `ConfigError` if it has not finished."""
+    folder = run.folder.with_name(f"{name}-{run.seed}")
+    opened = open_run(folder, "last", name=f"{run.name} needs the run {name}: workdir")
+    if opened.step < opened.config.train.steps:
+        raise ConfigError(
+            f"{run.name} needs {folder}, which is at step {opened.step} of "
+            f"{opened.config.train.steps}; start it again when that run has finished"
+        )
+    return run._replace(folder=folder, config=opened.config)
 
 
 def step_seconds(run: runner.Run) -> float:
