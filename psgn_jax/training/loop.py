@@ -6,10 +6,10 @@ the same machine, the final parameters are bit-identical to those of an uninterr
 """
 
 import contextlib
-import dataclasses
 import functools
 import pathlib
 import signal
+import zlib
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -28,6 +28,7 @@ from psgn_jax.config.experiment import (
     to_json,
 )
 from psgn_jax.data import loader
+from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.workers import check_main_guard
 from psgn_jax.system import group
 from psgn_jax.system.files import check_folder, write_atomic
@@ -106,9 +107,10 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
         def due(interval: int) -> bool:
             return bool(interval and step) and (step % interval == 0 or step == plan.steps)
 
-        # Scores that were measured in another way cannot be compared with those that follow.
-        if other := stored and _measured(parse(stored.meta["config"])) != _measured(config):
-            checkpoints.forget_scores()
+        # Scores of something else cannot be compared with those that follow.
+        if stored and not checkpoints.measured:  # an older file: of these records, we assume
+            checkpoints.measured = _measured(config, parse(stored.meta["config"]))
+        other = plan.eval_every and checkpoints.measure(_measured(config, config))
         # A network from which the training starts is evaluated too.
         evaluate_first = due(plan.eval_every) and start not in checkpoints.scores
         evaluate_first |= bool(plan.eval_every and (init or other))
@@ -234,11 +236,13 @@ def _resumed(
         ) from error
 
 
-def _measured(config: Config) -> list[Any]:
-    """What decides the scores of a checkpoint. A folder that is moved keeps its name."""
-    data, how = dataclasses.replace(config.data, default_folder=""), config.eval
-    names = [pathlib.Path(folder).name for folder in data.eval_folders]
-    return [names, data.eval_split, data.num_eval_points, how.max_samples, how.refine]
+def _measured(config: Config, how: Config) -> dict[str, Any]:
+    """What decides scores: a checksum of `config`'s records, wherever they are, and settings."""
+    names = ("data.eval_split", "data.num_eval_points", "eval.max_samples", "eval.refine")
+    splits = [load_manifest(folder).splits() for folder in config.data.eval_folders]
+    shards = [s.crc32 for found in splits for s in found.get(config.data.eval_split, ())]
+    records = zlib.crc32(repr(shards).encode())
+    return {"records": records, **{name: flatten(how)[name] for name in names}}
 
 
 def _initial(config: Config, task: tasks.Task) -> Callable[[Any], Any] | None:

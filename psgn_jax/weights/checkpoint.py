@@ -1,9 +1,9 @@
 """Checkpoints of a run, written in the background; the newest ones and the best one are kept.
 
-In the given folder, `<step>/` contains a checkpoint: the arrays by dotted name, and a JSON item
-`meta` with the caller's data and a checksum of every array. `scores.json` contains the metrics of
-the checkpoints that were evaluated. Orbax renames a folder when it is complete, so a process that
-is killed leaves no incomplete checkpoint; the checksums detect later damage.
+In the folder, `<step>/` contains a checkpoint: the arrays by dotted name, and a JSON item `meta`
+with the caller's data and a checksum of every array. `scores.json` contains the metrics of the
+checkpoints that were evaluated, and what they measure. Orbax renames a folder when it is complete,
+so a process that is killed leaves no incomplete checkpoint; the checksums detect later damage.
 
 Orbax's `CheckpointManager` is not enough: it ranks checkpoints only by metrics that are known when
 they are saved, returns wrong numbers for a flipped bit, and ends with an error at a damaged
@@ -69,7 +69,7 @@ class Checkpoints:
             for pattern in ("*.orbax-checkpoint-tmp*", "*.deleting"):
                 for leftover in list(self._directory.glob(pattern)):  # of a process that was killed
                     shutil.rmtree(leftover, ignore_errors=True)
-        self.scores = _read_scores(self._directory / "scores.json")
+        self.scores, self.measured = _read_scores(self._directory / "scores.json")
 
     def steps(self) -> list[int]:
         """Steps with a complete checkpoint, oldest first."""
@@ -87,24 +87,23 @@ class Checkpoints:
             ranked += [(score, -step)] if math.isfinite(score) else []
         return -min(ranked)[1] if ranked else None
 
+    def measure(self, what: Mapping[str, Any]) -> bool:
+        """States what the next scores measure, and forgets (True) those of anything else."""
+        changed = ", ".join(name for name in what if self.measured.get(name) != what[name])
+        self.measured = dict(what)
+        if forgotten := bool(changed and self.scores):
+            logging.warning(
+                "the evaluation has changed (%s): the scores so far are forgotten, and the best "
+                "checkpoint so far is no longer kept", changed,
+            )  # fmt: skip
+            self.scores = {}
+        return forgotten
+
     def score(self, step: int, metrics: Mapping[str, float]) -> None:
         steps = {step, *self.steps()}
         self.scores = {s: m for s, m in self.scores.items() if s in steps} | {step: dict(metrics)}
-        self._write_scores()
-
-    def forget_scores(self) -> None:
-        """Removes all scores, because those that follow are measured in another way."""
-        if best := self.best_step():
-            logging.warning(
-                "the evaluation has changed: the scores of earlier checkpoints are forgotten, and "
-                "that of step %d is no longer kept as the best", best,
-            )  # fmt: skip
-        self.scores = {}
-        if not self._read_only:
-            self._write_scores()
-
-    def _write_scores(self) -> None:
-        text = json.dumps(with_checksum(self.scores), indent=1) + "\n"
+        content = {"measured": self.measured, **{str(s): m for s, m in self.scores.items()}}
+        text = json.dumps(with_checksum(content), indent=1) + "\n"
         write_atomic(self._directory / "scores.json", text)
 
     def save(self, step: int, leaves: Mapping[str, Any], meta: Mapping[str, Any]) -> None:
@@ -243,19 +242,20 @@ def _of_this_process(kind: type[_Checkpointer]) -> _Checkpointer:
     return kind(handler, multiprocessing_options=alone)
 
 
-def _read_scores(path: pathlib.Path) -> dict[int, dict[str, float]]:
-    """The metrics of each step; empty, with a warning, if the file is damaged."""
+def _read_scores(path: pathlib.Path) -> tuple[dict[int, dict[str, float]], dict[str, Any]]:
+    """The metrics of each step, and what they measure; empty, with a warning, if damaged."""
     try:
         raw = without_checksum(json.loads(path.read_text("utf-8")))
+        measured = dict(raw.pop("measured", {}))
         scores = {int(step): dict(metrics) for step, metrics in raw.items()}
         if not all(type(m) in (int, float) for one in scores.values() for m in one.values()):
             raise ValueError("a metric is not a number")
-        return scores
+        return scores, measured
     except FileNotFoundError:
-        return {}
+        return {}, {}
     except (ValueError, TypeError, AttributeError, RecursionError) as error:
         logging.warning("%s is damaged (%s): the best checkpoint is unknown", path, brief(error))
-        return {}
+        return {}, {}
 
 
 @contextlib.contextmanager

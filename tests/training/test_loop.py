@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import logging
 import pathlib
 import re
 import resource
@@ -20,6 +21,7 @@ from helpers.small_runs import quick_environment, write_config, write_solids
 
 from psgn_jax.config.experiment import ConfigError, from_json
 from psgn_jax.data import loader
+from psgn_jax.data.dataset import RecordReader, write_dataset
 from psgn_jax.training.log import NonFiniteError
 from psgn_jax.training.loop import train
 from psgn_jax.weights.checkpoint import Checkpoints
@@ -119,6 +121,41 @@ def test_the_best_checkpoint_is_chosen_anew_if_it_is_measured_otherwise(run, con
     after = Checkpoints(folder, read_only=True).scores
     assert before.keys() > after.keys() == {12}
     assert before[12] != after[12]
+
+
+def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, caplog):
+    folder, workdir, file = tmp_path / "records", tmp_path / "run", "checkpoints/scores.json"
+    write_solids(folder)
+    config = dataclasses.replace(config, data=dataclasses.replace(config.data, path=str(folder)))
+
+    def scores(eval_split="validation", path=folder):
+        caplog.clear()
+        data = dataclasses.replace(config.data, path=str(path), eval_split=eval_split)
+        with caplog.at_level(logging.WARNING, "absl"):
+            train(dataclasses.replace(config, data=data), workdir)
+        return Checkpoints(workdir / "checkpoints", read_only=True).scores
+
+    first = scores()
+    assert first.keys() == {6, 12}
+    moved = shutil.move(folder, tmp_path / "moved")
+    assert scores(path=moved) == first
+    stored = json.loads((workdir / file).read_text())
+    old = {key: stored[key] for key in ("6", "12")}  # as written before records were stated
+    (workdir / file).write_text(json.dumps(old))
+    assert scores(path=moved) == first
+    assert "the evaluation" not in caplog.text
+    there = scores("train", moved)
+    assert there.keys() == {12}
+    assert "the evaluation has changed (data.eval_split)" in caplog.text
+    back = scores(path=moved)  # without a further checkpoint
+    assert "the evaluation has changed (records, data.eval_split)" in caplog.text
+    assert back.keys() == {12}
+    assert first[12] == back[12] != there[12]
+    samples = list(RecordReader(moved, "train"))  # other records of the same name
+    shutil.rmtree(moved)
+    write_dataset(moved, {"train": samples, "validation": samples[:11]}, source="solids")
+    assert scores(path=moved)[12] != back[12]
+    assert "the evaluation has changed (records)" in caplog.text
 
 
 def test_non_finite_loss_stops_naming_metric_and_step(config, tmp_path, monkeypatch):

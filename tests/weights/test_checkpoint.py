@@ -88,6 +88,7 @@ def test_damaged_scores_are_none_with_a_warning(tmp_path, caplog):
     fill(folder, [1, 2], scores={1: 0.5})
     for content in (
         b"[]", b'{"a":{}}', b"\xff", b"[" * 100_000, b'{"1": {"iou": "x"}}',
+        b'{"measured": 1}',
         b'{"1": {"cd_sq_radius2": 0.25}, "crc32": 1}',
     ):  # fmt: skip
         (folder / "scores.json").write_bytes(content)
