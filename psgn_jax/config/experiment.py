@@ -244,6 +244,14 @@ def parse(config: Any) -> Config:
     return parsed
 
 
+def check_new(config: Config) -> None:
+    """Raises `ConfigError` for fields without effect; runs that were trained so stay readable."""
+    fields = {"model.trained_blocks": 0, "optim.encoder_rate": 1}
+    for path, default in fields.items() if config.model.name != "lite0" else ():
+        if (value := flatten(config)[path]) != default:
+            raise wrong(path, value, f"{default} unless model.name='lite0'")
+
+
 def check_paths(config: Config, *, training: bool = True) -> None:
     """Raises `ConfigError` if the data for evaluation, or `training` too, do not exist."""
     data = config.data

@@ -21,6 +21,7 @@ from psgn_jax import tasks
 from psgn_jax.config.experiment import (
     Config,
     ConfigError,
+    check_new,
     check_paths,
     flatten,
     parse,
@@ -247,6 +248,7 @@ def _measured(config: Config, how: Config) -> dict[str, Any]:
 
 def _initial(config: Config, task: tasks.Task) -> Callable[[Any], Any] | None:
     """Maps random parameters to those of `train.init`; None if that is empty."""
+    check_new(config)
     if not config.train.init:
         return None
     opened = open_initial(config)

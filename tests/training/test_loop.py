@@ -22,10 +22,11 @@ from helpers.small_runs import quick_environment, write_config, write_solids
 from psgn_jax.config.experiment import ConfigError, from_json
 from psgn_jax.data import loader
 from psgn_jax.data.dataset import RecordReader, write_dataset
+from psgn_jax.training import loop
 from psgn_jax.training.log import NonFiniteError
 from psgn_jax.training.loop import train
 from psgn_jax.weights.checkpoint import Checkpoints
-from psgn_jax.weights.run_folder import locked
+from psgn_jax.weights.run_folder import locked, open_run
 
 pytestmark = pytest.mark.usefixtures("keep_compiled")
 TINY = {"model__name": "vanilla", "model__widths": (4, 6, 8)}
@@ -156,6 +157,26 @@ def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, cap
     write_dataset(moved, {"train": samples, "validation": samples[:11]}, source="solids")
     assert scores(path=moved)[12] != back[12]
     assert "the evaluation has changed (records)" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("section", "field", "value", "accepted"),
+    [("optim", "encoder_rate", 0.0, "1"), ("model", "trained_blocks", 3, "0")],
+)
+def test_settings_of_another_encoder_are_refused_but_an_older_run_goes_on(
+    run, config, tmp_path, monkeypatch, section, field, value, accepted
+):
+    changed = dataclasses.replace(getattr(config, section), **{field: value})
+    config = dataclasses.replace(config, **{section: changed})
+    message = f"^{section}.{field}={value}: accepted: {accepted} unless model.name='lite0'$"
+    with pytest.raises(ConfigError, match=message):
+        train(config, tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+    with monkeypatch.context() as patch:
+        patch.setattr(loop, "check_new", lambda _: None)
+        train(shorter(config, 1), tmp_path / "run")
+    assert getattr(getattr(open_run(tmp_path / "run").config, section), field) == value
+    train(shorter(config, 2), tmp_path / "run")
 
 
 def test_non_finite_loss_stops_naming_metric_and_step(config, tmp_path, monkeypatch):
