@@ -14,9 +14,10 @@ The folder of a job:
     .work/<hash>.input                      line and samples of an input
     .work/<digest>.block                    lines and shards of a block
 
-The digest of a block follows from the statement of the job and the tags of its inputs. To extend a
-data set, we write new shards next to the old ones and then replace the manifest, so readers see
-either the old or the new state. Samples that exist are kept or copied, not made again.
+The digest of a block follows from the statement of the job and the tags of its inputs; in the names
+of shards, also from the inputs whose status is not "ok". To extend a data set, we write new shards
+next to the old ones and then replace the manifest, so readers see either the old or the new state.
+Samples that exist are kept or copied, not made again.
 """
 
 import contextlib
@@ -38,7 +39,7 @@ from psgn_jax.config import structured
 from psgn_jax.data.dataset import ShardWriter, read_shard
 from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
 from psgn_jax.data.schema import RecordError
-from psgn_jax.system.claims import claim
+from psgn_jax.system.claims import ClaimedError, claim
 from psgn_jax.system.files import remove_temporaries, write_atomic
 from psgn_jax.system.untrusted import one_line, parse_json, read_json
 
@@ -107,7 +108,7 @@ class Job:
       per_shard: largest number of inputs of a shard.
       about: how the inputs were chosen, for `job.json` and for messages.
       converts: published data are converted, so inputs may vanish.
-      tries_again: whether the next call tries the input of a line again; not if nothing is missing.
+      tries_again: whether the next call tries a line's input again; False for the status "ok".
     """
 
     statement: Mapping[str, Any]
@@ -183,8 +184,10 @@ def write(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int] = (0
                 _begin(folder, job)
                 _make_part(folder, job, make, part)
                 complete = _complete(folder, job)
-    if complete:
-        _tidy_up(folder, job)
+    if complete and (folder / WORK).exists():
+        # Not while another process extends the data set or tries inputs again.
+        with contextlib.suppress(ClaimedError), claim(folder / WORK, part):
+            _tidy_up(folder, job)
     lines = read_report(folder) if complete else _lines(job, _finished(folder, job))
     return Progress(len(job.inputs), tuple(lines), complete)
 
@@ -348,22 +351,19 @@ def _complete(folder: pathlib.Path, job: Job) -> bool:
 
 
 def _tidy_up(folder: pathlib.Path, job: Job) -> None:
-    """Removes all other files from a complete data set; another process may do so at once."""
+    """Removes all other files from a complete data set; other parts may do so at once."""
     unfinished = specification(folder / WORK / JOB)
     if unfinished is not None and unfinished[1] != job.tags():
         return  # the data set is being extended
-    if unfinished is not None:
-        kept = {shard.file for shard in load_manifest(folder).shards}
-        remove_temporaries(folder)
-        for path in folder.iterdir():
-            if _SHARD.fullmatch(path.name) and path.name not in kept:
-                path.unlink(missing_ok=True)
-        for path in (folder / WORK).glob("*"):
-            if path.name != JOB:
-                path.unlink(missing_ok=True)
-        (folder / WORK / JOB).unlink(missing_ok=True)  # last, so that cleaning resumes after a kill
-    with contextlib.suppress(OSError):  # another part may still use it
-        (folder / WORK).rmdir()
+    kept = {shard.file for shard in load_manifest(folder).shards}
+    remove_temporaries(folder)
+    for path in folder.iterdir():
+        if _SHARD.fullmatch(path.name) and path.name not in kept:
+            path.unlink(missing_ok=True)
+    for path in (folder / WORK).glob("*"):
+        if path.name != JOB and path.suffix != ".lock":  # `claim` removes its own
+            path.unlink(missing_ok=True)
+    (folder / WORK / JOB).unlink(missing_ok=True)  # last, so that cleaning resumes after a kill
 
 
 def _kept(folder: pathlib.Path, job: Job, manifest: Manifest) -> dict[str, _Done]:
@@ -422,7 +422,7 @@ def _write_block(folder: pathlib.Path, job: Job, block: _Block) -> None:
                     writers[split] = stack.enter_context(writer)
                 for record in itertools.islice(left, count):
                     writers[split].write(record)
-        # If inputs are tried again, the shards that have their samples too need another name.
+        # A later call may try these inputs again; the shards then need other names.
         if missing := [line["model_id"] for line in lines if line["status"] != "ok"]:
             digest = hashlib.sha256(json.dumps([block.digest, missing]).encode()).hexdigest()
             for writer in writers.values():
