@@ -356,8 +356,7 @@ def _markdown(rows: Sequence[Mapping[str, Any]]) -> str:
         )
     total = {k: sum(r[k] for r in rows) for k in ("models", "images")}
     out.append(f"| all | | {total['models']} | {total['images']} | | | |")
-    refused = [(r["source"], text, n) for r in rows for text, n in r["refused"].items()]
-    if refused:
+    if refused := [(r["source"], text, n) for r in rows for text, n in r["refused"].items()]:
         out += ["", "Refused models, by reason (N stands for any number):", ""]
         out += [f"- {source}: {count} x {text}" for source, text, count in refused]
     return "\n".join(out) + "\n"
@@ -378,15 +377,13 @@ def write_table(
             if any((out / folder).exists() for folder in row["folders"]):
                 rows[row["source"]] = row
     for source in {part.source.name: part.source for part in parts}.values():
-        folders = [p.folder for p in parts if p.source is source and p.folder in lines]
-        if folders:
+        if folders := [p.folder for p in parts if p.source is source and p.folder in lines]:
             old = [f for f in rows.get(source.name, {}).get("folders", ()) if f not in folders]
             stored = {f: read_report(out / f) for f in old if (out / f / job.REPORT).exists()}
             every = {f: lines[f] for f in folders} | stored
             reports = [line for own in every.values() for line in own]
             rows[source.name] = _row(source, reports, packages, list(every))
-            _, text = _documents_of(packages, source.package)
-            if text:
+            if text := _documents_of(packages, source.package)[1]:
                 write_atomic(out / "licences" / f"{source.package}.txt", text)
     text = _markdown(list(rows.values()))
     write_atomic(table, json.dumps(list(rows.values()), indent=1) + "\n")
@@ -422,8 +419,7 @@ def _main(flags: Flags) -> int:
         if given.out is None:
             raise ValueError("--out is missing")
         check_folder(given.out, "--out")
-    unknown = [name for name in given.sources if name not in SOURCES]
-    if unknown:
+    if unknown := [name for name in given.sources if name not in SOURCES]:
         raise ValueError(f"--sources: got {unknown[0]!r}, expected some of {list(SOURCES)}")
     chosen = [s for name, s in SOURCES.items() if not given.sources or name in given.sources]
     if commands := missing(chosen, given.packages):
@@ -450,8 +446,7 @@ def _render(parts: Sequence[Part], given: Any) -> tuple[list[str], list[str]]:
     """
     lines: dict[str, Sequence[Any]] = {}
     problems = []
-    text = ""
-    count = 0
+    text, count = "", 0
     for number, part in enumerate(parts, 1):
         try:
             models = select(part.source, given.packages, given.fraction, given.variants)

@@ -6,6 +6,7 @@ too. `psgn_jax.data.shards` describes the folder of a job.
 """
 
 import dataclasses
+import functools
 import json
 import os
 import pathlib
@@ -20,7 +21,7 @@ from data_gen.catalogues.choosing import Choice
 from data_gen.catalogues.entry import SPLITS, Catalogue, Entry, moved_to_empty_splits, original_name
 from data_gen.engine import choose_variant
 from data_gen.environment_maps import fingerprint, load_maps
-from data_gen.render_model import Context
+from data_gen.render_model import Context, checksum
 from data_gen.settings import Settings
 from psgn_jax.config import structured
 from psgn_jax.data import shards
@@ -89,6 +90,8 @@ def text_of(progress: shards.Progress) -> str:
     if again := sorted({x["status"] for x in refused}.intersection(_RETRIED)):
         limits = "limits: job.seconds_per_model, job.megabytes_per_worker"
         out.append(f"run the command again to retry what is {', '.join(again)} ({limits})")
+    if any("file_crc32" in line for line in refused):
+        out.append("mend refused files and run the command again")
     return "\n".join(map(one_line, out))
 
 
@@ -144,12 +147,14 @@ def render_catalogue(
     inputs = [(shards.Tag(e.model_id, e.category, e.split), e) for e in entries]
     statement, about = json.loads(json.dumps([statement, about]))
     files = {e.model_id: e.file for e in entries}
+    checksum_now = functools.cache(checksum)
 
     def tries_again(line: shards.Line) -> bool:
-        now = files[line["model_id"]]
-        mended = line["status"] == "refused" and line.get("file", now) != now
-        # The parts of a job array do not wait for it.
-        return part == (0, 1) and (mended or line["status"] in _RETRIED)
+        if part != (0, 1):  # the parts of a job array do not wait for it
+            return False
+        if line["status"] != "refused" or "file_crc32" not in line:
+            return line["status"] in _RETRIED
+        return checksum_now(files[line["model_id"]]) not in (None, line["file_crc32"])
 
     job = shards.Job(statement, inputs, options.models_per_shard, about, tries_again=tries_again)
     maps = None

@@ -100,8 +100,7 @@ class Renderer:
     def kill(self) -> None:
         """Kills the process and ends the renderer, even while another thread is in `render`."""
         self._killed = True
-        process = self._process
-        if process is not None:
+        if (process := self._process) is not None:
             process.kill()
 
     def _start(self) -> None:

@@ -20,8 +20,8 @@ Exit codes: 0 done, all models have samples; 1 done, some models were refused (n
 collections); 2 wrong arguments, or no samples; 3 this part is finished, other parts are not; 5 the
 disk is full; 143 stopped by SIGTERM; 130 stopped by Ctrl-C.
 
-A model is known by its name. If the content of a mesh file changes but its name does not, its old
-samples stay: use a new output folder.
+A model is known by its name. If the content of a mesh file changes but its name does not, a refused
+model is tried again (not with `--shard`), but old samples stay: use a new output folder.
 """
 
 import functools

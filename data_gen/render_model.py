@@ -3,6 +3,7 @@
 import dataclasses
 import hashlib
 import json
+import pathlib
 import time
 import zlib
 from collections.abc import Mapping
@@ -25,6 +26,7 @@ from data_gen.solid import solid_occupancy
 from data_gen.surface import sample_surface
 from psgn_jax.data import schema
 from psgn_jax.data.codec import encode
+from psgn_jax.system.files import file_crc32
 
 COVERAGE = 0.0003
 """Limit of `checks.coverage` for a model with missing faces."""
@@ -44,7 +46,17 @@ def model_seed(seed: int, source: str, model_id: str) -> int:
 def failure(entry: Entry, status: str, reason: str) -> dict[str, Any]:
     """The line of `models.jsonl` for a model without samples."""
     names = {"model_id": entry.model_id, "category": entry.category, "split": entry.split}
-    return {**names, "file": entry.file, "status": status, "reason": reason, "samples": 0}
+    crc = checksum(entry.file) if status == "refused" else None
+    stated = {} if crc is None else {"file_crc32": crc}
+    return {**names, "status": status, "reason": reason, "samples": 0, **stated}
+
+
+def checksum(file: pathlib.Path | None) -> int | None:
+    """The CRC-32 of a file; None if there is none, or it cannot be read."""
+    try:
+        return None if file is None else file_crc32(file)
+    except OSError:
+        return None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -66,7 +78,7 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
     settings = context.settings
     seed = model_seed(settings.seed, context.source, entry.model_id)
     started = time.perf_counter()
-    line = {**failure(entry, "refused", ""), "seed": seed}
+    line = {**failure(entry, "ok", ""), "seed": seed}
     done: list[bytes] = []
     views = []
     try:
@@ -97,8 +109,7 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
             points = (surface.points @ camera.rotation.T).astype(np.float32)
             checks = check_view(picture, camera, points, tree)
             views.append({"view": view, **camera.parameters(), **checks})
-            objection = objection_to(checks, settings)
-            if objection:
+            if objection := objection_to(checks, settings):
                 raise UnusableModelError(f"view {view}: {objection}")
             occupancy = solid_occupancy(model, camera.rotation)
             extra = {
@@ -115,12 +126,10 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
                 extra=json.dumps(extra, sort_keys=True, allow_nan=False),
             )  # fmt: skip
             done.append(encode(sample, point_bits=settings.point_bits))
-        line["status"] = "ok"
     except UnusableModelError as error:
-        line, done = line | {"status": error.status, "reason": str(error)}, []
+        line, done = line | failure(entry, error.status, str(error)), []
     except MemoryError:
-        line |= {"status": "memory", "reason": "it needs more memory than is available"}
-        done = []
+        line, done = line | failure(entry, "memory", "it needs more memory than is available"), []
     seconds = round(time.perf_counter() - started, 3)
     return done, line | {"samples": len(done), "views": views, "seconds": seconds}
 

@@ -3,12 +3,11 @@
 import dataclasses
 import difflib
 import fnmatch
-import hashlib
 from collections.abc import Sequence
 
 from absl import logging
 
-from data_gen.catalogues.entry import Entry
+from data_gen.catalogues.entry import Entry, hashed
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,8 +84,7 @@ def _spread(entries: Sequence[Entry], seed: int) -> list[Entry]:
     """
 
     def uniform(*words: str) -> float:
-        text = "\n".join([str(seed), *words]).encode("utf-8", "surrogatepass")
-        return int.from_bytes(hashlib.sha256(text).digest()[:8], "big") / 2**64
+        return hashed("\n".join([str(seed), *words]))
 
     groups: dict[tuple[str, str], list[Entry]] = {}
     for entry in entries:

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import hashlib
+import pathlib
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -33,7 +34,7 @@ class Entry:
       load: reads the model, with this name and category, and normalises it to the project's frame.
         It raises `mesh.UnusableModelError` if no sample can be made from the model.
       variant_loader: from a name and a deviation to the variant; None = `proportions.vary`.
-      file: `file_state` of its file, or "". A refused model is tried again if this changes.
+      file: its mesh file. A refused model is tried again if the content of this file changes.
     """
 
     model_id: str
@@ -41,7 +42,7 @@ class Entry:
     split: str
     load: Callable[[], Model]
     variant_loader: Callable[[str, float], Model] | None = None
-    file: str = ""
+    file: pathlib.Path | None = None
 
     def __post_init__(self) -> None:
         """Makes both names printable."""
@@ -93,7 +94,7 @@ def split_of(model_id: str, fractions: tuple[float, float, float] = FRACTIONS) -
     if len(fractions) != len(SPLITS) or min(fractions) < 0 or abs(sum(fractions) - 1) > 1e-6:
         expected = f"{len(SPLITS)} numbers of 0 or more with a sum of 1"
         raise ValueError(f"split fractions: got {list(fractions)}, expected {expected}")
-    place = _place(model_id)
+    place = hashed(model_id)
     for split, fraction in zip(SPLITS, fractions, strict=True):
         if place < fraction:
             return split
@@ -102,7 +103,7 @@ def split_of(model_id: str, fractions: tuple[float, float, float] = FRACTIONS) -
     return next(s for s, f in zip(SPLITS[::-1], fractions[::-1], strict=True) if f > 0)
 
 
-def _place(model_id: str) -> float:
+def hashed(model_id: str) -> float:
     """A number in [0, 1), by a hash of the name."""
     digest = hashlib.sha256(model_id.encode("utf-8", "surrogatepass")).digest()
     return int.from_bytes(digest[:8], "big") / 2**64
@@ -154,9 +155,8 @@ def moved_to_empty_splits(
             continue
         givers = [s for s in wanted if counts[s] > 1] or [s for s in wanted[place:] if counts[s]]
         for giver in sorted(givers, key=lambda s: -counts[s]):
-            free = [name for name in now if now[name] == giver and name not in fixed]
-            if free:
-                moved[min(free, key=_place)] = empty
+            if free := [name for name in now if now[name] == giver and name not in fixed]:
+                moved[min(free, key=hashed)] = empty
                 break
     return moved
 

@@ -17,7 +17,6 @@ from data_gen.catalogues.families import kit, materials
 from data_gen.mesh import Material, Model
 from data_gen.readers.load import load_model
 from data_gen.readers.model_files import FolderFiles
-from psgn_jax.system.files import file_state
 from psgn_jax.system.untrusted import one_line
 
 INDEX = "index.csv"
@@ -73,14 +72,15 @@ def indexed(
       ValueError: the index is missing or damaged; the message names the line.
     """
     rows = read_index(source, licences)
-    files = FolderFiles(source)
+    path_of = FolderFiles(source).path_of
     entries = []
     for row in rows:
         name, category = row["file"], row.get("category", "")
         about = {k: v for k, v in row.items() if k not in ("file", "category") and v}
-        load = functools.partial(_load, name, files, category, about)
-        split, state = split_of(family_of(name), fractions), file_state(files.root / name)
-        entries.append(Entry(name, category, split, load, file=state))
+        # An object of its own, as each is pickled with the listings that it has made.
+        load = functools.partial(_load, name, FolderFiles(source), category, about)
+        split = split_of(family_of(name), fractions)
+        entries.append(Entry(name, category, split, load, file=path_of(name)))
     return Catalogue("indexed", entries, fractions)
 
 
@@ -104,9 +104,7 @@ def read_index(
         rows: dict[str, dict[str, str]] = {}
         for row in reader:
             if None in row or None in row.values() or not row["file"]:
-                expected = (
-                    f"{len(reader.fieldnames or ())} values, with a path in the column `file`"
-                )
+                expected = f"{len(reader.fieldnames or ())} values, with a path in column `file`"
                 raise ValueError(f"line {reader.line_num}: expected {expected}")
             if row["file"] in rows:
                 raise ValueError(f"line {reader.line_num}: {row['file']!r} is listed twice")
@@ -117,9 +115,7 @@ def read_index(
     if not kept:
         there = sorted({row.get("licence", "") for row in rows.values()})
         wanted = f" with a licence of {list(licences)} (it has {there})" if licences else ""
-        raise ValueError(
-            f"index {str(path)!r}: it lists no such model{wanted}, expected at least one"
-        )
+        raise ValueError(f"index {str(path)!r}: it lists no such model{wanted}")
     return kept
 
 

@@ -11,7 +11,6 @@ from data_gen.frame import axis_vector
 from data_gen.mesh import MAX_FACES
 from data_gen.readers.load import load_model
 from data_gen.readers.model_files import FolderFiles
-from psgn_jax.system.files import file_state
 
 # Formats in which z usually points up; in the others it is y.
 _Z_UP = (".stl", ".ply", ".off", ".3mf")
@@ -93,6 +92,6 @@ def folder(
         load = functools.partial(
             load_model, file, files, up=here, front=toward, category=category, max_faces=max_faces,
         )  # fmt: skip
-        split, state = split_of(file, fractions), file_state(files.root / file)
-        entries.append(Entry(file, category, split, load, file=state))
+        split = split_of(file, fractions)
+        entries.append(Entry(file, category, split, load, file=files.path_of(file)))
     return Catalogue("folder", entries, fractions)

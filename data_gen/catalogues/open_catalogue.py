@@ -19,13 +19,9 @@ from data_gen.catalogues.sh3f import sweet_home
 from data_gen.catalogues.shapenet_meshes import shapenet
 
 CATALOGUES: dict[str, Callable[..., Catalogue]] = {
-    "procedural": procedural,
-    "folder": folder,
-    "indexed": indexed,
-    "shapenet": shapenet,
-    "sh3f": sweet_home,
-    "records": records,
-}
+    "procedural": procedural, "folder": folder, "indexed": indexed,
+    "shapenet": shapenet, "sh3f": sweet_home, "records": records,
+}  # fmt: skip
 
 
 def variants_of(models: Catalogue, variants: int = 0, deviation: float = DEVIATION) -> Catalogue:

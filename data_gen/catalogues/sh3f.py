@@ -19,7 +19,6 @@ from data_gen.mesh import Model, UnreadableModelError
 from data_gen.readers.load import load_model
 from data_gen.readers.model_files import ZipFiles, open_archive
 from data_gen.readers.mtl import floats
-from psgn_jax.system.files import file_state
 
 PROPERTIES = "PluginFurnitureCatalog.properties"
 
@@ -155,6 +154,5 @@ def sweet_home(
     entries = []
     for (library, piece), name in zip(pieces, names, strict=True):
         load = functools.partial(_load, str(library), dataclasses.replace(piece, model_id=name))
-        split, state = split_of(name, fractions), file_state(library)
-        entries.append(Entry(name, piece.category, split, load, file=state))
+        entries.append(Entry(name, piece.category, split_of(name, fractions), load))
     return Catalogue("sh3f", entries, fractions)

@@ -14,7 +14,6 @@ from data_gen.mesh import MAX_FACES
 from data_gen.readers.load import load_model
 from data_gen.readers.model_files import FolderFiles
 from psgn_jax.data import synsets
-from psgn_jax.system.files import file_state
 
 _LAYOUTS = (("models/model_normalized.obj", "-z"), ("model.obj", "+x"))
 
@@ -44,9 +43,8 @@ def shapenet(
         raise ValueError(f"source {str(source)!r}: expected the folder of ShapeNetCore")
     if not 0 <= validation < 1:
         raise ValueError(f"validation: got {validation}, expected 0 or more and less than 1")
-    there = sorted(folder.name for folder in root.glob("[0-9]" * 8) if folder.is_dir())
     entries = []
-    for synset in there:
+    for synset in sorted(folder.name for folder in root.glob("[0-9]" * 8) if folder.is_dir()):
         category = synsets.SHAPENET.get(synset, synset)
         found = [
             (folder, next(layout for layout in _LAYOUTS if (folder / layout[0]).is_file()))
@@ -57,11 +55,12 @@ def shapenet(
             model_id = f"{synset}/{folder.name}"
             train = index < int(_R2N2_TRAIN * len(found))
             split = split_of(model_id, (1 - validation, validation, 0.0)) if train else "test"
+            files = FolderFiles(folder)
             load = functools.partial(
-                load_model, file, FolderFiles(folder), up="+y", front=front,
+                load_model, file, files, up="+y", front=front,
                 category=category, model_id=model_id, max_faces=max_faces,
             )  # fmt: skip
-            entries.append(Entry(model_id, category, split, load, file=file_state(folder / file)))
+            entries.append(Entry(model_id, category, split, load, file=files.path_of(file)))
     if not entries:
         expected = " or ".join(f"<synset>/<model>/{file}" for file, _ in _LAYOUTS)
         raise ValueError(f"source {str(source)!r}: it contains no model, expected {expected}")

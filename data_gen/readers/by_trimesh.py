@@ -198,7 +198,9 @@ def read_trimesh(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:
     except Exception as error:
         # A third-party reader may raise any exception for a damaged file.
         what = one_line(f"{type(error).__name__}: {error}")
-        raise UnusableModelError(f"not readable as {kind}: {what}"[:200]) from error
+        missing = isinstance(error, FileNotFoundError)  # a file to which this one refers
+        refusal = assets.files.refusal if missing else UnusableModelError
+        raise refusal(f"not readable as {kind}: {what}"[:200]) from error
 
 
 def _read(data: bytes, kind: str, assets: Assets) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from data_gen.frame import normalize, orient
-from data_gen.mesh import MAX_FACES, Model, UnreadableModelError, UnusableModelError, build_model
+from data_gen.mesh import MAX_FACES, Model, UnreadableModelError, build_model
 from data_gen.readers.by_trimesh import read_trimesh
 from data_gen.readers.model_files import Files, FolderFiles
 from data_gen.readers.obj import read_obj
@@ -52,8 +52,7 @@ def load_model(
     kind = posixpath.splitext(name)[1].lstrip(".").lower()
     stored = files.find(name)
     if stored is None:
-        refusal = UnreadableModelError if isinstance(files, FolderFiles) else UnusableModelError
-        raise refusal(f"file {name!r} {files.why_not(name)}")
+        raise files.refusal(f"file {name!r} {files.why_not(name)}")
     try:
         data = files.read(stored)
     except OSError as error:

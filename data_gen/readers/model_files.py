@@ -9,7 +9,7 @@ import urllib.parse
 import zipfile
 import zlib
 
-from data_gen.mesh import UnusableModelError
+from data_gen.mesh import UnreadableModelError, UnusableModelError
 from psgn_jax.system.untrusted import kind_of
 
 MAX_FILE_BYTES = 256 << 20
@@ -18,6 +18,8 @@ MAX_FILE_BYTES = 256 << 20
 
 class Files(abc.ABC):
     """The files that a model may refer to, named relative to a root."""
+
+    refusal = UnusableModelError  # if a file is missing
 
     @abc.abstractmethod
     def find(self, name: str) -> str | None:
@@ -56,6 +58,8 @@ class Files(abc.ABC):
 class FolderFiles(Files):
     """The files below a folder. Links that lead out of it are not followed."""
 
+    refusal = UnreadableModelError
+
     def __init__(self, root: str | os.PathLike[str]) -> None:
         self.root = pathlib.Path(root).absolute()  # for processes elsewhere
         self._names: dict[pathlib.Path, dict[str, str]] = {}
@@ -66,17 +70,18 @@ class FolderFiles(Files):
         for part in posixpath.normpath(name).split("/"):
             if part == "..":
                 return None
-            try:
-                there = (path / part).exists()
-            except (OSError, ValueError):  # a name too long, with a zero byte
-                return None
-            alike = part if there else self._alike(path, part)
+            alike = part if os.path.exists(path / part) else self._alike(path, part)
             if alike is None:
                 return None
             path = path / alike
-        if not path.is_file() or self._leads_out(path):
+        if not os.path.isfile(path) or self._leads_out(path):
             return None
         return str(path.relative_to(self.root))
+
+    def path_of(self, name: str) -> pathlib.Path | None:
+        """The path of the file that `find` finds."""
+        stored = self.find(name)
+        return None if stored is None else self.root / stored
 
     def why_not(self, name: str) -> str:
         """See `Files`."""

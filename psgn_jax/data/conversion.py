@@ -19,7 +19,7 @@ from psgn_jax.data.codec import encode
 from psgn_jax.data.manifest import DUPLICATES, Manifest, load_manifest
 from psgn_jax.data.shards import Job, Tag
 from psgn_jax.data.sources import authors, duplicates, occnet, r2n2, shapenet
-from psgn_jax.system.files import file_state, is_disk_full
+from psgn_jax.system.files import is_disk_full
 from psgn_jax.system.untrusted import message_line, one_line
 
 FILES_PER_SHARD = 8
@@ -38,6 +38,15 @@ def _natural(path: pathlib.Path) -> tuple[int | str, ...]:
     """Sort key: 2.gz before 10.gz."""
     parts = re.split(r"(\d+)", path.name)
     return tuple(int(p) if p.isdigit() else p for p in parts)
+
+
+def _state(path: pathlib.Path) -> str:
+    """Size and modification time of a path, or "-" if it is missing."""
+    try:
+        status = path.stat()
+    except OSError:
+        return "-"
+    return f"{status.st_size}.{status.st_mtime_ns}"
 
 
 def convert_authors(
@@ -74,10 +83,9 @@ def convert_authors(
             yield split, entry.encode(), entry.sample
 
     # The splits of a file's samples depend on all files.
-    files = zlib.crc32("".join(f"{p.name}:{file_state(p)}" for p in paths).encode())
+    files = zlib.crc32("".join(f"{p.name}:{_state(p)}" for p in paths).encode())
     inputs = [
-        (Tag(p.name, "", "", f"{file_state(p)}:{files:08x}"), functools.partial(read, p))
-        for p in paths
+        (Tag(p.name, "", "", f"{_state(p)}:{files:08x}"), functools.partial(read, p)) for p in paths
     ]
     return convert({"source": "authors"}, source, inputs, destination, FILES_PER_SHARD)
 
@@ -130,7 +138,7 @@ def convert_models(
 
     inputs = []
     for split, synset, name in models:
-        states = [file_state(p) for p in reader.input_files(source, synset, name)]
+        states = [_state(p) for p in reader.input_files(source, synset, name)]
         version = f"{num_points}:{views}:" + ":".join(states)
         tag = Tag(f"{synset}/{name}", synset, split, version)
         inputs.append((tag, functools.partial(read, split, synset, name)))

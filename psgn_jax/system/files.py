@@ -156,15 +156,6 @@ def file_crc32(path: pathlib.Path) -> int:
     return crc
 
 
-def file_state(path: str | os.PathLike[str]) -> str:
-    """Size and modification time of a path, or "-" if it is missing."""
-    try:
-        status = os.stat(path)
-    except (OSError, ValueError):  # ValueError: a zero byte in the name
-        return "-"
-    return f"{status.st_size}.{status.st_mtime_ns}"
-
-
 def finite_or_none(value: Any) -> Any:
     """A value of JSON with None (null) for the floats that are not finite: JSON has no NaN."""
     if isinstance(value, Mapping):

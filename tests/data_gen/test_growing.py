@@ -28,7 +28,7 @@ TEN = [f"m{k}" for k in range(10)]
 
 
 def listed(
-    names, split=lambda name: "test" if name[-1] in "37" else "train", fractions=None, file=""
+    names, split=lambda name: "test" if name[-1] in "37" else "train", fractions=None, file=None
 ):
     """A catalogue of given names."""
     entries = [
@@ -76,9 +76,10 @@ def make(out, names, *, options=OPTIONS, stop_after=None, first=lambda: None, fa
             if not made:
                 first()
             made.append(entry.model_id)
-            line, data = failure(entry, failing.get(entry.model_id, "refused"), "its name"), []
-            if "refused" not in entry.model_id and entry.model_id not in failing:
-                line |= {"status": "ok", "reason": "", "samples": 1}
+            status = failing.get(entry.model_id, "refused" if "refused" in entry.model_id else "ok")
+            line, data = failure(entry, status, "its name"), []
+            if status == "ok":
+                line |= {"reason": "", "samples": 1}
                 line["views"] = [{"inside": 1.0, "depth": 0.0, "luminance": 9.0}]
                 data = [record_of(entry.model_id, entry.category)]
             yield shards.Result(index, line, data)
@@ -183,29 +184,51 @@ def test_what_failed_on_a_machine_is_tried_again(once, tmp_path):
 
 
 def test_refused_models_are_tried_again_if_their_file_has_changed(once, tmp_path):
-    out = tmp_path / "out"
+    out, mesh = tmp_path / "out", tmp_path / "mesh"
     bad = {"m1": "refused", "m5": "refused"}
+    catalogue = listed(TEN, file=mesh)
 
     def seen_by_readers():
         assert models_of(out) == [name for name in TEN if name not in bad]
 
-    make(out, listed(TEN, file="1"), failing=bad)
+    mesh.write_text("1")
+    summary, _ = make(out, catalogue, failing=bad)
+    assert "mend refused files" in job.text_of(summary)
+    assert {x["model_id"] for x in summary.lines if "file_crc32" in x} == set(bad)
     before = contents(out)
-    assert make(out, listed(TEN, file="1"))[1] == []
-    assert make(out, listed(TEN, file="2"), part=(0, 2))[1] == []
-    assert make(out, listed(TEN, file="2"), failing=bad)[1] == ["m1", "m5"]
+    os.utime(mesh, (0, 0))
+    assert make(out, catalogue)[1] == []
+    mesh.unlink()
+    assert make(out, catalogue)[1] == []
+    mesh.write_text("2")
+    assert make(out, listed(TEN))[1] == make(out, catalogue, part=(0, 2))[1] == []
+    assert make(out, catalogue, failing=bad)[1] == ["m1", "m5"]
     assert contents(out) == before
-    assert make(out, listed(TEN, file="2"))[1] == []
+    assert make(out, catalogue)[1] == []
+    mesh.write_text("3")
     with pytest.raises(KeyboardInterrupt):
-        make(out, listed(TEN, file="3"), stop_after=1)
+        make(out, catalogue, stop_after=1)
     seen_by_readers()
-    assert make(out, listed(TEN, file="3"), first=seen_by_readers)[1] == ["m5"]
+    assert make(out, catalogue, first=seen_by_readers)[1] == ["m5"]
     assert contents(out) == contents(once)
-    # A report of an earlier version does not tell the files.
-    make(tmp_path / "old", listed(TEN, file="1"), failing=bad)
-    report = tmp_path / "old" / shards.REPORT
-    report.write_text(report.read_text().replace('"file": "1", ', ""))
-    assert make(tmp_path / "old", listed(TEN, file="2"))[0].statuses == {"ok": 8, "refused": 2}
+    # A report of an earlier version has no checksums.
+    summary, _ = make(tmp_path / "old", listed(TEN), failing=bad)
+    assert "mend" not in job.text_of(summary)
+    assert make(tmp_path / "old", catalogue)[0].statuses == {"ok": 8, "refused": 2}
+
+
+def test_calls_that_see_a_complete_set_leave_a_retry_alone(once, tmp_path):
+    out, mesh = tmp_path / "out", tmp_path / "mesh"
+
+    def others():
+        for part in ((0, 1), (0, 2)):
+            assert make(out, listed(TEN), part=part)[0].complete
+
+    mesh.write_text("1")
+    make(out, listed(TEN, file=mesh), failing={"m1": "refused", "m5": "refused"})
+    mesh.write_text("2")
+    assert make(out, listed(TEN, file=mesh), first=others)[1] == ["m1", "m5"]
+    assert contents(out) == contents(once)
 
 
 def test_a_job_that_was_begun_grows(once, tmp_path):

@@ -10,6 +10,7 @@ from PIL import Image
 
 from data_gen.mesh import UnusableModelError, face_normals, texels
 from data_gen.readers.load import load_model
+from data_gen.readers.model_files import ZipFiles
 
 HEADERS = {
     "a.stl": b"\0" * 80 + struct.pack("<I", 5_000_000),
@@ -156,5 +157,11 @@ def test_files_that_a_model_refers_to_are_read(trimesh, write):
     assert len(load_model(paths.pop("model.gltf")).faces) == 12
     for path in paths.values():
         path.unlink()
-    with pytest.raises(UnusableModelError, match="not readable as gltf"):
+    with pytest.raises(UnusableModelError, match="not readable as gltf") as caught:
         load_model(path.with_name("model.gltf"))
+    assert caught.value.status == "unreadable"
+    with zipfile.ZipFile(path.with_name("a.zip"), "w") as archive:
+        archive.write(path.with_name("model.gltf"), "model.gltf")
+    with pytest.raises(UnusableModelError, match="not readable as gltf") as caught:
+        load_model("model.gltf", ZipFiles(path.with_name("a.zip")))
+    assert caught.value.status == "refused"
