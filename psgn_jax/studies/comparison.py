@@ -38,6 +38,7 @@ from psgn_jax.studies import figures, runner
 from psgn_jax.training.from_config import create_training
 from psgn_jax.training.step import data_mesh, put_batch
 from psgn_jax.viewing import spheres
+from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.run_folder import load_config, open_run
 
 POINTS = ("cd", "emd")
@@ -100,7 +101,7 @@ BASE: runner.Overrides = {
 
 def configs(base: Config, folder: Callable[[str], str]) -> dict[str, runner.Overrides]:
     """All networks. Those after `cd` have half as many steps."""
-    half = max(1, base.train.steps // 2)
+    half = _half("cd", base)
     emd = {"loss.name": "emd_mean", "loss.emd_tolerance": 0.02, "train.steps": half}
     head = {
         "task": "refiner",
@@ -136,26 +137,29 @@ def train(run: runner.Run) -> None:
     needed = (*HEADS[OURS], OURS) if run.name == PEER else HEADS.get(run.name, ())
     others = [] if begun else [_finished(run, name) for name in needed]
     if run.name == PEER:
-        if begun:
-            steps = load_config(run.folder).train.steps
-        else:
+        if others:
             seconds = np.nansum([runner.cost(other)[1] for other in others])
             steps = max(1, round(float(seconds) / step_seconds(run)))
+        else:
+            steps = load_config(run.folder).train.steps
         fields = {"train.steps": steps, "train.eval_every": steps}
         run = run._replace(config=runner.changed(run.config, fields))
     runner.train_network(run)
 
 
 def _finished(run: runner.Run, name: str) -> runner.Run:
-    """The run on which `run` builds; raises `ConfigError` if it has not finished."""
+    """The run on which `run` builds; raises `ConfigError` if it has other steps than the study."""
     folder = run.folder.with_name(f"{name}-{run.seed}")
-    opened = open_run(folder, "last", name=f"{run.name} needs the run {name}: workdir")
-    if opened.step < opened.config.train.steps:
-        raise ConfigError(
-            f"{run.name} needs {folder}, which is at step {opened.step} of "
-            f"{opened.config.train.steps}; start it again when that run has finished"
-        )
-    return run._replace(folder=folder, config=opened.config)
+    done = max(Checkpoints(folder / "checkpoints", read_only=True).steps(), default=0)
+    config = load_config(folder) if done else run.config
+    if done < config.train.steps or _half(name, config) != _half(run.name, run.config):
+        raise ConfigError(f"{run.name} needs {folder}, finished with equal --steps; it has {done}")
+    return run._replace(folder=folder, config=config)
+
+
+def _half(name: str, config: Config) -> int:
+    """Half of the study's steps, by those of one network."""
+    return max(1, config.train.steps // 2) if name in ("cd", PEER) else config.train.steps
 
 
 def step_seconds(run: runner.Run) -> float:
