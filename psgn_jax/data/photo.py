@@ -38,7 +38,7 @@ HEIC = frozenset((".heic", ".heif"))
 """Suffixes of a common format that Pillow cannot read."""
 _ADVICE = (
     "accepted: PNG, JPEG, GIF, BMP, TIFF, WebP, PPM, TGA, JPEG 2000 or AVIF; convert others, such "
-    "as HEIC, to JPEG"
+    "as HEIC, to PNG or JPEG"
 )
 _ORIENTATION, _EXIF, _FOCAL_35MM = 0x0112, 0x8769, 0xA405  # tags of EXIF
 _LEAST_TRANSPARENT = 0.005
@@ -250,7 +250,7 @@ def _opened(path: Any, noun: str) -> Iterator[tuple[Image.Image, tuple[int, int]
     except PhotoError:
         raise
     except UnidentifiedImageError:
-        raise PhotoError(f"{shown} is not an image of a known format: {_ADVICE}") from None
+        raise PhotoError(f"{shown} is not an image of a known format; {_ADVICE}") from None
     except Image.DecompressionBombError:
         raise PhotoError(f"{shown} is too large: accepted: up to {MAX_PIXELS:,} pixels") from None
     except MemoryError:

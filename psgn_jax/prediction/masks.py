@@ -119,8 +119,8 @@ def mask_of(
 
 
 def images_named(folder: pathlib.Path, stem: str) -> Iterator[pathlib.Path]:
-    """The image files `stem.*` in a folder."""
-    for suffix in sorted(photo.SUFFIXES):
+    """The image files `stem.*` in a folder; HEIC last, which cannot be read."""
+    for suffix in (*sorted(photo.SUFFIXES), *sorted(photo.HEIC)):
         for file in (folder / f"{stem}{suffix}", folder / f"{stem}{suffix.upper()}"):
             if file.is_file():
                 yield file

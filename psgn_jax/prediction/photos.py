@@ -64,8 +64,9 @@ def predict_files(
     paths, out = _expand(images), pathlib.Path(out)
     if not paths:
         raise ConfigError(f"no image in {', '.join(map(str, images)) or 'the arguments'}")
-    if mask is not None and not os.path.isdir(mask) and len(paths) > 1:
-        raise ConfigError(f"mask={mask}: accepted for {len(paths)} images: a folder of masks")
+    count = sum(path.suffix.lower() not in photo.HEIC for path in paths)  # the others are refused
+    if mask is not None and not os.path.isdir(mask) and count > 1:
+        raise ConfigError(f"mask={mask}: accepted for {count} images: a folder of masks")
 
     def read(path: pathlib.Path, name: str) -> tuple[photo.Photo, masks.FoundMask, Clock]:
         clock = Clock()

@@ -1,6 +1,7 @@
 """From image files to clouds: the output, refused files, and the effect of one bad file."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -137,11 +138,21 @@ def test_heic_is_refused_with_advice_unless_a_copy_is_beside_it(brand, predictor
     for name in ("a.HEIC", "b.heic"):
         (folder / name).write_bytes(b"\0\0\0\x18ftyp" + brand.encode() + bytes(64))
     Image.fromarray(photo_of_a_box()).save(folder / "b.jpg")
+    mask = np.zeros((90, 120), np.uint8)
+    mask[30:60, 40:80] = 255
+    Image.fromarray(mask).save(tmp_path / "mask.png")
+    out, advice = tmp_path / "out", "known format; accepted: .* such as HEIC, to PNG or JPEG$"
     for images in ([folder], [folder / "a.HEIC", folder / "b.jpg"]):
-        (path, error), (other, result) = predict_files(lambda: predictor, images, tmp_path / "out")
-        assert (path.name, other.name) == ("a.HEIC", "b.jpg")
-        assert "JPEG 2000 or AVIF; convert others, such as HEIC, to JPEG" in str(error)
-        assert isinstance(result, Prediction)
+        for given in (None, str(tmp_path / "mask.png")):
+            (path, error), (other, result) = predict_files(
+                lambda: predictor, images, out, mask=given
+            )
+            assert (path.name, other.name) == ("a.HEIC", "b.jpg")
+            assert re.search(advice, str(error))
+            assert isinstance(result, Prediction)
+    (folder / "a.HEIC").rename(folder / "b_mask.heic")
+    ((_, error),) = predict_files(lambda: predictor, [folder], out)
+    assert re.search(f"b_mask.heic .*{advice}", str(error))
 
 
 def test_masks_by_name(predictor, tmp_path):
