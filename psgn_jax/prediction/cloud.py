@@ -295,7 +295,7 @@ def stray_points(points: np.ndarray) -> np.ndarray:
     """Points of a cloud [n, 3] that lie apart from all others: bool [n].
 
     The distance of a stray to its fourth nearest neighbour is more than 5 times the cloud's median
-    (**ours**). Files and the normal form leave strays out; metrics use all points.
+    (**ours**). PLY, OBJ, XYZ and GLB files and the normal form leave strays out; metrics use all.
     """
     if len(points) < 5:
         return np.zeros(len(points), np.bool_)
