@@ -6,6 +6,7 @@ the same machine, the final parameters are bit-identical to those of an uninterr
 """
 
 import contextlib
+import dataclasses
 import functools
 import pathlib
 import signal
@@ -84,8 +85,9 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     task = tasks.create(config, workdir)
     create, train_step = create_training(config, task, mesh)
     initial, folder = functools.cache(lambda: _initial(config, task)), workdir / "checkpoints"
-    if not folder.exists():
-        initial()  # a wrong `train.init` is reported before there is a folder
+    if not folder.exists():  # what is wrong with a new run is reported before there is a folder
+        check_new(config)
+        initial()
     with contextlib.ExitStack() as stack:
         if first:
             stack.enter_context(locked(workdir))
@@ -109,9 +111,9 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
             return bool(interval and step) and (step % interval == 0 or step == plan.steps)
 
         # Scores of something else cannot be compared with those that follow.
-        if stored and not checkpoints.measured:  # an older file: of these records, we assume
-            checkpoints.measured = _measured(config, parse(stored.meta["config"]))
-        other = plan.eval_every and checkpoints.measure(_measured(config, config))
+        if stored and not checkpoints.measured:  # an older file
+            checkpoints.measured = _measured_before(config, parse(stored.meta["config"]))
+        other = plan.eval_every and checkpoints.measure(_measured(config))
         # A network from which the training starts is evaluated too.
         evaluate_first = due(plan.eval_every) and start not in checkpoints.scores
         evaluate_first |= bool(plan.eval_every and (init or other))
@@ -132,6 +134,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
 
         def evaluate() -> None:
             with log.pause(), contextlib.suppress(Stopped):  # a resumed run evaluates first
+                checkpoints.measure(_measured(config))  # records may change during a training
                 result = task.evaluate(
                     _local(eval_params(state)),
                     max_samples=config.eval.max_samples,
@@ -212,10 +215,7 @@ def _checked(config: Config, workdir: pathlib.Path, devices: int) -> dict[str, i
 
 
 def _resumed(
-    config: Config,
-    create: Callable[[], TrainState],
-    checkpoint: Checkpoint,
-    workdir: pathlib.Path,
+    config: Config, create: Callable[[], TrainState], checkpoint: Checkpoint, workdir: pathlib.Path
 ) -> TrainState:
     """The state in a checkpoint; raises `ConfigError` if its configuration or network differs."""
     before, now = flatten(parse(checkpoint.meta["config"])), flatten(config)
@@ -237,18 +237,28 @@ def _resumed(
         ) from error
 
 
-def _measured(config: Config, how: Config) -> dict[str, Any]:
-    """What decides scores: a checksum of `config`'s records, wherever they are, and settings."""
+def _measured(config: Config) -> dict[str, Any]:
+    """What decides scores: a checksum of the records, wherever they are, and settings."""
     names = ("data.eval_split", "data.num_eval_points", "eval.max_samples", "eval.refine")
-    splits = [load_manifest(folder).splits() for folder in config.data.eval_folders]
+    fields, folders = flatten(config), config.data.eval_folders
+    splits = [load_manifest(folder).splits() for folder in folders]
     shards = [s.crc32 for found in splits for s in found.get(config.data.eval_split, ())]
-    records = zlib.crc32(repr(shards).encode())
-    return {"records": records, **{name: flatten(how)[name] for name in names}}
+    records = group.gather(zlib.crc32(repr(shards).encode()))
+    if len(set(records)) > 1:
+        raise ConfigError(f"{','.join(folders)}: differs between processes; expected the same")
+    return {"records": records[0], **{name: fields[name] for name in names}}
+
+
+def _measured_before(config: Config, before: Config) -> dict[str, Any]:
+    """The same of an older run: `config`'s records if the folders have the names of `before`'s."""
+    data = [dataclasses.replace(one.data, default_folder="") for one in (before, config)]
+    old, new = ([pathlib.Path(folder).name for folder in one.eval_folders] for one in data)
+    fields = flatten(before)
+    return {n: fields.get(n, v if old == new else None) for n, v in _measured(config).items()}
 
 
 def _initial(config: Config, task: tasks.Task) -> Callable[[Any], Any] | None:
     """Maps random parameters to those of `train.init`; None if that is empty."""
-    check_new(config)
     if not config.train.init:
         return None
     opened = open_initial(config)

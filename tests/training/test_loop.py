@@ -22,7 +22,7 @@ from helpers.small_runs import quick_environment, write_config, write_solids
 from psgn_jax.config.experiment import ConfigError, from_json
 from psgn_jax.data import loader
 from psgn_jax.data.dataset import RecordReader, write_dataset
-from psgn_jax.training import loop
+from psgn_jax.system import group
 from psgn_jax.training.log import NonFiniteError
 from psgn_jax.training.loop import train
 from psgn_jax.weights.checkpoint import Checkpoints
@@ -124,7 +124,7 @@ def test_the_best_checkpoint_is_chosen_anew_if_it_is_measured_otherwise(run, con
     assert before[12] != after[12]
 
 
-def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, caplog):
+def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, monkeypatch, caplog):
     folder, workdir, file = tmp_path / "records", tmp_path / "run", "checkpoints/scores.json"
     write_solids(folder)
     config = dataclasses.replace(config, data=dataclasses.replace(config.data, path=str(folder)))
@@ -138,13 +138,19 @@ def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, cap
 
     first = scores()
     assert first.keys() == {6, 12}
-    moved = shutil.move(folder, tmp_path / "moved")
-    assert scores(path=moved) == first
+    (tmp_path / "there").mkdir()
+    moved = shutil.move(folder, tmp_path / "there" / folder.name)
+    other = shutil.copytree(moved, tmp_path / "other")
+    assert scores(path=moved) == scores(path=other) == first
     stored = json.loads((workdir / file).read_text())
     old = {key: stored[key] for key in ("6", "12")}  # as written before records were stated
     (workdir / file).write_text(json.dumps(old))
     assert scores(path=moved) == first
     assert "the evaluation" not in caplog.text
+    (workdir / file).write_text(json.dumps(old))
+    assert scores(path=other).keys() == {12}
+    assert "the evaluation has changed (records)" in caplog.text
+    (workdir / file).write_text(json.dumps(old))
     there = scores("train", moved)
     assert there.keys() == {12}
     assert "the evaluation has changed (data.eval_split)" in caplog.text
@@ -152,11 +158,44 @@ def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, cap
     assert "the evaluation has changed (records, data.eval_split)" in caplog.text
     assert back.keys() == {12}
     assert first[12] == back[12] != there[12]
-    samples = list(RecordReader(moved, "train"))  # other records of the same name
-    shutil.rmtree(moved)
-    write_dataset(moved, {"train": samples, "validation": samples[:11]}, source="solids")
+    with monkeypatch.context() as patch:  # of another process, with a copy that differs
+        patch.setattr(group, "gather", lambda own: [own, own + 1] if type(own) is int else [own])
+        with pytest.raises(
+            ConfigError, match=f"{moved}: differs between processes; expected the same"
+        ):
+            scores(path=moved)
+    write_others(moved)
     assert scores(path=moved)[12] != back[12]
     assert "the evaluation has changed (records)" in caplog.text
+
+
+def write_others(folder):
+    """Writes other validation samples to a folder of `write_solids`."""
+    samples = list(RecordReader(folder, "train"))
+    shutil.rmtree(folder)
+    write_dataset(folder, {"train": samples, "validation": samples[:11]}, source="solids")
+
+
+def test_scores_of_records_that_change_during_training_are_forgotten(
+    config, tmp_path, monkeypatch, caplog
+):
+    records, workdir = write_solids(tmp_path / "records"), tmp_path / "run"
+    score = Checkpoints.score
+
+    def score_and_change(self, step, metrics):
+        score(self, step, metrics)
+        if step == 6:
+            write_others(records)
+
+    monkeypatch.setattr(Checkpoints, "score", score_and_change)
+    data = dataclasses.replace(config.data, eval_path=str(records))
+    config = dataclasses.replace(config, data=data)
+    with caplog.at_level(logging.WARNING, "absl"):
+        train(config, workdir)
+        assert caplog.text.count("the evaluation has changed (records)") == 1
+        train(config, workdir)
+    assert caplog.text.count("the evaluation has changed") == 1
+    assert Checkpoints(workdir / "checkpoints", read_only=True).scores.keys() == {12}
 
 
 @pytest.mark.parametrize(
@@ -164,7 +203,7 @@ def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, cap
     [("optim", "encoder_rate", 0.0, "1"), ("model", "trained_blocks", 3, "0")],
 )
 def test_settings_of_another_encoder_are_refused_but_an_older_run_goes_on(
-    run, config, tmp_path, monkeypatch, section, field, value, accepted
+    config, tmp_path, section, field, value, accepted
 ):
     changed = dataclasses.replace(getattr(config, section), **{field: value})
     config = dataclasses.replace(config, **{section: changed})
@@ -172,9 +211,8 @@ def test_settings_of_another_encoder_are_refused_but_an_older_run_goes_on(
     with pytest.raises(ConfigError, match=message):
         train(config, tmp_path / "run")
     assert not (tmp_path / "run").exists()
-    with monkeypatch.context() as patch:
-        patch.setattr(loop, "check_new", lambda _: None)
-        train(shorter(config, 1), tmp_path / "run")
+    (tmp_path / "run/checkpoints").mkdir(parents=True)  # of an older run, before its first one
+    train(shorter(config, 1), tmp_path / "run")
     assert getattr(getattr(open_run(tmp_path / "run").config, section), field) == value
     train(shorter(config, 2), tmp_path / "run")
 
