@@ -19,9 +19,13 @@ from data_gen.catalogues.sh3f import sweet_home
 from data_gen.catalogues.shapenet_meshes import shapenet
 
 CATALOGUES: dict[str, Callable[..., Catalogue]] = {
-    "procedural": procedural, "folder": folder, "indexed": indexed,
-    "shapenet": shapenet, "sh3f": sweet_home, "records": records,
-}  # fmt: skip
+    "procedural": procedural,
+    "folder": folder,
+    "indexed": indexed,
+    "shapenet": shapenet,
+    "sh3f": sweet_home,
+    "records": records,
+}
 
 
 def variants_of(models: Catalogue, variants: int = 0, deviation: float = DEVIATION) -> Catalogue:
