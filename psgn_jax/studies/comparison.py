@@ -153,7 +153,9 @@ def _finished(run: runner.Run, name: str) -> runner.Run:
     done = max(Checkpoints(folder / "checkpoints", read_only=True).steps(), default=0)
     config = load_config(folder) if done else run.config
     if done < config.train.steps or _half(name, config) != _half(run.name, run.config):
-        raise ConfigError(f"{run.name} needs {folder}, finished with equal --steps; it has {done}")
+        raise ConfigError(
+            f"{run.name} needs {folder}, finished in a study of as many steps; it is at step {done}"
+        )
     return run._replace(folder=folder, config=config)
 
 

@@ -184,7 +184,7 @@ def test_a_run_that_builds_on_others_waits_until_they_have_finished(tmp_path, mo
         checkpoints.close()
         (folder / "config.json").write_text(to_json(config))
 
-    message = "^head_cd needs .*cd-0, finished with equal --steps; it has"
+    message = "^head_cd needs .*cd-0, finished in a study of as many steps; it is at step"
     for step in (0, 2):
         if step:
             save("cd", step)
@@ -201,7 +201,7 @@ def test_a_run_that_builds_on_others_waits_until_they_have_finished(tmp_path, mo
     shutil.rmtree(runs["cd"].folder)
     comparison.train(runs[comparison.OURS])  # begun: it has copies of what it reads
     save("cd", 8)
-    with pytest.raises(ConfigError, match=r"^r2n2 needs .*head_cd_emd_volume-0, .* it has 3$"):
+    with pytest.raises(ConfigError, match=r"^r2n2 needs .*head_cd_emd_volume-0, .* at step 3$"):
         comparison.train(runs["r2n2"])
     save(comparison.OURS, 4)
     comparison.train(runs["r2n2"])
