@@ -146,7 +146,7 @@ def render_catalogue(
     about |= {"moved": moved} if moved else {}
     inputs = [(shards.Tag(e.model_id, e.category, e.split), e) for e in entries]
     statement, about = json.loads(json.dumps([statement, about]))
-    files = {e.model_id: e.file for e in entries}
+    finders = {e.model_id: e.find_file for e in entries}
     checksum_now = functools.cache(checksum)
 
     def tries_again(line: shards.Line) -> bool:
@@ -154,7 +154,7 @@ def render_catalogue(
             return False
         if line["status"] != "refused" or "file_crc32" not in line:
             return line["status"] in _RETRIED
-        return checksum_now(files[line["model_id"]]) not in (None, line["file_crc32"])
+        return checksum_now(finders[line["model_id"]]) not in (None, line["file_crc32"])
 
     job = shards.Job(statement, inputs, options.models_per_shard, about, tries_again=tries_again)
     maps = None

@@ -6,7 +6,7 @@ import json
 import pathlib
 import time
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -46,15 +46,16 @@ def model_seed(seed: int, source: str, model_id: str) -> int:
 def failure(entry: Entry, status: str, reason: str) -> dict[str, Any]:
     """The line of `models.jsonl` for a model without samples."""
     names = {"model_id": entry.model_id, "category": entry.category, "split": entry.split}
-    crc = checksum(entry.file) if status == "refused" else None
+    crc = checksum(entry.find_file) if status == "refused" else None
     stated = {} if crc is None else {"file_crc32": crc}
     return {**names, "status": status, "reason": reason, "samples": 0, **stated}
 
 
-def checksum(file: pathlib.Path | None) -> int | None:
-    """The CRC-32 of a file; None if there is none, or it cannot be read."""
+def checksum(find_file: Callable[[], pathlib.Path | None] | None) -> int | None:
+    """The CRC-32 of a model's file; None if there is none, or it cannot be read."""
+    path = find_file() if find_file else None
     try:
-        return None if file is None else file_crc32(file)
+        return None if path is None else file_crc32(path)
     except OSError:
         return None
 

@@ -34,7 +34,8 @@ class Entry:
       load: reads the model, with this name and category, and normalises it to the project's frame.
         It raises `mesh.UnusableModelError` if no sample can be made from the model.
       variant_loader: from a name and a deviation to the variant; None = `proportions.vary`.
-      file: its mesh file. A refused model is tried again if the content of this file changes.
+      find_file: finds its mesh file. A refused model is tried again if the content of this file
+        changes.
     """
 
     model_id: str
@@ -42,7 +43,7 @@ class Entry:
     split: str
     load: Callable[[], Model]
     variant_loader: Callable[[str, float], Model] | None = None
-    file: pathlib.Path | None = None
+    find_file: Callable[[], pathlib.Path | None] | None = None
 
     def __post_init__(self) -> None:
         """Makes both names printable."""
@@ -57,7 +58,7 @@ class Entry:
         name = f"{self.model_id}{_VARIANT}{number}"
         load = self.variant_loader or functools.partial(_load_variant, self.load)
         load = functools.partial(load, name, deviation)
-        return Entry(name, self.category, self.split, load, file=self.file)
+        return Entry(name, self.category, self.split, load, find_file=self.find_file)
 
 
 _VARIANT = " variant "

@@ -72,15 +72,15 @@ def indexed(
       ValueError: the index is missing or damaged; the message names the line.
     """
     rows = read_index(source, licences)
-    path_of = FolderFiles(source).path_of
+    files = FolderFiles(source)
     entries = []
     for row in rows:
         name, category = row["file"], row.get("category", "")
         about = {k: v for k, v in row.items() if k not in ("file", "category") and v}
-        # An object of its own, as each is pickled with the listings that it has made.
-        load = functools.partial(_load, name, FolderFiles(source), category, about)
+        load = functools.partial(_load, name, files, category, about)
+        find = functools.partial(files.path_of, name)
         split = split_of(family_of(name), fractions)
-        entries.append(Entry(name, category, split, load, file=path_of(name)))
+        entries.append(Entry(name, category, split, load, find_file=find))
     return Catalogue("indexed", entries, fractions)
 
 

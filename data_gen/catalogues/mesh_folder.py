@@ -92,6 +92,6 @@ def folder(
         load = functools.partial(
             load_model, file, files, up=here, front=toward, category=category, max_faces=max_faces,
         )  # fmt: skip
-        split = split_of(file, fractions)
-        entries.append(Entry(file, category, split, load, file=files.path_of(file)))
+        find = functools.partial(files.path_of, file)
+        entries.append(Entry(file, category, split_of(file, fractions), load, find_file=find))
     return Catalogue("folder", entries, fractions)

@@ -60,7 +60,8 @@ def shapenet(
                 load_model, file, files, up="+y", front=front,
                 category=category, model_id=model_id, max_faces=max_faces,
             )  # fmt: skip
-            entries.append(Entry(model_id, category, split, load, file=files.path_of(file)))
+            find = functools.partial(files.path_of, file)
+            entries.append(Entry(model_id, category, split, load, find_file=find))
     if not entries:
         expected = " or ".join(f"<synset>/<model>/{file}" for file, _ in _LAYOUTS)
         raise ValueError(f"source {str(source)!r}: it contains no model, expected {expected}")

@@ -8,6 +8,7 @@ import posixpath
 import urllib.parse
 import zipfile
 import zlib
+from typing import Any
 
 from data_gen.mesh import UnreadableModelError, UnusableModelError
 from psgn_jax.system.untrusted import kind_of
@@ -63,6 +64,9 @@ class FolderFiles(Files):
     def __init__(self, root: str | os.PathLike[str]) -> None:
         self.root = pathlib.Path(root).absolute()  # for processes elsewhere
         self._names: dict[pathlib.Path, dict[str, str]] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"root": self.root, "_names": {}}  # every process makes its own listings
 
     def find(self, name: str) -> str | None:
         """See `Files`."""

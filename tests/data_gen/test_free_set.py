@@ -115,7 +115,7 @@ def test_missing_meshes_are_said_with_their_repositories(meshes):
 
 def test_a_grey_mesh_gets_a_material_and_a_damaged_index_is_named(meshes):
     (entry,) = open_catalogue("indexed", meshes / "meshes", licences=("GPL*",)).models
-    assert entry.file == meshes / "meshes/b/rock.obj"
+    assert entry.find_file() == meshes / "meshes/b/rock.obj"
     rock = entry.load()
     assert rock.materials[0].texture is not None or np.ptp(rock.materials[0].diffuse) > 0
     for text, message in (
@@ -134,7 +134,7 @@ def test_files_outside_of_an_indexed_folder_are_not_looked_at(meshes):
     rows = "B/Rock.OBJ\n../secret\n/etc/hostname\nnone.obj\n"
     (meshes / "meshes/index.csv").write_text(f"file\n{rows}")
     (meshes / "secret").touch()
-    files = [e.file for e in open_catalogue("indexed", meshes / "meshes").models]
+    files = [e.find_file() for e in open_catalogue("indexed", meshes / "meshes").models]
     assert files == [meshes / "meshes/b/rock.obj", None, None, None]
 
 

@@ -31,8 +31,9 @@ def listed(
     names, split=lambda name: "test" if name[-1] in "37" else "train", fractions=None, file=None
 ):
     """A catalogue of given names."""
+    find = file and (lambda: file)
     entries = [
-        Entry(name, name.rpartition("/")[0] or "thing", split(name), lambda: None, file=file)
+        Entry(name, name.rpartition("/")[0] or "thing", split(name), lambda: None, find_file=find)
         for name in names
     ]
     return Catalogue("listed", entries, fractions)
