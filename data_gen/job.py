@@ -5,13 +5,14 @@ identical, byte for byte, for any number of workers, restarts, parts and extensi
 too. `psgn_jax.data.shards` describes the folder of a job.
 """
 
+import contextlib
 import dataclasses
 import functools
 import json
 import os
 import pathlib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 
 from absl import logging
 
@@ -21,6 +22,7 @@ from data_gen.catalogues.choosing import Choice
 from data_gen.catalogues.entry import SPLITS, Catalogue, Entry, moved_to_empty_splits, original_name
 from data_gen.engine import choose_variant
 from data_gen.environment_maps import fingerprint, load_maps
+from data_gen.mesh import kind_of_warning
 from data_gen.render_model import Context, checksum
 from data_gen.settings import Settings
 from psgn_jax.config import structured
@@ -36,6 +38,8 @@ for the whole of it tries these models again."""
 
 FEW_MODELS = 20
 """We warn of smaller sets."""
+
+_SHOWN = 40  # models whose warnings of a kind are logged, and reasons of refusals in a summary
 
 
 def _with_all_splits(
@@ -78,20 +82,36 @@ def _warn_of_few(lines: Sequence[shards.Line], wanted: Sequence[str]) -> None:
         logging.warning("no samples in %s: mend refused files or add models", ", ".join(empty))
 
 
+def _logged(results: Generator[shards.Result]) -> Generator[shards.Result]:
+    """The results. The warnings of their models are logged, each kind for the first models."""
+    kinds: Counter[str] = Counter()
+    with contextlib.closing(results):
+        for result in results:
+            for what in result.line.get("warnings", ()):
+                kinds[kind := kind_of_warning(what)] += 1
+                if kinds[kind] <= _SHOWN:
+                    more = "; other models only in the count at the end"
+                    text = f"warning: {result.line['model_id']}: {what}"
+                    logging.warning("%s", one_line(text + more * (kinds[kind] == _SHOWN)))
+            yield result
+
+
 def text_of(progress: shards.Progress) -> str:
-    """What a call has done as text, with at most 40 reasons of refusals."""
+    """What a call has done: counts, at most 40 reasons of refusals, models with each warning."""
     counts = ", ".join(f"{n} {status}" for status, n in sorted(progress.statuses.items()))
     later = "" if progress.complete else "; other parts of the job are not finished"
     out = [f"{progress.inputs} models: {counts}", f"{progress.samples} samples{later}"]
     refused = [line for line in progress.lines if line["status"] != "ok"]
-    out += [f"  {x['status']}: {x['model_id']}: {x['reason']}" for x in refused[:40]]
-    if len(refused) > 40:
+    out += [f"  {x['status']}: {x['model_id']}: {x['reason']}" for x in refused[:_SHOWN]]
+    if len(refused) > _SHOWN:
         out.append(f"  and more: see {REPORT}")
     if again := sorted({x["status"] for x in refused}.intersection(_RETRIED)):
         limits = "limits: job.seconds_per_model, job.megabytes_per_worker"
         out.append(f"run the command again to retry what is {', '.join(again)} ({limits})")
     if any("file_crc32" in line for line in refused):
         out.append("mend refused files and run the command again")
+    kinds = Counter(kind_of_warning(w) for x in progress.lines for w in x.get("warnings", ()))
+    out += [f"  warning in {n} models: {kind}" for kind, n in kinds.most_common()]
     return "\n".join(map(one_line, out))
 
 
@@ -164,7 +184,7 @@ def render_catalogue(
         size = lights.DETAIL if detail else lights.MAP_SIZE
         maps = load_maps(options.light.folder, variant, size)
     context = Context(options, catalogue.name, variant, maps)
-    progress = shards.write(out, job, lambda tasks: render(tasks, context), part)
+    progress = shards.write(out, job, lambda tasks: _logged(render(tasks, context)), part)
     if wanted and progress.complete:
         _warn_of_few(progress.lines, wanted)
     return progress

@@ -82,7 +82,8 @@ class Model:
       materials: at least one.
       category, model_id: see `catalogues.entry.Entry`.
       parameters: the parameters of a procedural model.
-      warnings: what was missing or wrong in the file, and what was used instead.
+      warnings: what was missing or wrong in the file, and what was used instead; see
+        `kind_of_warning`.
     """
 
     vertices: Float[np.ndarray, "v 3"]
@@ -166,10 +167,10 @@ def build_model(
 
     keep = ((faces >= 0) & (faces < len(vertices))).all(axis=1)
     if not keep.all():
-        notes.append(f"{int((~keep).sum())} faces with missing vertices dropped")
+        notes.append(f"faces with missing vertices dropped: {int((~keep).sum())}")
     seen = np.array([m.opacity >= EXISTS for m in materials])[owner]
     if not seen[keep].all():
-        notes.append(f"{int((keep & ~seen).sum())} fully transparent faces dropped")
+        notes.append(f"fully transparent faces dropped: {int((keep & ~seen).sum())}")
     keep &= seen
     used = vertices[faces[keep]]
     if not np.isfinite(used).all():
@@ -182,7 +183,7 @@ def build_model(
         cross = np.cross(used[:, 1] - used[:, 0], used[:, 2] - used[:, 0])
         flat = np.linalg.norm(cross, axis=1) <= _DEGENERATE * extent**2
         if flat.any():
-            notes.append(f"{int(flat.sum())} degenerate faces dropped")
+            notes.append(f"degenerate faces dropped: {int(flat.sum())}")
             keep[np.flatnonzero(keep)[flat]] = False
     if not keep.any():
         raise UnusableModelError("the mesh is empty: no face has an area, expected at least one")
@@ -204,11 +205,16 @@ def build_model(
         missing = (normals == 0).all(axis=2)
         if missing.any():
             if not missing.all():
-                notes.append(f"{int(missing.sum())} corner normals missing or zero, recomputed")
+                notes.append(f"corner normals missing or zero, recomputed: {int(missing.sum())}")
             smooth = crease_normals(vertices, faces)
             normals = np.where(missing[..., None], smooth, normals)
     normals = normals.astype(np.float32)
     return Model(vertices, faces, normals, uv, owner, materials, warnings=tuple(notes), **names)
+
+
+def kind_of_warning(line: str) -> str:
+    """The kind of a warning, which has no names and numbers of the file: the text before ": "."""
+    return line.partition(": ")[0]
 
 
 def check_face_count(count: int, max_faces: int) -> None:

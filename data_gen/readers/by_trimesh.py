@@ -15,7 +15,7 @@ import numpy as np
 
 from data_gen.mesh import Material, UnusableModelError, check_face_count
 from data_gen.readers.mtl import GREY, floats
-from data_gen.readers.textures import Assets, decode_texture
+from data_gen.readers.textures import BROKEN_TEXTURE, Assets, decode_texture
 from psgn_jax.system.untrusted import one_line, parse_json
 
 _MAX_XML = 64 << 20
@@ -75,7 +75,7 @@ def _resolver(assets: Assets) -> Any:
             try:
                 return assets.files.open(assets.base, key)
             except FileNotFoundError:
-                assets.warn(f"file {key!r} is missing")
+                assets.warn("files missing", repr(key))
                 raise
 
         def write(self, name: str, data: Any) -> None:
@@ -107,7 +107,7 @@ def _from_trimesh_material(
         try:
             return decode_texture(picture)
         except ValueError as error:
-            assets.warn(f"texture of {name!r}: {error}; the plain colour is used instead")
+            assets.warn(BROKEN_TEXTURE, f"that of {name!r} ({error})")
             return None
 
     def rgba(values: Any, fallback: tuple[float, ...]) -> list[float]:

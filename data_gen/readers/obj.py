@@ -108,7 +108,7 @@ def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
                         text = assets.files.open(assets.base, name).decode("utf-8-sig", "replace")
                         materials.update(read_mtl(text, assets, posixpath.dirname(name)))
                     except FileNotFoundError:
-                        assets.warn(f"material file {name!r} is missing; grey is used instead")
+                        assets.warn("material files missing, grey is used", repr(name))
         if total > assets.max_faces:
             raise UnusableModelError(f"more than the limit of {assets.max_faces} faces")
         try:
@@ -121,7 +121,7 @@ def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
             corners += np.where(corners < 0, np.array(seen) + 1, 0)
         corner_blocks.append(corners - 1)  # from 0, and negative = none
     if broken:
-        assets.warn(f"{broken} faces with less than three corners dropped")
+        assets.warn("faces with less than three corners dropped", broken)
     if not total:
         raise UnusableModelError("the mesh is empty: no faces, expected at least one")
 
@@ -131,7 +131,7 @@ def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
     exists = (corners[:, 0] >= 0) & (corners[:, 0] < len(vertices))
     whole = np.logical_and.reduceat(exists, np.cumsum(counts) - counts)
     if not whole.all():
-        assets.warn(f"{int((~whole).sum())} faces with missing vertices dropped")
+        assets.warn("faces with missing vertices dropped", int((~whole).sum()))
         corners = corners[np.repeat(whole, counts)]
     counts, owners = counts[whole], owners[whole]
     if not len(counts):
@@ -149,7 +149,7 @@ def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
 
     for name in names:
         if name not in materials and materials:
-            assets.warn(f"material {name!r} is missing; grey is used instead")
+            assets.warn("materials missing, grey is used", repr(name))
     table = [materials.get(name, Material(name=name)) for name in names]
     if (owners == -1).any():
         owners = np.where(owners == -1, len(table), owners)

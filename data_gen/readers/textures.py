@@ -12,6 +12,7 @@ from PIL import Image, UnidentifiedImageError
 
 from data_gen.mesh import MAX_FACES, Material
 from data_gen.readers.model_files import Files
+from psgn_jax.system.untrusted import one_line
 
 MAX_DECODED_PIXELS = 40_000_000
 """Largest accepted number of pixels of an image (of a JPEG, after the reduction by its decoder)."""
@@ -21,6 +22,12 @@ TEXTURE_SIDE = 1024
 
 _MAX_TEXELS = 1 << 24  # of all textures of a model, 64 MB
 _MAX_DECODED_TEXELS = 1 << 28  # before the joint reduction, 1 GB
+
+MISSING_TEXTURE = "textures missing, the plain colour is used"
+
+BROKEN_TEXTURE = "textures not readable, the plain colour is used"
+
+_MOST_DETAILS = 1000  # of a kind of warning
 
 _PICTURE_FORMATS = ("PNG", "JPEG", "BMP", "TGA", "GIF", "WEBP", "TIFF", "PPM", "DDS", "SGI")
 
@@ -93,15 +100,30 @@ class Assets:
 
     def __init__(self, files: Files, base: str = "", max_faces: int = MAX_FACES) -> None:
         self.files, self.base, self.max_faces = files, base, max_faces
-        self.warnings: list[str] = []
+        self._kinds: dict[str, dict[str, None]] = {}
         self._textures: dict[tuple[str, str], np.ndarray | None] = {}
         self._texels = 0
 
-    def warn(self, line: str) -> None:
-        """Appends a warning."""
-        line = line if len(line) <= 300 else line[:297] + "..."
-        if line not in self.warnings and len(self.warnings) < 100:
-            self.warnings.append(line)
+    def warn(self, kind: str, what: object = "") -> None:
+        """Notes what is not read as the file says. `warnings` has one line for each kind.
+
+        Args:
+          kind: a fixed text without ": ", such as "textures missing, the plain colour is used".
+          what: what it concerns: a name of the file, or a number.
+        """
+        details = self._kinds.setdefault(kind, {})
+        if what != "" and len(details) < _MOST_DETAILS:
+            details[one_line(what)[:160]] = None
+
+    @property
+    def warnings(self) -> list[str]:
+        """The warnings as `KIND: DETAIL, DETAIL and 3 more`; `mesh.kind_of_warning` takes KIND."""
+        lines = []
+        for kind, details in self._kinds.items():
+            rest = f" and {len(details) - 3} more" if len(details) > 3 else ""
+            shown = ", ".join(list(details)[:3]) + rest
+            lines.append(f"{kind}: {shown}" if shown else kind)
+        return lines
 
     def texture(self, name: str, folder: str = "") -> np.ndarray | None:
         """The texture in a file, or None and a warning. Each file is decoded once.
@@ -112,7 +134,7 @@ class Assets:
         if key not in self._textures:
             self._textures[key] = None
             if self._texels > _MAX_DECODED_TEXELS:
-                self.warn("too many textures; plain colours are used for some of them")
+                self.warn("too many textures, the plain colour is used for some of them")
                 return None
             try:
                 try:
@@ -122,9 +144,9 @@ class Assets:
                 picture = self._textures[key] = decode_texture(data)
                 self._texels += picture.shape[0] * picture.shape[1]
             except FileNotFoundError:
-                self.warn(f"texture {name!r} is missing; the plain colour is used instead")
+                self.warn(MISSING_TEXTURE, repr(name))
             except (ValueError, OSError) as error:
-                self.warn(f"texture {name!r}: {error}; the plain colour is used instead")
+                self.warn(BROKEN_TEXTURE, f"{name!r} ({error})")
         return self._textures[key]
 
     def bounded(self, materials: Sequence[Material]) -> tuple[Material, ...]:
@@ -138,7 +160,7 @@ class Assets:
             return distinct[key].shape[0] * distinct[key].shape[1]
 
         while sum(map(size, distinct)) > _MAX_TEXELS:
-            self.warn(f"textures reduced to a total of at most {_MAX_TEXELS} pixels")
+            self.warn(f"textures reduced to {_MAX_TEXELS} pixels in all")
             largest = max(distinct, key=size)
             distinct[largest] = np.asarray(Image.fromarray(distinct[largest]).reduce(2))
         return tuple(

@@ -62,11 +62,21 @@ def no_renderer():
         yield
 
 
-def make(out, names, *, options=OPTIONS, stop_after=None, first=lambda: None, failing=None, **more):
+def make(
+    out,
+    names,
+    *,
+    options=OPTIONS,
+    stop_after=None,
+    first=lambda: None,
+    failing=None,
+    warnings=None,
+    **more,
+):
     """Does a job, which stops after a number of models; returns the names of those it made, too.
 
-    A model with "refused" in its name is refused; `failing` has the statuses of others. `first` is
-    called before the first model.
+    A model with "refused" in its name is refused; `failing` has the statuses of others, `warnings`
+    their warnings. `first` is called before the first model.
     """
     made, failing = [], failing or {}
 
@@ -83,6 +93,7 @@ def make(out, names, *, options=OPTIONS, stop_after=None, first=lambda: None, fa
                 line |= {"reason": "", "samples": 1}
                 line["views"] = [{"inside": 1.0, "depth": 0.0, "luminance": 9.0}]
                 data = [record_of(entry.model_id, entry.category)]
+            line["warnings"] = (warnings or {}).get(entry.model_id, [])
             yield shards.Result(index, line, data)
 
     source = names if isinstance(names, Catalogue) else listed(names)
@@ -103,6 +114,19 @@ def once(no_renderer, tmp_path_factory):
     out = tmp_path_factory.mktemp("growing") / "once"
     make(out, TEN)
     return out
+
+
+def test_each_kind_of_warning_is_logged_for_the_first_models_and_counted(tmp_path, caplog):
+    warnings = ["textures missing: 'a.png', 'b.png' and 3 more", "degenerate faces dropped: 3"]
+    names = [f"m{k}" for k in range(45)]
+    summary, _ = make(
+        tmp_path / "out", names, warnings={name: warnings[k > 1 :] for k, name in enumerate(names)}
+    )
+    assert [caplog.text.count(f"warning: m{k}: {warnings[0]}\n") for k in (0, 1, 2)] == [1, 1, 0]
+    assert caplog.text.count(f": {warnings[1]}") == 40
+    for line in ("2 models: textures missing", "45 models: degenerate faces dropped"):
+        assert f"\n  warning in {line}" in job.text_of(summary)
+    assert shards.read_report(tmp_path / "out")[0]["warnings"] == warnings
 
 
 DEEP = "[" * 200_000

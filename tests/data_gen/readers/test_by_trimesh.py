@@ -143,7 +143,7 @@ def test_a_texture_that_is_no_file_of_the_folder_is_a_warning(trimesh, write, ca
         text = data.replace(b"comment", f"comment TextureFile {name}\ncomment".encode(), 1)
         return load_model(write("a.ply", text))
 
-    assert "file '/dev/zero' is missing" in textured("/dev/zero").warnings
+    assert "files missing: '/dev/zero'" in textured("/dev/zero").warnings
     assert capfd.readouterr().err == ""
     write("a b.png", png((1, 2, 3)))
     material = textured("a%20b.png").materials[0]  # a name as in glTF files

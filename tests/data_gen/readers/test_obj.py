@@ -2,9 +2,10 @@ import contextlib
 
 import numpy as np
 import pytest
+from helpers.features import outcome, promised
 from helpers.obj_text import CUBE, FACES, QUADS, png
 
-from data_gen.mesh import UnusableModelError, face_areas
+from data_gen.mesh import UnusableModelError, face_areas, kind_of_warning
 from data_gen.readers import textures
 from data_gen.readers.load import load_model
 from data_gen.readers.model_files import FolderFiles
@@ -68,6 +69,18 @@ def test_a_polygon_with_a_bay_or_a_hole_is_not_filled(write, outline, edge, area
     np.testing.assert_allclose(areas * edge**2 / extent**2, area)
 
 
+def test_features_are_read_as_the_table_says(write):
+    write("m.mtl", "newmtl a\nmap_Kd gone.png\n")
+    texts = {
+        "concave polygons": "".join(f"v {x} {y} 0\n" for x, y in L) + "f 1 2 3 4 5 6\n",
+        "faces with missing vertices": CUBE + FACES + "f 1 2 9\n",
+        "missing material files": "mtllib gone.mtl\n" + CUBE + FACES,
+        "missing textures": "mtllib m.mtl\n" + CUBE + "usemtl a\n" + FACES,
+        "coordinates that are not finite": CUBE.replace("v 1", "v nan") + FACES,
+    }
+    assert {f: outcome(write("a.obj", text)) for f, text in texts.items()} == promised("OBJ")
+
+
 def test_materials_and_missing_files(write):
     mtl = """\
 newmtl red paint
@@ -110,9 +123,12 @@ map_Kd gone.jpg
     assert by_name["no picture"].texture is None
     assert by_name["no picture"].diffuse == (0.6, 0.6, 0.6)
     assert by_name["plain"].diffuse == (0.1, 0.2, 0.3)
-    assert "material 'nothing' is missing; grey is used instead" in model.warnings
-    assert len(model.warnings) == 4
+    assert "materials missing, grey is used: 'nothing'" in model.warnings
+    missing = "'../../../../etc/passwd', 'gone.jpg'"
+    assert f"textures missing, the plain colour is used: {missing}" in model.warnings
+    assert len(model.warnings) == 3
     assert all("missing" in w for w in model.warnings)
+    assert len({kind_of_warning(w) for w in model.warnings}) == 3
     sample = sample_surface(model, 500, 0)
     names_of_points = {model.materials[i].name for i in model.face_material[sample.face]}
     assert names_of_points == set(names) - {"leaf"}
@@ -152,7 +168,7 @@ def test_neither_textures_nor_material_files_are_read_without_end(write, monkeyp
     faces = "".join(f"usemtl {i}\n{FACES}" for i in range(len(names)))
     model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}{faces}"))
     assert [m.texture is not None for m in model.materials] == [True] * 3 + [False] * 3
-    assert "too many textures; plain colours are used for some of them" in model.warnings
+    assert "too many textures, the plain colour is used for some of them" in model.warnings
     asked, find = [], FolderFiles.find
     monkeypatch.setattr(
         FolderFiles, "find", lambda self, name: asked.append(name) or find(self, name)
