@@ -54,6 +54,7 @@ WRONG = [
     ({"model": {"deconv_level": 6}}, "model.deconv_level=6: accepted: 0 to 5"),
     ({"model": {"deconv_channels": 4}}, "a multiple of 3"),
     ({"loss": {"min_of_n": 2}}, "loss.min_of_n=2: accepted: 1, since without a random input"),
+    ({"loss": {"winner_points": 9}}, "loss.winner_points=9: accepted: 0 with loss.min_of_n=1"),
     ({"task": "refiner"}, "voxels.from_cd='': accepted: the folder of a trained run"),
     ({"task": "volume", "data": {"stretch": 0.1}}, "data.stretch=0.1: accepted: 0 with task"),
     ({"task": "volume", "eval": {"refine": True}}, "eval.refine=True: accepted: False with task"),

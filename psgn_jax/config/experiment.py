@@ -100,6 +100,10 @@ class LossConfig:
     # Number of draws of the random input for each sample and training step, of which only the
     # nearest to the truth counts (`losses.min_of_n`); 2 in the paper. Evaluation uses one draw.
     min_of_n: Annotated[int, Bounds(low=1, high=1000)] = 1
+    # With `min_of_n` > 1, how the nearest draw is chosen. 0: by the loss of every draw, as in the
+    # paper. k > 0: by the Chamfer distance of k points of each cloud; only the chosen draw gets its
+    # loss. Then a step with 8 draws costs little more than one with a single draw.
+    winner_points: Count = 0
     # With `model.posterior`: weight of the Kullback-Leibler divergence from the prior, in the unit
     # of the loss per nat. In the variational bound it is 1 if the loss is -log p of the truth, and
     # 2 sigma^2 for a sum of squared distances of points with the standard deviation sigma.
@@ -319,6 +323,8 @@ def _check_together(config: Config) -> None:
          "at least 1 with model.posterior=True"),
         ("loss.min_of_n", model.posterior and loss.min_of_n > 1,
          "1 with model.posterior=True, which draws r once per sample, given the truth"),
+        ("loss.winner_points", loss.winner_points and loss.min_of_n == 1,
+         "0 with loss.min_of_n=1, which has no draws to choose from"),
         ("model.posterior_widths", model.posterior and not 1 <= len(model.posterior_widths) <= 5,
          "1 to 5 widths"),
         ("train.init_skip", config.train.init_skip and not config.train.init,

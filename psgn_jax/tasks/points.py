@@ -18,7 +18,7 @@ from psgn_jax.evaluation import clouds as metrics_lib
 from psgn_jax.evaluation.aligned import aligned_metrics
 from psgn_jax.evaluation.results import Evaluation
 from psgn_jax.evaluation.split import compile_measure, evaluate_split
-from psgn_jax.losses.by_name import configured_loss, parse_terms
+from psgn_jax.losses.by_name import chosen_points, configured_loss, parse_terms
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.losses.mapping import map_pairs
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n
@@ -42,8 +42,9 @@ def points_task(config: Config, workdir: pathlib.Path) -> Task:
 
     - `loss_step`: the loss, without the L2 and KL terms.
     - `loss_<name>`, if the loss is a sum: each term of `loss_step`, without its weight.
-    - `loss_of_draws`, if `loss.min_of_n` > 1: mean of the distances over all draws. `loss_step` is
-      the mean of the smallest distances.
+    - `loss_of_draws`, if `loss.min_of_n` > 1: mean over all draws of the distance that chooses the
+      best one: the loss, or with `loss.winner_points` the Chamfer distance of that many points.
+      `loss_step` is the mean loss of the best draws.
     - `l2`, unless `loss.l2` is "none": the L2 term.
     - With `model.posterior`: `kl`, the divergence in nats, summed over the dimensions of z and
       averaged over the samples; `kl_of_dims`, that of each dimension; `kl_weight`, its weight.
@@ -182,23 +183,35 @@ def l2_authors(params: Any) -> Array:
 def min_of_n_loss(
     config: Config, model: nn.Module, loss: PairFunction, params: Any, batch: Batch, r: Array
 ) -> tuple[Array, MinOfN]:
-    """Batch mean of the Min-of-N distance over the draws of r [B,draws,k].
+    """Batch mean of the loss of the best draw of each sample, over the draws of r [B,draws,k].
 
-    Value and gradient equal those of `min_of_n` applied to `predict` with all draws, up to
-    rounding, at less cost. Only the best draw of each sample has a gradient, so all draws are
-    computed without storing activations, and the best ones again for the backward pass. XLA
-    computes the parts that do not depend on r once. The derivative of the loss with respect to the
-    points is kept from the first pass and used in the backward pass of the second.
+    The best draw has the smallest loss, or with `loss.winner_points` = k > 0 the smallest Chamfer
+    distance of k points to k true points. In the first case value and gradient equal those of
+    `min_of_n` applied to `predict` with all draws, up to rounding; in the second the loss is
+    computed for the best draw only. `MinOfN.distances` are what the draws were compared by.
+
+    Only the best draw of each sample has a gradient, so all draws are computed without storing
+    activations, and the best ones again for the backward pass. XLA computes the parts that do not
+    depend on r once.
     """
-    constant = jax.lax.stop_gradient(params)
-    preds = networks.predict(config, model, constant, batch, r)
+    constant, rows = jax.lax.stop_gradient(params), jnp.arange(len(r))
+    preds, k = networks.predict(config, model, constant, batch, r), config.loss.winner_points
+    if k:
+
+        def by_few(pred: Array, gt: Array) -> Array:
+            return chamfer_sq_mean(chosen_points(pred, k), chosen_points(gt, k))
+
+        best = jax.lax.stop_gradient(map_pairs(min_of_n(by_few))(preds, batch["points"]))
+        pred = networks.predict(config, model, params, batch, r[rows, best.winner])
+        values, aux = map_pairs(loss)(pred, batch["points"])
+        return jnp.mean(values), best._replace(value=values, aux=aux)
 
     def total(preds: Array) -> tuple[Array, MinOfN]:
         best = map_pairs(min_of_n(loss, has_aux=True))(preds, batch["points"])
         return jnp.sum(best.value), best
 
+    # The derivative of the loss with respect to the points is kept for the second pass.
     (value, best), by_points = jax.value_and_grad(total, has_aux=True)(preds)
-    rows = jnp.arange(len(r))
     pred = networks.predict(config, model, params, batch, r[rows, best.winner])
     # The value is zero; the gradient is that of the loss, by the chain rule through the points.
     carried = by_points[rows, best.winner] * (pred - jax.lax.stop_gradient(pred))
@@ -243,6 +256,11 @@ def with_draws(
 
 def _check_loss(config: Config, num_points: int) -> None:
     """Raises `ConfigError` if the loss does not accept the numbers of points."""
+    if config.loss.winner_points > (most := min(num_points, config.data.num_points)):
+        raise ConfigError(
+            f"loss.winner_points={config.loss.winner_points}: accepted: at most {most}, the points "
+            "of the smaller cloud (the network's, or data.num_points)"
+        )
     pred, gt = (
         jax.ShapeDtypeStruct((n, 3), np.float32) for n in (num_points, config.data.num_points)
     )

@@ -11,8 +11,9 @@ from helpers.commands import python
 from helpers.weights import random_params
 
 from psgn_jax import tasks
-from psgn_jax.config.experiment import OptimConfig
-from psgn_jax.losses.by_name import configured_loss
+from psgn_jax.config.experiment import ConfigError, OptimConfig
+from psgn_jax.losses.by_name import chosen_points, configured_loss
+from psgn_jax.losses.chamfer import chamfer_sq, chamfer_sq_mean
 from psgn_jax.losses.mapping import map_pairs
 from psgn_jax.losses.min_of_n import min_of_n
 from psgn_jax.models import networks
@@ -96,8 +97,10 @@ def test_training_on_a_sum_logs_its_terms(trained):
     assert "loss_of_draws" not in trained[1][0]
 
 
-def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws():
-    config = standin.config(**TINY, loss__name="chamfer_sq", loss__min_of_n=3)
+@pytest.mark.parametrize("winner_points", [0, 5])
+def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws(winner_points):
+    loss = {"loss__name": "chamfer_sq", "loss__min_of_n": 3, "loss__winner_points": winner_points}
+    config = standin.config(**TINY, **loss)
     model = networks.build(config.model)
     params = random_params(config)
     batch = next(standin.train_batches(config.data, batch_size=4, seed=0, start_step=0))
@@ -108,10 +111,15 @@ def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws():
     def value_and_grad(loss, params):
         return jax.jit(jax.value_and_grad(loss, has_aux=True), compiler_options=QUICK)(params)
 
+    def chooses(pred, gt):
+        few = [chosen_points(cloud, winner_points) for cloud in (pred, gt)]
+        return chamfer_sq_mean(*few) if winner_points else chamfer_sq(pred, gt)
+
     def plain(params):
         preds = networks.predict(config, model, params, batch, r)
-        best = map_pairs(min_of_n(distance, has_aux=True))(preds, batch["points"])
-        return jnp.mean(best.value), best
+        best = map_pairs(min_of_n(chooses))(preds, batch["points"])
+        pred = preds[jnp.arange(4), best.winner]
+        return jnp.mean(map_pairs(chamfer_sq)(pred, batch["points"])), best
 
     def quick(params):
         return points.min_of_n_loss(config, model, distance, params, batch, r)
@@ -120,10 +128,17 @@ def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws():
     (have, best), grads = value_and_grad(quick, params)
     np.testing.assert_allclose(have, want, rtol=1e-6)
     np.testing.assert_array_equal(best.winner, want_best.winner)
+    np.testing.assert_allclose(best.distances, want_best.distances, rtol=1e-5)
     assert len(np.unique(best.winner)) > 1
     scale = max(float(np.abs(g).max()) for g in jax.tree.leaves(want_grads))
     for have, want in zip(*map(jax.tree.leaves, (grads, want_grads)), strict=True):
         np.testing.assert_allclose(have, want, rtol=1e-3, atol=1e-5 * scale)
+
+
+def test_winner_points_are_at_most_those_of_the_clouds():
+    config = standin.config(loss__min_of_n=2, loss__winner_points=65)
+    with pytest.raises(ConfigError, match="winner_points=65: accepted: at most 64, the"):
+        tasks.create(config)
 
 
 VAE = TINY | {
