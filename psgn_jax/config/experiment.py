@@ -63,6 +63,9 @@ class ModelConfig:
     fc_widths: tuple[Size, ...] = (2048, 1024)  # Hidden widths of the fully connected branch.
     # Dimension of the random input r; 0 = none.
     random_size: Annotated[int, Bounds(low=0, high=1_000_000)] = 0
+    # Where r enters: the bottleneck, as in the paper, or also the hidden layer of the fc branch and
+    # the levels of the deconv branch (**ours**), as a shift of each feature that is 0 at first.
+    random_at: Literal["bottleneck", "all"] = "bottleneck"
     # How many of the encoder's 16 blocks are trained, counted from the last one (`lite0` only). The
     # others keep the parameters of `train.init`.
     trained_blocks: Annotated[int, Bounds(low=0, high=16)] = 0
@@ -104,6 +107,9 @@ class LossConfig:
     # paper. k > 0: by the Chamfer distance of k points of each cloud; only the chosen draw gets its
     # loss. Then a step with 8 draws costs little more than one with a single draw.
     winner_points: Count = 0
+    # Weight of the mean Chamfer distance over all draws, against implausible ones (**ours**; needs
+    # `winner_points`). Each step computes it for the first draw, whose expectation is the mean.
+    mean_weight: NonNegative = 0.0
     # With `model.posterior`: weight of the Kullback-Leibler divergence from the prior, in the unit
     # of the loss per nat. In the variational bound it is 1 if the loss is -log p of the truth, and
     # 2 sigma^2 for a sum of squared distances of points with the standard deviation sigma.
@@ -325,6 +331,8 @@ def _check_together(config: Config) -> None:
          "1 with model.posterior=True, which draws r once per sample, given the truth"),
         ("loss.winner_points", loss.winner_points and loss.min_of_n == 1,
          "0 with loss.min_of_n=1, which has no draws to choose from"),
+        ("loss.mean_weight", loss.mean_weight and not loss.winner_points,
+         "0 with loss.winner_points=0"),
         ("model.posterior_widths", model.posterior and not 1 <= len(model.posterior_widths) <= 5,
          "1 to 5 widths"),
         ("train.init_skip", config.train.init_skip and not config.train.init,

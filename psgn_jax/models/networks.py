@@ -89,6 +89,7 @@ def _point_out_net(config: ModelConfig) -> PointOutNet:
         deconv_level=config.deconv_level,
         deconv_channels=config.deconv_channels,
         random_size=config.random_size,
+        random_at=config.random_at,
         dtype=DTYPES[config.compute_dtype],
     )
 

@@ -72,6 +72,14 @@ def _add(x: Array, per_image: Array) -> Array:
     return (grouped + per_image[:, None]).reshape(x.shape)
 
 
+def _plus_random(x: Array, r: Array | None) -> Array:
+    """Adds to each feature of x a number, a linear function of r that is zero at first."""
+    if r is None:
+        return x
+    y = Dense(x.shape[-1], False, kernel_init=nn.initializers.zeros, name="random")(r)
+    return x + y.reshape(y.shape[0], *(1,) * (x.ndim - 2), -1)
+
+
 class Bottleneck(nn.Module):
     """ReLU(5x5 convolution of stride 2 + dense(r)); r has one row per image and sample."""
 
@@ -124,14 +132,14 @@ class Merge(nn.Module):
     dtype: Any
 
     @nn.compact
-    def __call__(self, x: Array, skip: Array) -> Array:
+    def __call__(self, x: Array, skip: Array, r: Array | None = None) -> Array:
         width = max(1, self.level_width // 2)
         linear: Any = {"kernel_init": SUMMED, "dtype": self.dtype}
         if self.down_size:
             x = Conv(width, self.down_size, stride=2, name="down", **linear)(x)
         else:
             x = ConvTranspose(width, name="up", **linear)(x)
-        x = nn.relu(_add(x, Conv(width, name="skip", **linear)(skip)))
+        x = nn.relu(_plus_random(_add(x, Conv(width, name="skip", **linear)(skip)), r))
         return nn.relu(Conv(width, dtype=self.dtype, name="conv")(x))
 
 
@@ -143,11 +151,11 @@ class Decoder(nn.Module):
     dtype: Any
 
     @nn.compact
-    def __call__(self, x: Array, features: list[Array]) -> list[Array]:
+    def __call__(self, x: Array, features: list[Array], r: Array | None = None) -> list[Array]:
         features = list(features)
         for level in reversed(range(self.top, len(features))):
             merge = Merge(self.widths[level], 0, self.dtype, name=f"level{level}")
-            x = features[level] = merge(x, features[level])
+            x = features[level] = merge(x, features[level], r)
         return features
 
 
@@ -181,7 +189,7 @@ class FullyConnected(nn.Module):
     dtype: Any
 
     @nn.compact
-    def __call__(self, bottlenecks: list[Array]) -> Array:
+    def __call__(self, bottlenecks: list[Array], r: Array | None = None) -> Array:
         *first, last = [x.reshape(x.shape[0], -1) for x in bottlenecks]
         hidden, dtype = self.widths[0], self.dtype
         init = SUMMED if first else layers.RELU
@@ -189,7 +197,7 @@ class FullyConnected(nn.Module):
         for flat in first:
             y = nn.relu(Dense(hidden, dtype=dtype, name="first_pass")(flat))
             x = x + Dense(hidden, kernel_init=SUMMED, dtype=dtype, name="carry")(y)
-        x = nn.relu(x)
+        x = nn.relu(_plus_random(x, r))
         for i, width in enumerate(self.widths[1:], start=1):
             x = nn.relu(Dense(width, dtype=dtype, name=f"hidden{i}")(x))
         bias = layers.cloud_bias(layers.CLOUD_SPREAD)
@@ -210,6 +218,7 @@ class PointOutNet(nn.Module):
     deconv_level: int  # last level of the deconv branch
     deconv_channels: int  # its output channels, 3 per point of a cell
     random_size: int = 0  # components of r; 0 = no random input
+    random_at: str = "bottleneck"  # or "all": also before the ReLUs of the two branches
     make_encoder: Callable[..., nn.Module] | None = None  # of a module called like `Encoder`
     dtype: Any = jnp.float32  # of the arithmetic in hidden layers; parameters, points: float32
 
@@ -272,7 +281,7 @@ class PointOutNet(nn.Module):
         num_wide = 3 if self.version == "hourglass" else 1
         make = self.make_encoder or functools.partial(Encoder, widths, num_wide, dtype)
         features, x = make(name="encoder")(x, r)
-        bottlenecks = [x]
+        bottlenecks, later = [x], r if self.random_at == "all" else None
         if self.version == "hourglass":
             top = min(1, self.deconv_level)
             features = Decoder(widths, top, dtype, name="first_decoder")(x, features)
@@ -281,9 +290,10 @@ class PointOutNet(nn.Module):
         clouds = []
         if self.fc_points:
             fc = FullyConnected(self.fc_points, self.fc_widths, dtype, name="fc")
-            clouds.append(fc(bottlenecks))
+            clouds.append(fc(bottlenecks, later))
         if self.version != "vanilla":
-            features = Decoder(widths, self.deconv_level, dtype, name="decoder")(x, features)
+            decoder = Decoder(widths, self.deconv_level, dtype, name="decoder")
+            features = decoder(x, features, later)
             x = features[self.deconv_level]
             x = nn.relu(Conv(x.shape[-1], dtype=dtype, name="deconv_conv")(x))
             points = Conv(

@@ -188,7 +188,8 @@ def min_of_n_loss(
     The best draw has the smallest loss, or with `loss.winner_points` = k > 0 the smallest Chamfer
     distance of k points to k true points. In the first case value and gradient equal those of
     `min_of_n` applied to `predict` with all draws, up to rounding; in the second the loss is
-    computed for the best draw only. `MinOfN.distances` are what the draws were compared by.
+    computed for the best draw only, and `loss.mean_weight` adds the Chamfer distance of the first
+    draw, which stands for all. `MinOfN.distances` are what the draws were compared by.
 
     Only the best draw of each sample has a gradient, so all draws are computed without storing
     activations, and the best ones again for the backward pass. XLA computes the parts that do not
@@ -202,16 +203,22 @@ def min_of_n_loss(
             return chamfer_sq_mean(chosen_points(pred, k), chosen_points(gt, k))
 
         best = jax.lax.stop_gradient(map_pairs(min_of_n(by_few))(preds, batch["points"]))
-        pred = networks.predict(config, model, params, batch, r[rows, best.winner])
-        values, aux = map_pairs(loss)(pred, batch["points"])
-        return jnp.mean(values), best._replace(value=values, aux=aux)
+        weight = config.loss.mean_weight
+        which = [best.winner, jnp.zeros_like(best.winner)] if weight else [best.winner]
+        of_which = r[rows[:, None], jnp.stack(which, axis=1)]
+        preds = networks.predict(config, model, params, batch, of_which)
+        values, aux = map_pairs(loss)(preds[:, 0], batch["points"])
+        total = jnp.mean(values)
+        if weight:
+            total += weight * jnp.mean(map_pairs(chamfer_sq_mean)(preds[:, 1], batch["points"]))
+        return total, best._replace(value=values, aux=aux)
 
-    def total(preds: Array) -> tuple[Array, MinOfN]:
+    def smallest(preds: Array) -> tuple[Array, MinOfN]:
         best = map_pairs(min_of_n(loss, has_aux=True))(preds, batch["points"])
         return jnp.sum(best.value), best
 
     # The derivative of the loss with respect to the points is kept for the second pass.
-    (value, best), by_points = jax.value_and_grad(total, has_aux=True)(preds)
+    (value, best), by_points = jax.value_and_grad(smallest, has_aux=True)(preds)
     pred = networks.predict(config, model, params, batch, r[rows, best.winner])
     # The value is zero; the gradient is that of the loss, by the chain rule through the points.
     carried = by_points[rows, best.winner] * (pred - jax.lax.stop_gradient(pred))

@@ -227,8 +227,9 @@ def test_bfloat16_keeps_parameters_and_points_in_float32():
     assert captured["intermediates"]["deconv_conv"]["__call__"][0].dtype == jnp.bfloat16
 
 
-def test_several_draws_are_as_many_separate_calls_and_samples_are_independent():
-    config = tiny_config(random_size=4)
+@pytest.mark.parametrize("random_at", ["bottleneck", "all"])
+def test_several_draws_are_as_many_separate_calls_and_samples_are_independent(random_at):
+    config = tiny_config(random_size=4, random_at=random_at)
     _, params = initialised(config)
     x, _ = arguments(config)
     r = np.random.default_rng(4).normal(size=(2, 3, 4)).astype(np.float32)

@@ -97,10 +97,10 @@ def test_training_on_a_sum_logs_its_terms(trained):
     assert "loss_of_draws" not in trained[1][0]
 
 
-@pytest.mark.parametrize("winner_points", [0, 5])
-def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws(winner_points):
+@pytest.mark.parametrize(("winner_points", "mean_weight"), [(0, 0.0), (5, 0.0), (5, 2.0)])
+def test_the_loss_of_the_best_draw_and_its_gradient(winner_points, mean_weight):
     loss = {"loss__name": "chamfer_sq", "loss__min_of_n": 3, "loss__winner_points": winner_points}
-    config = standin.config(**TINY, **loss)
+    config = standin.config(**TINY, **loss, loss__mean_weight=mean_weight)
     model = networks.build(config.model)
     params = random_params(config)
     batch = next(standin.train_batches(config.data, batch_size=4, seed=0, start_step=0))
@@ -119,7 +119,9 @@ def test_only_the_winners_go_backward_and_the_gradient_is_that_of_all_draws(winn
         preds = networks.predict(config, model, params, batch, r)
         best = map_pairs(min_of_n(chooses))(preds, batch["points"])
         pred = preds[jnp.arange(4), best.winner]
-        return jnp.mean(map_pairs(chamfer_sq)(pred, batch["points"])), best
+        loss = jnp.mean(map_pairs(chamfer_sq)(pred, batch["points"]))
+        first = jnp.mean(map_pairs(chamfer_sq_mean)(preds[:, 0], batch["points"]))
+        return loss + mean_weight * first, best
 
     def quick(params):
         return points.min_of_n_loss(config, model, distance, params, batch, r)
