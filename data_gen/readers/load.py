@@ -11,6 +11,7 @@ import numpy as np
 from data_gen.frame import normalize, orient
 from data_gen.mesh import MAX_FACES, Model, UnreadableModelError, build_model
 from data_gen.readers.by_trimesh import read_trimesh
+from data_gen.readers.gltf import read_gltf
 from data_gen.readers.model_files import Files, FolderFiles
 from data_gen.readers.obj import read_obj
 from data_gen.readers.textures import Assets
@@ -58,7 +59,10 @@ def load_model(
     except OSError as error:
         raise UnreadableModelError(f"file {name!r} is not readable: {error}"[:200]) from error
     with np.errstate(over="ignore", invalid="ignore"):  # `normalize` refuses what overflows
-        arrays = read_obj(data, assets) if kind == "obj" else read_trimesh(data, kind, assets)
+        if kind in ("glb", "gltf"):
+            arrays = read_gltf(data, assets)
+        else:
+            arrays = read_obj(data, assets) if kind == "obj" else read_trimesh(data, kind, assets)
         del data
         about["model_id"] = model_id or name
         model = build_model(**arrays, **about, warnings=assets.warnings, max_faces=max_faces)

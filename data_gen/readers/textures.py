@@ -5,7 +5,7 @@ import io
 import posixpath
 import struct
 import warnings as python_warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from PIL import Image, UnidentifiedImageError
@@ -101,7 +101,7 @@ class Assets:
     def __init__(self, files: Files, base: str = "", max_faces: int = MAX_FACES) -> None:
         self.files, self.base, self.max_faces = files, base, max_faces
         self._kinds: dict[str, dict[str, None]] = {}
-        self._textures: dict[tuple[str, str], np.ndarray | None] = {}
+        self._textures: dict[tuple[object, object], np.ndarray | None] = {}
         self._texels = 0
 
     def warn(self, kind: str, what: object = "") -> None:
@@ -130,23 +130,31 @@ class Assets:
 
         We look for it in a `folder` below `base` first.
         """
-        key = folder, name
+
+        def load() -> bytes:
+            try:
+                return self.files.open(posixpath.join(self.base, folder), name)
+            except FileNotFoundError:
+                return self.files.open(self.base, name)
+
+        return self.decoded((folder, name), repr(name), load)
+
+    def decoded(
+        self, key: tuple[object, object], label: str, load: Callable[[], bytes]
+    ) -> np.ndarray | None:
+        """The texture in the file that `load` returns, or None and a warning; once for each key."""
         if key not in self._textures:
             self._textures[key] = None
             if self._texels > _MAX_DECODED_TEXELS:
                 self.warn("too many textures, the plain colour is used for some of them")
                 return None
             try:
-                try:
-                    data = self.files.open(posixpath.join(self.base, folder), name)
-                except FileNotFoundError:
-                    data = self.files.open(self.base, name)
-                picture = self._textures[key] = decode_texture(data)
+                picture = self._textures[key] = decode_texture(load())
                 self._texels += picture.shape[0] * picture.shape[1]
             except FileNotFoundError:
-                self.warn(MISSING_TEXTURE, repr(name))
+                self.warn(MISSING_TEXTURE, label)
             except (ValueError, OSError) as error:
-                self.warn(BROKEN_TEXTURE, f"{name!r} ({error})")
+                self.warn(BROKEN_TEXTURE, f"{label} ({error})")
         return self._textures[key]
 
     def bounded(self, materials: Sequence[Material]) -> tuple[Material, ...]:

@@ -1,27 +1,19 @@
 import contextlib
-import json
 import struct
 import zipfile
 
 import numpy as np
 import pytest
 from helpers.obj_text import png
-from PIL import Image
 
 from data_gen.mesh import UnusableModelError, face_normals, texels
 from data_gen.readers.load import load_model
-from data_gen.readers.model_files import ZipFiles
 
 HEADERS = {
     "a.stl": b"\0" * 80 + struct.pack("<I", 5_000_000),
     "a.ply": b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
     b"property float z\nelement face 5000000\nproperty list uchar int vertex_indices\nend_header\n",
     "a.off": b"OFF\n3 5000000 0\n",
-    "a.gltf": json.dumps(
-        {"asset": {"version": "2.0"}, "nodes": [{"mesh": 0}] * 100,
-         "accessors": [{"count": 200_000}],
-         "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}]}
-    ).encode(),
 }  # fmt: skip
 
 
@@ -81,32 +73,6 @@ def test_vertex_colours_become_a_palette(trimesh, write):
     assert not model.materials[0].has_alpha  # two of its four texels are not used
 
 
-@pytest.mark.parametrize("case", ["alone", "factor", "texture"])
-def test_vertex_colours_of_gltf_are_linear_factors(trimesh, write, case):
-    box, colours = trimesh.creation.box(), np.full((8, 4), (51, 102, 51, 255), np.uint8)
-    if case == "alone":
-        box.visual.vertex_colors = colours
-    else:
-        picture = {} if case == "factor" else {"baseColorTexture": Image.new("RGB", (1, 1))}
-        material = trimesh.visual.material.PBRMaterial(baseColorFactor=[0.5, 1, 1, 1], **picture)
-        box.visual = trimesh.visual.TextureVisuals(uv=np.zeros((8, 2)), material=material)
-        box.visual.vertex_attributes["color"] = colours
-    model = load_model(write("box.glb", box.export(file_type="glb")))
-    material = model.materials[model.face_material[0]]
-    shown = texels(material.texture, model.uv[:, 0])[0, :3] / 255 * material.diffuse
-    factor = {"alone": (0.2, 0.4, 0.2), "factor": (0.1, 0.4, 0.2), "texture": (0, 0, 0)}[case]
-    np.testing.assert_allclose(shown, np.array(factor) ** (1 / 2.2), atol=0.004)
-    assert any("vertex colours" in line for line in model.warnings) == (case == "texture")
-
-
-def test_nested_brackets_are_refused(write):
-    deep = b"[" * 100_000 + b"]" * 100_000
-    head = struct.pack("<4sIII4s", b"glTF", 2, 20 + len(deep), len(deep), b"JSON")
-    for name, content in (("a.glb", head + deep), ("a.gltf", deep)):
-        with pytest.raises(UnusableModelError, match="brackets nested more than 64 deep"):
-            load_model(write(name, content))
-
-
 def test_collada_and_its_archives(trimesh, write, tmp_path):
     pytest.importorskip("collada")
     text = trimesh.exchange.dae.export_collada(trimesh.creation.box((1, 2, 3))).decode()
@@ -149,19 +115,3 @@ def test_a_texture_that_is_no_file_of_the_folder_is_a_warning(trimesh, write, ca
     material = textured("a%20b.png").materials[0]  # a name as in glTF files
     assert material.texture[0, 0].tolist() == [1, 2, 3, 255]
     assert (material.diffuse, material.specular) == ((1, 1, 1), (0, 0, 0))
-
-
-def test_files_that_a_model_refers_to_are_read(trimesh, write):
-    files = trimesh.Scene(trimesh.creation.box()).export(file_type="gltf")
-    paths = {name: write(name, data) for name, data in files.items()}
-    assert len(load_model(paths.pop("model.gltf")).faces) == 12
-    for path in paths.values():
-        path.unlink()
-    with pytest.raises(UnusableModelError, match="not readable as gltf") as caught:
-        load_model(path.with_name("model.gltf"))
-    assert caught.value.status == "unreadable"
-    with zipfile.ZipFile(path.with_name("a.zip"), "w") as archive:
-        archive.write(path.with_name("model.gltf"), "model.gltf")
-    with pytest.raises(UnusableModelError, match="not readable as gltf") as caught:
-        load_model("model.gltf", ZipFiles(path.with_name("a.zip")))
-    assert caught.value.status == "refused"

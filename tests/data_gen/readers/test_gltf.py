@@ -1,0 +1,862 @@
+"""Each case is a small file with what must be read of it.
+
+The first cases have the names of public files that were read wrongly, the others those of models in
+Khronos' glTF-Sample-Assets, whose features they have.
+"""
+
+import io
+import json
+import pathlib
+import re
+import sys
+import zipfile
+
+import numpy as np
+import pytest
+from helpers.commands import python
+from helpers.features import outcome, promised
+from helpers.gltf_files import CORNERS, SQUARE, TWO, Gltf
+from PIL import Image
+
+from data_gen.mesh import UnusableModelError, face_areas, face_normals, opacity_at, texels
+from data_gen.readers.load import load_model
+from data_gen.readers.model_files import ZipFiles
+
+ASIDE = CORNERS + np.float32([0.5, 0])
+RED, GREEN, BLUE, WHITE = (255, 0, 0), (0, 255, 0), (0, 0, 255), (255, 255, 255)
+R, G, B, W = (tuple(c / 255 for c in colour) for colour in (RED, GREEN, BLUE, WHITE))
+SHARED = pathlib.Path(__file__).parents[4] / "shared" / "cases"
+CASES = {}
+
+
+def case(name="", **expected):
+    """Registers a function that makes a file (text, bytes, or names with contents) as a case."""
+
+    def register(make):
+        CASES[name or make.__name__] = make, expected
+        return make
+
+    return register
+
+
+def at(x=0, y=0, z=0):
+    """The positions of a square elsewhere."""
+    return SQUARE + np.float32([x, y, z])
+
+
+def shape(model):
+    """Extents in the axes of the file, as multiples of the largest, and area by its square."""
+    extent = np.ptp(model.vertices, axis=0)[[1, 2, 0]]
+    area = face_areas(model.vertices, model.faces).sum()
+    return (extent / extent.max()).tolist(), float(area / extent.max() ** 2)
+
+
+def colours(model):
+    """The displayed colour at the middle of each face."""
+    result = []
+    for face, owner in enumerate(model.face_material):
+        material = model.materials[owner]
+        colour = np.array(material.diffuse)
+        if material.texture is not None:
+            colour *= texels(material.texture, model.uv[face].mean(axis=0)[None])[0, :3] / 255
+        result.append(colour.tolist())
+    return result
+
+
+def opacities(model):
+    """The opacity at the middle of each face."""
+    count = len(model.faces)
+    return opacity_at(model, np.arange(count), np.full((count, 3), 1 / 3)).tolist()
+
+
+def picture(rows, kind="PNG", **options):
+    """An image of given pixels as a file."""
+    stream = io.BytesIO()
+    Image.fromarray(np.array(rows, np.uint8)).save(stream, kind, **options)
+    return stream.getvalue()
+
+
+RED_BLUE = picture([[RED, BLUE]])  # the first triangle of the square is red, the second blue
+
+
+def textured(g, image=RED_BLUE, *, texture=None, sampler=None, **attributes):
+    """A square with a texture."""
+    info = {"index": g.image(image, **(sampler or {})), **(texture or {})}
+    return painted(g, {"baseColorTexture": info}, **{"TEXCOORD_0": CORNERS, **attributes})
+
+
+def painted(g, factors=None, fields=None, **attributes):
+    """A square with a material."""
+    materials = g.json.setdefault("materials", [])
+    materials.append({"pbrMetallicRoughness": factors or {}, **(fields or {})})
+    return g.square(**attributes) | {"material": len(materials) - 1}
+
+
+# --- Files that were read wrongly ---------------------------------------------------------------
+
+
+@case(faces=4, extents=(3, 1, 0))
+def quant():
+    g = Gltf(extensionsRequired=["KHR_mesh_quantization"])
+    wide = np.pad((SQUARE * 32767).astype("i2"), ((0, 0), (0, 1)))  # rows of 8 bytes
+    view = g.bytes(wide.tobytes(), byteStride=8)
+    accessor = {"bufferView": view, "componentType": 5122, "count": 4, "type": "VEC3"}
+    g.json["accessors"].append({**accessor, "normalized": True})
+    g.show([g.square(positions=0)])
+    return g.show([g.square(positions=0)], translation=[2, 0, 0]).text()
+
+
+@case(faces=5, area=0.5)
+def fanmix():
+    g = Gltf()
+    fan = np.array([[0, 0, 0], [-1, 0, 0], [-1, -0.5, 0], [-1, -1, 0], [0, -1, 0]], "f4")
+    return g.show([g.square(), g.square(None, fan) | {"mode": 6}]).text()
+
+
+def draco(garbage=False):
+    DracoPy = pytest.importorskip("DracoPy")
+    data = DracoPy.encode(at(2), TWO.reshape(2, 3), preserve_order=True)
+    g = Gltf(extensionsRequired=["KHR_draco_mesh_compression"])
+    view = g.bytes(data[:-9] if garbage else data)
+    for kind, width, count in ((5126, "VEC3", 4), (5123, "SCALAR", 6)):
+        g.json["accessors"].append({"componentType": kind, "count": count, "type": width})
+    names = {"bufferView": view, "attributes": {"POSITION": 0}}
+    packed = {"attributes": {"POSITION": 0}, "indices": 1,
+              "extensions": {"KHR_draco_mesh_compression": names}}  # fmt: skip
+    return g.show([g.square(), packed]).text()
+
+
+@case(faces=4, extents=(3, 1, 0))
+def draco_mixed():
+    return draco()
+
+
+@case(refused="KHR_draco_mesh_compression is damaged")
+def draco_damaged():
+    return draco(garbage=True)
+
+
+@case(colours=[R, B])
+def tex():
+    g = Gltf()
+    return g.show([textured(g)]).text()
+
+
+@case(colours=[B, R])
+def textr():
+    g = Gltf(extensionsUsed=["KHR_texture_transform"])
+    moved = {"extensions": {"KHR_texture_transform": {"offset": [0.5, 0]}}}
+    return g.show([textured(g, texture=moved)]).text()
+
+
+@case(colours=[B, R])
+def texcoord1():
+    g = Gltf()
+    return g.show([textured(g, texture={"texCoord": 1}, TEXCOORD_1=ASIDE)]).text()
+
+
+@case(colours=[W, W], warns=("extensions not read: 'KHR_texture_basisu'", "textures not readable"))
+def ktx2():
+    g = Gltf(extensionsRequired=["KHR_texture_basisu"])
+    g.show([textured(g, b"\xabKTX 20\xbb")])
+    g.json["textures"] = [{"extensions": {"KHR_texture_basisu": {"source": 0}}}]
+    return g.text()
+
+
+@case(extents=(1, 1, 0))
+def wrong_file():
+    wide, g = Gltf(), Gltf()
+    other = wide.show([wide.square()], scale=[5, 1, 1]).text()
+    return {"chair.gltf": "\ufeff" + g.show([g.square()]).text(), "model.gltf": other}
+
+
+@case(faces=4, extents=(4, 1, 0))
+def mesh_and_camera_in_one_node():
+    g = Gltf(cameras=[{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.01}}])
+    g.show([g.square()])
+    return g.show([g.square()], translation=[3, 0, 0], camera=0).text()
+
+
+def morphed(defaults, **node):
+    g = Gltf()
+    up = np.array([[0, 0, 0], [0, 0, 0], [0, 1, 0], [0, 1, 0]], "f4")
+    targets = [{"POSITION": g.array(up)}, {"POSITION": g.array(up[:, [1, 0, 2]])}]
+    g.show([g.square() | {"targets": targets}], **node)
+    g.json["meshes"][0]["weights"] = defaults
+    return g
+
+
+@case(extents=(1, 2, 0))
+def morph_default_weight():
+    return morphed([1.0, 0]).text()
+
+
+@case(faces=4, extents=(3, 3, 0), area=4 / 9)
+def skin_scaled_joint():
+    g = Gltf(skins=[{"joints": [2], "inverseBindMatrices": 0}])
+    g.array(np.eye(4, dtype="f4").reshape(1, 16))
+    share = np.tile(np.array([[2, 0, 0, 0]], "f4"), (4, 1))
+    skinned = g.square(JOINTS_0=np.zeros((4, 4), "u1"), WEIGHTS_0=share)
+    g.show([skinned], skin=0, translation=[7, 7, 7])
+    g.show([g.square()], translation=[2, 0, 0])
+    g.json["nodes"].append({"scale": [1, 3, 1]})
+    return g.text()
+
+
+def glossy(g, image, **fields):
+    part = painted(g, fields={"extensions": {"KHR_materials_pbrSpecularGlossiness": {
+        "diffuseTexture": {"index": g.image(image)}, **fields}}}, TEXCOORD_0=CORNERS)  # fmt: skip
+    return g.show([part])
+
+
+@case(colours=[R, B])
+def specgloss_palette():
+    stream = io.BytesIO()
+    Image.open(io.BytesIO(RED_BLUE)).convert("P").save(stream, "PNG")
+    return glossy(Gltf(), stream.getvalue()).text()
+
+
+@case(faces=4, colours=[W, W, (0.953,) * 3, (0.953,) * 3])
+def white_by_default():
+    g = Gltf()
+    grey = {"baseColorFactor": [0.9, 0.9, 0.9, 1]}
+    return g.show([painted(g), painted(g, grey, positions=at(2))]).text()
+
+
+@case(extents=(1, 1, 0))
+def chain_3000():
+    g = Gltf(scenes=[{"nodes": [3000]}])
+    g.show([g.square()])
+    g.json["nodes"] += [{"children": [k], "translation": [0.001, 0, 0]} for k in range(3000)]
+    return g.text()
+
+
+@case(extents=(1, 1, 0))
+def buffer_query():
+    g = Gltf()
+    text = g.show([g.square()]).text("a%20b.bin?v=2")
+    return {"a.gltf": text, "a b.bin": g.data}
+
+
+@case(extents=(1, 1, 0))
+def trailing():
+    g = Gltf()
+    return {"a.glb": g.show([g.square()]).glb() + b"junkjunk"}
+
+
+@case(refused="glTF 1.0, expected 2.0")
+def v1():
+    return json.dumps({"asset": {"version": "1.0"}, "meshes": {"m": {"primitives": []}}})
+
+
+# --- Models of glTF-Sample-Assets ---------------------------------------------------------------
+
+
+BOX = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], "f4") - np.float32(0.5)
+SIDE_CORNERS = ("0132", "4675", "0451", "2376", "0264", "1573")
+SIDES = np.array([[int(c) for c in side] for side in SIDE_CORNERS])
+BOX_FACES = SIDES[:, [0, 1, 2, 0, 2, 3]].astype("u2")
+
+
+def box(g, **attributes):
+    return g.square(BOX_FACES.ravel(), BOX, **attributes)
+
+
+@case("Box", faces=12, extents=(1, 1, 1), area=6)
+def box_with_normals():
+    g = Gltf()
+    return {"Box.glb": g.show([box(g, NORMAL=BOX / np.float32(0.75**0.5))]).glb()}
+
+
+@case("BoxInterleaved", faces=12, area=6)
+def box_interleaved():
+    g = Gltf()
+    view = g.bytes(np.hstack([BOX, BOX]).tobytes(), byteStride=24)
+    for offset in (12, 0):
+        g.json["accessors"].append({"bufferView": view, "byteOffset": offset, "count": 8,
+                                    "componentType": 5126, "type": "VEC3"})  # fmt: skip
+    return g.show([g.square(BOX_FACES.ravel(), 1, NORMAL=0)]).text()
+
+
+@case("BoxTexturedNonPowerOfTwo", colours=[R, B])
+def box_textured():
+    g = Gltf()
+    return g.show([textured(g, picture([[RED] * 3 + [BLUE] * 4] * 5))]).text()
+
+
+@case("Box With Spaces", colours=[R, B])
+def box_with_spaces():
+    g = Gltf()
+    g.show([textured(g)])
+    g.json["images"] = [{"uri": "glTF Logo With Spaces.png"}]
+    text = g.text("Box%20With%20Spaces.bin")
+    return {"a b/Box With Spaces.gltf": text, "a b/Box With Spaces.bin": g.data,
+            "a b/glTF Logo With Spaces.png": RED_BLUE}  # fmt: skip
+
+
+@case("UnicodeTest", colours=[R, B])
+def unicode():
+    g = Gltf()
+    g.show([textured(g)])
+    g.json["images"] = [{"uri": "Unicode%E2%9D%A4%E2%99%BBTexture.png"}]
+    text = g.text("Unicode❤♻Binary.bin")
+    return {"Unicode❤♻Test.gltf": text, "Unicode❤♻Binary.bin": g.data,
+            "Unicode❤♻Texture.png": RED_BLUE}  # fmt: skip
+
+
+@case("BoxVertexColors", colours=[(0.730, 0.730, 0), (0.730, 0.832, 0)])
+def box_vertex_colours():
+    g = Gltf()
+    paint = np.array([[1, 0, 0], [0.5, 0.5, 0], [0, 1, 0], [2.5, 0.5, -1]], "f4")
+    return g.show([g.square(COLOR_0=paint)]).text()
+
+
+@case("VertexColorTest", faces=4, colours=[(0, 0, 0.73), (0, 0, 0.73), R, B])
+def vertex_colours():
+    g = Gltf()
+    half = np.full((4, 4), 32768, "u2")
+    plain = painted(g, {"baseColorFactor": [0, 0, 1, 1]}, COLOR_0=half)
+    bright = np.full((4, 4), 255, "u1")
+    return g.show([plain, textured(g, positions=at(z=1), COLOR_0=bright)]).text()
+
+
+@case("vertex colours times a texture", colours=[(0.73, 0, 0), (0, 0, 0)])
+def vertex_colours_times_a_texture():
+    g = Gltf()
+    dark = np.tile(np.array([[0.5, 1, 0, 1]], "f4"), (4, 1))
+    return g.show([textured(g, COLOR_0=dark)]).text()
+
+
+@case("SimpleMeshes", faces=4, extents=(2, 1, 0))
+def simple_meshes():
+    g = Gltf()
+    g.show([g.square()])
+    g.json["nodes"].append({"mesh": 0, "translation": [1, 0, 0]})
+    return g.text()
+
+
+@case("MultipleScenes", warns=("scenes other than the default one not read: 1",))
+def multiple_scenes():
+    g = Gltf(scenes=[{"nodes": [0]}, {"nodes": [1]}], scene=1)
+    return g.show([g.square()]).show([g.square()]).text()
+
+
+@case("SimpleMorph", extents=(1, 2.5, 0))
+def simple_morph():
+    return morphed([1.0, 0], weights=[1.5, 0]).text()
+
+
+@case("MorphPrimitivesTest", faces=4, extents=(2, 1.5, 0))
+def morph_primitives():
+    g = morphed([0.5, 0])
+    g.json["meshes"][0]["primitives"].append(g.square(positions=at(1)))
+    return g.text()
+
+
+@case("MorphStressTest", warns=("animations not read",), extents=(1, 1, 0))
+def morph_stress():
+    g = morphed([0] * 8)
+    part = g.json["meshes"][0]["primitives"][0]
+    part["targets"] *= 4
+    g.json["animations"] = [{"channels": [], "samplers": []}]
+    return g.text()
+
+
+@case("SimpleSkin", extents=(1, 2, 0))
+def simple_skin():
+    g = Gltf(skins=[{"joints": [1, 2], "inverseBindMatrices": 0}])
+    bind = np.tile(np.eye(4, dtype="f4"), (2, 1, 1))
+    bind[1, 3, 1] = -1  # column after column: y - 1
+    g.array(bind.reshape(2, 16))
+    upper = (SQUARE[:, 1:2] * [0, 1, 0, 0]).astype("u2")
+    share = (SQUARE[:, 1:2] * [-255, 255, 0, 0] + [255, 0, 0, 0]).astype("u1")
+    joints = np.where(share > 0, [0, 1, 0, 0], 0).astype("u2") + upper * 0
+    skinned = g.square(JOINTS_0=joints, WEIGHTS_0=share)
+    g.show([skinned], skin=0)
+    # The upper joint is a unit above the place that its matrix states.
+    g.json["nodes"] += [{"children": [2]}, {"translation": [0, 2, 0]}]
+    return g.text()
+
+
+@case("RecursiveSkeletons", faces=4, extents=(4, 1, 0))
+def recursive_skeletons():
+    g = Gltf(skins=[{"joints": [1]}, {"joints": [3]}], scenes=[{"nodes": [0]}])
+    still = {"JOINTS_0": np.zeros((4, 4), "u1"), "WEIGHTS_0": np.eye(4, dtype="f4")[[0] * 4]}
+    g.show([g.square(**still)], skin=0, children=[1])
+    g.json["nodes"].append({"children": [2]})
+    g.show([g.square(**still)], skin=1, children=[3])
+    g.json["nodes"].append({"translation": [3, 0, 0]})
+    return g.text()
+
+
+@case("SimpleSparseAccessor", faces=4, area=1)
+def sparse():
+    g = Gltf()
+    change = {"count": 2, "indices": {"bufferView": g.bytes(bytes([2, 3])), "componentType": 5121},
+              "values": {"bufferView": g.bytes((2 * SQUARE[2:]).tobytes())}}  # fmt: skip
+    flat = g.array(SQUARE * np.float32([1, 0, 0]), sparse=change)
+    nothing = {"componentType": 5126, "count": 4, "type": "VEC3", "sparse": {
+        "count": 4, "indices": {"bufferView": g.bytes(bytes(range(4))), "componentType": 5121},
+        "values": {"bufferView": g.bytes(at(1).tobytes())}}}  # fmt: skip
+    g.json["accessors"].append(nothing)
+    return g.show([g.square(positions=flat), g.square(positions=1)]).text()
+
+
+@case("TriangleWithoutIndices", faces=1, area=0.5)
+def triangle_without_indices():
+    g = Gltf()
+    return g.show([g.square(None, SQUARE[:3])]).text()
+
+
+@case("SimpleInstancing", faces=6, extents=(6, 2, 0))
+def instances():
+    g = Gltf(extensionsRequired=["EXT_mesh_gpu_instancing"])
+    moves = np.array([[0, 0, 0], [2, 0, 0], [6, 0, 0]], "f4")
+    scales = np.array([[1, 1, 1], [1, 1, 1], [-1, 2, 1]], "f4")
+    placed = {"TRANSLATION": g.array(moves), "SCALE": g.array(scales)}
+    instancing = {"EXT_mesh_gpu_instancing": {"attributes": placed}}
+    return g.show([g.square()], extensions=instancing, translation=[9, 9, 9]).text()
+
+
+@case("MultiUVTest", faces=4, colours=[R, B, B, R])
+def multi_uv():
+    g = Gltf()
+    first = textured(g, TEXCOORD_1=ASIDE)
+    second = textured(g, texture={"texCoord": 1}, positions=at(2),
+                      TEXCOORD_1=ASIDE)  # fmt: skip
+    return g.show([first, second]).text()
+
+
+# A texture of four colours, whose columns are asked for beyond its right border.
+COLUMNS = picture([[RED, GREEN, BLUE, WHITE]])
+
+
+def beyond(wrap, start):
+    g = Gltf()
+    narrow = CORNERS * [0.03, 1] + np.array([start, 0])  # within one column
+    return g.show([textured(g, COLUMNS, sampler={"wrapS": wrap}, TEXCOORD_0=narrow)])
+
+
+@case("TextureSettingsTest: repeat", colours=[R, R])
+def repeat():
+    return beyond(10497, 1.1).text()
+
+
+@case("TextureSettingsTest: clamp", colours=[W, W])
+def clamp():
+    return beyond(33071, 1.3).text()
+
+
+@case("TextureSettingsTest: clamp below", colours=[R, R])
+def clamp_below():
+    return beyond(33071, -2.7).text()
+
+
+@case("TextureSettingsTest: mirror", colours=[B, B])
+def mirror():
+    return beyond(33648, 1.3).text()
+
+
+# Its four quarters, and coordinates at a point of the first.
+QUARTERS = picture([[RED, GREEN], [BLUE, WHITE]])
+
+
+def transformed(transform, place=(0.25, 0.25)):
+    g = Gltf(extensionsUsed=["KHR_texture_transform"])
+    moved = {"extensions": {"KHR_texture_transform": transform}}
+    there = np.tile(np.array([place], "f4"), (4, 1))
+    return g.show(
+        [
+            textured(
+                g,
+                QUARTERS,
+                texture=moved,
+                TEXCOORD_0=there,
+                TEXCOORD_1=there + np.float32([0, 0.5]),
+            )
+        ]
+    )
+
+
+@case("TextureTransformTest: offset", colours=[B, B])
+def offset():
+    return transformed({"offset": [0, 0.5]}).text()
+
+
+@case("TextureTransformTest: rotation", colours=[B, B])
+def rotation():
+    # By a quarter: u becomes v, and v becomes -u, which is at the lower border.
+    return transformed({"rotation": np.pi / 2}).text()
+
+
+@case("TextureTransformTest: scale", colours=[W, W])
+def scale():
+    return transformed({"scale": [3, 3]}).text()
+
+
+@case("TextureTransformTest: all", colours=[G, G])
+def everything():
+    # Scaled to (.75, .25), turned to (.25, -.75), moved to (.75, .25).
+    return transformed({"scale": [3, 1], "rotation": np.pi / 2, "offset": [0.5, 1]}).text()
+
+
+@case("TextureTransformMultiTest", colours=[B, B])
+def transform_with_its_own_set():
+    return transformed({"texCoord": 1}).text()
+
+
+@case("TextureCoordinateTest", colours=[G, G])
+def upright():
+    # The first row is at v = 0, above.
+    return transformed({}, (0.75, 0.25)).text()
+
+
+@case("AlphaBlendModeTest", faces=8, opacities=[1, 1, 0.4, 0.4, 1, 1, 1, 1])
+def alpha_modes():
+    g, parts = Gltf(), []
+    modes = ({}, {"alphaMode": "BLEND"}, {"alphaMode": "MASK", "alphaCutoff": 0.3},
+             {"alphaMode": "OPAQUE", "doubleSided": True})  # fmt: skip
+    for place, mode in enumerate(modes):
+        parts.append(painted(g, {"baseColorFactor": [1, 1, 1, 0.4]}, mode, positions=at(z=place)))
+    return g.show(parts).text()
+
+
+@case("CompareAlphaCoverage", opacities=[0, 1])
+def alpha_mask():
+    g = Gltf()
+    part = textured(g, picture([[(*RED, 100), (*BLUE, 200)]]))
+    g.json["materials"][0]["alphaMode"] = "MASK"
+    return g.show([part]).text()
+
+
+@case("the alpha of an opaque texture", opacities=[1, 1])
+def alpha_of_an_opaque_texture():
+    g = Gltf()
+    return g.show([textured(g, picture([[(*RED, 0), (*BLUE, 200)]]))]).text()
+
+
+@case("UnlitTest", colours=[(1, 0.73, 0), (1, 0.73, 0)])
+def unlit():
+    g = Gltf(extensionsUsed=["KHR_materials_unlit"])
+    bare = {"extensions": {"KHR_materials_unlit": {}}}
+    return g.show([painted(g, {"baseColorFactor": [1, 0.5, 0, 1]}, bare)]).text()
+
+
+@case("SpecGlossVsMetalRough", colours=[(0.73, 0, 0), (0, 0, 0)])
+def specular_glossiness():
+    return glossy(Gltf(), RED_BLUE, diffuseFactor=[0.5, 1, 0, 1]).text()
+
+
+@case("NormalTangentTest", colours=[R, B],
+      warns=("parts of materials not read: normalTexture, emissiveFactor, me",))  # fmt: skip
+def normal_map():
+    g = Gltf()
+    part = textured(g)
+    g.json["materials"][0] |= {"normalTexture": {"index": 0}, "emissiveFactor": [0, 0, 1]}
+    g.json["materials"][0]["pbrMetallicRoughness"]["metallicRoughnessTexture"] = {"index": 0}
+    return g.show([part]).text()
+
+
+@case("WebP", colours=[R, B])
+def webp():
+    g = Gltf(extensionsRequired=["EXT_texture_webp"])
+    g.show([textured(g, picture([[RED, BLUE]], "WEBP", lossless=True))])
+    g.json["textures"] = [{"extensions": {"EXT_texture_webp": {"source": 0}}}]
+    return g.text()
+
+
+@case("MeshPrimitiveModes", faces=7, warns=("lines, points and primitives without positions",))
+def modes():
+    g = Gltf()
+    strip = g.square(np.array([0, 1, 2, 3], "u1"))  # (0 1 2) (2 1 3)
+    fan = g.square(np.array([0, 1, 3, 2], "u4"))
+    longer = np.vstack([SQUARE, [[0, 2, 0]]]).astype("f4")
+    parts = [g.square() | {"mode": mode} for mode in range(4)]
+    parts += [strip | {"mode": 5}, fan | {"mode": 6}, g.square(None, longer) | {"mode": 5}]
+    return g.show(parts).text()
+
+
+@case("PrimitiveModeNormalsTest", refused="the mesh is empty")
+def lines_alone():
+    g = Gltf()
+    return g.show([g.square() | {"mode": 1}]).text()
+
+
+@case("Cameras", area=1)
+def cameras():
+    g = Gltf(cameras=[{"type": "orthographic"}], nodes=[{"camera": 0}])
+    return g.show([g.square()]).text()
+
+
+@case("InterpolationTest", warns=("animations not read, the pose of the nodes is taken: 9",))
+def animations():
+    g = Gltf(animations=[{}] * 9)
+    return g.show([g.square()]).text()
+
+
+@case("NodePerformanceTest", faces=2000, extents=(1, 1, 0))
+def many_nodes():
+    g = Gltf(nodes=[{"children": list(range(1, 1001))}])
+    g.show([g.square()])
+    g.json["nodes"] += [{"mesh": 0, "translation": [0, 0, 0]} for _ in range(999)]
+    return g.text()
+
+
+def packed_by_meshopt(mode="ATTRIBUTES"):
+    meshoptimizer = pytest.importorskip("meshoptimizer")
+    g = Gltf(extensionsRequired=["EXT_meshopt_compression"])
+    g.json["buffers"].append({"byteLength": 72, "extensions": {"EXT_meshopt_compression": {}}})
+    corners = meshoptimizer.encode_index_buffer(TWO.astype("u4"), 6, 4)
+    encoded = (
+        (meshoptimizer.encode_vertex_buffer(SQUARE, 4, 12), "VEC3", 5126, 12, 4, mode),
+        (corners, "SCALAR", 5125, 4, 6, "TRIANGLES"),
+    )
+    for data, width, code, stride, count, kind in encoded:
+        length, start = len(data), len(g.data) + -len(g.data) % 4
+        packed = {"buffer": 0, "byteOffset": start, "byteLength": length, "byteStride": stride,
+                  "mode": kind, "count": count}  # fmt: skip
+        g.bytes(bytes(data), extensions={"EXT_meshopt_compression": packed}, buffer=1)
+        view = {"bufferView": len(g.json["bufferViews"]) - 1, "componentType": code}
+        g.json["accessors"].append({**view, "count": count, "type": width})
+    part = {"attributes": {"POSITION": 0}, "indices": 1}
+    return g.show([part]).text()
+
+
+@case("MeshoptCubeTest", area=1)
+def meshopt():
+    return packed_by_meshopt()
+
+
+@case("MeshoptCubeTest: unknown mode", refused="EXT_meshopt_compression: this mode")
+def meshopt_of_another_mode():
+    return packed_by_meshopt("ROPES")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_case(write, name):
+    make, expected = CASES[name]
+    content = make()
+    files = content if isinstance(content, dict) else {f"{name}.gltf": content}
+    first, *_ = [write(file, data) for file, data in files.items()]
+    if "refused" in expected:
+        with pytest.raises(UnusableModelError, match=expected["refused"]):
+            load_model(first)
+        return
+    model = load_model(first)
+    assert len(model.faces) == expected.get("faces", 2)
+    extents, area = shape(model)
+    if "extents" in expected:
+        largest = max(expected["extents"])
+        np.testing.assert_allclose(extents, np.array(expected["extents"]) / largest, atol=1e-5)
+    if "area" in expected:
+        assert area == pytest.approx(expected["area"], abs=1e-5)
+    if "colours" in expected:
+        np.testing.assert_allclose(colours(model), expected["colours"], atol=0.005)
+    if "opacities" in expected:
+        np.testing.assert_allclose(opacities(model), expected["opacities"], atol=0.005)
+    assert [w for w in model.warnings if not w.startswith(expected.get("warns", "none"))] == []
+    assert bool(model.warnings) == ("warns" in expected)
+
+
+@pytest.mark.parametrize("scale", [[1, 1, 1], [-1, 1, 1], [-1, -2, 1], [-1, -2, -3]])
+def test_negative_scales_leave_the_outside_outside(write, scale):
+    """Khronos' NegativeScaleTest and OrientationTest."""
+    g = Gltf()
+    turned = {"rotation": [0, 0.5**0.5, 0, 0.5**0.5], "translation": [5, 0, 0]}
+    with_normals = box(g, NORMAL=BOX / np.float32(0.75**0.5))
+    model = load_model(
+        write("a.glb", g.show([with_normals], [box(g)], scale=scale, **turned).glb())
+    )
+    outward = model.corners() - model.vertices.mean(axis=0)
+    flat = face_normals(model.vertices, model.faces)[:, None]
+    assert (outward * flat).sum(axis=2).min() > 0
+    assert (outward * model.normals).sum(axis=2).min() > 0
+    # Its x is now -z, which the second axis of the file's frame does not see.
+    expected = np.abs(scale)[[2, 1, 0]] / max(np.abs(scale))
+    np.testing.assert_allclose(shape(model)[0], expected, atol=1e-6)
+
+
+def test_a_texture_of_4096_pixels_takes_less_than_a_gigabyte(write):
+    flat = Image.new("P", (4096, 4096))
+    flat.putpalette([100, 120, 140])
+    stream = io.BytesIO()
+    flat.save(stream, "PNG")
+    fields = {"specularGlossinessTexture": {"index": 0}}
+    path = write("a.gltf", glossy(Gltf(), stream.getvalue(), **fields).text())
+    python(
+        "import resource, sys; from data_gen.readers.load import load_model\n"
+        f"model = load_model({str(path)!r})\n"
+        "assert model.materials[0].texture[0, 0].tolist() == [100, 120, 140, 255]\n"
+        "assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < 1e6"
+    )
+
+
+def test_normals_of_the_file_are_kept(write):
+    g = Gltf()
+    tilted = np.tile(np.array([[0.6, 0, 0.8]], "f4"), (4, 1))
+    model = load_model(write("a.gltf", g.show([g.square(NORMAL=tilted)], scale=[1, 1, 2]).text()))
+    # The plane through it is stretched along z: the normal becomes (.6, 0, .4) before its length.
+    np.testing.assert_allclose(model.normals[0, 0], np.array([0.4, 0.6, 0]) / 0.52**0.5, atol=1e-6)
+
+
+def changed(**fields):
+    """A square whose JSON has other fields, or its first objects of these lists."""
+    g = Gltf()
+    g.show([g.square()])
+    for key, value in fields.items():
+        old = g.json.get(key)
+        g.json[key] = [{**old[0], **value[0]}, *(value[1:] or old[1:])] if old and value else value
+    return g.text()
+
+
+REFUSED = {
+    r"bufferViews\[1\] ends at byte 1060": changed().replace(
+        '"byteLength": 12', '"byteLength": 1012'),
+    r"accessors\[0\] has more numbers": changed(accessors=[{"count": 5}]),
+    r"accessors\[0\].count: got -1, expected a whole": changed(accessors=[{"count": -1}]),
+    r"accessors\[0\] has an unknown componentType": changed(accessors=[{"componentType": 5124}]),
+    r"accessors\[0\] has the wrong type 'VEC2'": changed(accessors=[{"type": "VEC2"}]),
+    r"accessors\[0\] has 99999999 rows": changed(
+        accessors=[{"count": 99_999_999}]).replace('"bufferView": 0, ', ""),
+    "more than the limit": changed(accessors=[{"count": 9_999_999}]).replace(
+        '"bufferView": 0, ', "").replace('"indices"', '"none"'),
+    "bufferViews.7. does not exist, there are 2": changed(accessors=[{"bufferView": 7}]),
+    "faces have missing vertices": changed(accessors=[{"count": 3}]),
+    "nodes form a cycle": changed(nodes=[{"children": [0]}], scenes=[{"nodes": [0]}]),
+    r"nodes\[0\] has several parents": changed(nodes=[{"mesh": 0}, *[{"children": [0]}] * 2]),
+    r"nodes\[0\].scale: got 2 numbers, expected 3": changed(nodes=[{"scale": [1, 1]}]),
+    r"nodes\[0\].mesh: got 'a', expected a whole": changed(nodes=[{"mesh": "a"}]),
+    r"nodes\[0\].scale: got .*expected a list of numbers": changed(nodes=[{"scale": "1"}]),
+    r"meshes\[4\] does not exist, there are 1": changed(nodes=[{"mesh": 4}]),
+    "extensions.EXT_mesh_gpu_instancing is not an object": changed(
+        nodes=[{"extensions": {"EXT_mesh_gpu_instancing": 3}}]),
+    "it needs the extension 'A_ropes', which is not read": changed(extensionsRequired=["A_ropes"]),
+    "not finite": changed().replace("AAAAAAAA", "AADAfwAA", 1),
+    "the mesh is empty": changed(nodes=[]),
+    "a data URI is damaged": re.sub("base64,[^\"]*", "base64,A", changed()),
+    "its JSON: NaN is not JSON": changed().replace('"count": 4', '"count": NaN'),
+    "its JSON: brackets nested more than 64 deep": "[" * 100 + "]" * 100,
+    "its JSON: Expecting value": "nonsense",
+    "its JSON is not an object": "[]",
+    "asset is not an object": '{"asset": 2}',
+    "glTF without asset.version, expected 2.0": "{}",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("why", REFUSED)
+def test_files_that_are_refused_with_the_reason(write, why):
+    with pytest.raises(UnusableModelError, match=why) as caught:
+        load_model(write("a.gltf", REFUSED[why]))
+    assert "Error" not in str(caught.value)
+
+
+def test_cut_files_are_refused(write):
+    g = Gltf()
+    whole = g.show([g.square()]).glb()
+    for length in range(len(whole) - 1):
+        with pytest.raises(UnusableModelError, match="not readable as glTF"):
+            load_model(write("a.glb", whole[:length]))
+    for start, other, why in (
+        (4, b"\1", "glTF 1, expected"),
+        (16, b"BIN\0", "first chunk is not JSON"),
+    ):
+        with pytest.raises(UnusableModelError, match=why):
+            load_model(write("a.glb", whole[:start] + other + whole[start + len(other) :]))
+
+
+def test_a_missing_buffer_is_unreadable_in_a_folder_and_refused_in_an_archive(write):
+    g = Gltf()
+    path = write("a.gltf", g.show([g.square()]).text("gone.bin"))
+    with pytest.raises(UnusableModelError, match=r"its file 'gone\.bin' is missing") as caught:
+        load_model(path)
+    assert caught.value.status == "unreadable"
+    with zipfile.ZipFile(path.with_name("a.zip"), "w") as archive:
+        archive.write(path, "a.gltf")
+    with pytest.raises(UnusableModelError, match=r"its file 'gone\.bin' is missing") as caught:
+        load_model("a.gltf", ZipFiles(path.with_name("a.zip")))
+    assert caught.value.status == "refused"
+    write("a.gltf", g.text("../gone.bin"))
+    write("../gone.bin", g.data)
+    with pytest.raises(UnusableModelError, match="is missing"):
+        load_model(path)
+
+
+def test_packages_that_are_not_installed_are_named(write, monkeypatch):
+    contents = {"KHR_draco_mesh": draco(), "EXT_meshopt": packed_by_meshopt()}
+    monkeypatch.setitem(sys.modules, "DracoPy", None)
+    monkeypatch.setitem(sys.modules, "meshoptimizer", None)
+    for name, text in contents.items():
+        with pytest.raises(UnusableModelError, match=rf"it needs {name}_compression: `pip install"):
+            load_model(write("a.gltf", text))
+
+
+def test_a_file_takes_the_name_of_the_other_kind(write):
+    g = Gltf()
+    g.show([g.square()])
+    assert len(load_model(write("a.gltf", g.glb())).faces) == 2
+    assert len(load_model(write("a.glb", g.text())).faces) == 2
+
+
+# The rows of the table in docs/rendering.md, and the cases that have the feature.
+FEATURES = {
+    "strips and fans of triangles": "fanmix",
+    "colours of vertices": "VertexColorTest",
+    "normalised and quantised numbers": "quant",
+    "sparse accessors": "SimpleSparseAccessor",
+    "instances": "SimpleInstancing",
+    "skins": "skin_scaled_joint",
+    "morph targets": "morph_default_weight",
+    "several sets of texture coordinates": "MultiUVTest",
+    "transforms of textures": "TextureTransformTest: all",
+    "textures that do not repeat": "TextureSettingsTest: clamp",
+    "transparency": "AlphaBlendModeTest",
+    "specular-glossiness materials": "SpecGlossVsMetalRough",
+    "unlit materials": "UnlitTest",
+    "WebP textures": "WebP",
+    "Draco": "draco_mixed",
+    "meshopt": "MeshoptCubeTest",
+    "a byte-order mark": "wrong_file",
+    "bytes after the end": "trailing",
+    "KTX2 textures": "ktx2",
+    "normal maps, emission, maps of roughness": "NormalTangentTest",
+    "animations": "InterpolationTest",
+    "scenes other than the default": "MultipleScenes",
+    "lines and points": "MeshPrimitiveModes",
+    "glTF 1.0": "v1",
+}
+
+
+def test_features_are_read_as_the_table_says(write):
+    found = {}
+    for feature, name in FEATURES.items():
+        content = CASES[name][0]()
+        files = content if isinstance(content, dict) else {"a.gltf": content}
+        first, *_ = [write(file, data) for file, data in files.items()]
+        found[feature] = outcome(first)
+    for feature, text in {
+        "faces with missing vertices": REFUSED["faces have missing vertices"],
+        "missing textures": tex().replace('"bufferView": 0, "mimeType"', '"uri": "gone.png", "a"'),
+        "coordinates that are not finite": REFUSED["not finite"],
+        "extensions that a file requires and we do not read": changed(extensionsRequired=["A_b"]),
+    }.items():
+        found[feature] = outcome(write("a.gltf", text))
+    assert found == promised("glTF")
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="the files are not here")
+def test_cases_of_the_shared_folder():
+    """What their README says."""
+    box, pair = ((1.177, 0.392, 0.784), 12), ((0.768, 1.536, 0.512), 24)
+    found = {}
+    for name in ("plain", "two", "quant"):
+        model = load_model(SHARED / "gltf" / f"{name}.gltf")
+        found[name] = tuple(np.ptp(model.vertices, axis=0).round(3).tolist()), len(model.faces)
+    assert found == {"plain": box, "two": pair, "quant": pair}
+    for name in ("buffer_query.gltf", "trailing.glb", "chain_300.gltf", "bom.gltf"):
+        assert shape(load_model(SHARED / "gltf" / name))[1] == pytest.approx(1)
+    red = {name: colours(load_model(SHARED / "gltf" / f"{name}.gltf"))[0]
+           for name in ("tex", "textr", "texcoord1")}  # fmt: skip
+    assert red == {"tex": [1, 0, 0], "textr": [0, 0, 1], "texcoord1": [0, 0, 1]}
+    for name in ("reasons/draco.gltf", "gltf/draco_mixed.gltf"):
+        with pytest.raises(UnusableModelError, match="KHR_draco_mesh_compression"):
+            load_model(SHARED / name)
