@@ -5,6 +5,7 @@ with their default weights. What we do not read is in a warning, or the file is 
 """
 
 import binascii
+import json
 import re
 import struct
 import urllib.parse
@@ -68,6 +69,9 @@ def _json_and_chunk(data: bytes) -> tuple[Any, memoryview | None]:
             raise damaged(f"the file is cut: a chunk ends after the last of its {len(data)} bytes")
     try:
         return parse_json(bytes(text).decode("utf-8-sig", "replace"), max_depth=64), chunk
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        raise damaged(f"its JSON is damaged in {where}") from None
     except ValueError as error:
         raise damaged(f"its JSON: {error}") from None
 
@@ -379,6 +383,8 @@ class _File:
 
         def values(name: str, *, fractions: bool = False) -> np.ndarray:
             """An attribute of the vertices, with its morph targets."""
+            if name not in given:
+                raise damaged(f"{part.path} has no {name}")
             width = given[name][0].shape[1]
             layers = [(1.0, *given[name])]
             layers += [(w, *self.accessor(t.whole(name), width)) for t, w in targets if name in t]
@@ -400,22 +406,25 @@ class _File:
         product = "vij,vj->vi" if skinned else "nij,vj->nvi"
         vertices = np.einsum(product, linear, positions) + (move if skinned else move[:, None])
         vertices = vertices.reshape(-1, size, 3)
-        normals = np.zeros_like(vertices)
-        if "NORMAL" in given:
-            normals = np.einsum(product, _of_normals(linear), values("NORMAL")).reshape(-1, size, 3)
         mirrored = np.linalg.det(linear) < 0
         turned = mirrored[faces].all(axis=1)[None, :, None] if skinned else mirrored[:, None, None]
-        local = np.where(turned, faces[:, ::-1], faces)  # [n, f, 3]
+        local = np.where(turned, faces[:, ::-1], faces) if turned.any() else faces  # [n, f, 3]
+        local = np.broadcast_to(local, (len(vertices), *faces.shape))
         copy = np.arange(len(vertices))[:, None, None]
-        colours = np.ones((*local.shape[:2], 4))
+        normals = np.zeros((*local.shape, 3))
+        if "NORMAL" in given:
+            normals = np.einsum(product, _of_normals(linear), values("NORMAL"))
+            normals = normals.reshape(-1, size, 3)[copy, local]
+        colours = np.broadcast_to(1.0, (*local.shape[:2], 4))
         if "COLOR_0" in given:
             paint = np.nan_to_num(values("COLOR_0", fractions=True)).clip(0, 1)
+            colours = colours.copy()
             colours[..., : paint.shape[1]] = paint[faces].mean(axis=1)
         uv = values(coordinates) if coordinates in given else np.zeros((size, 2))
         self.parts.append({
             "vertices": vertices.reshape(-1, 3),
             "faces": (local + size * copy + self.vertices).reshape(-1, 3),
-            "normals": normals[copy, local].reshape(-1, 3, 3),
+            "normals": normals.reshape(-1, 3, 3),
             "uv": uv[local].reshape(-1, 3, 2),
             "colours": colours.reshape(-1, 4),
             "face_material": np.full(local.size // 3, owner),

@@ -132,13 +132,15 @@ class Looks:
         owner, uv, colours = arrays["face_material"], arrays["uv"], arrays.pop("colours")
         table: list[Material] = []
         result = np.empty_like(owner)
-        for index in np.unique(owner).tolist():
+        for index in np.flatnonzero(np.bincount(owner + 1)).tolist():
+            index -= 1
             look, own = self.look(index), np.flatnonzero(owner == index)
             texture = None if look.image < 0 else self._picture(look)
             if texture is not None:
                 places = np.nan_to_num(uv[own] @ look.uv_matrix[:, :2].T + look.uv_matrix[:, 2])
                 texture, uv[own] = wrapped(texture, places, look.wraps)
-            shown = colours[own] * look.colour
+            paint = colours[own]
+            shown = (paint if (paint != 1).any() else np.ones((1, 4))) * look.colour
             shown[:, :3] **= 1 / 2.2  # factors of glTF are linear
             if look.mode != "BLEND":
                 shown[:, 3] = (look.mode != "MASK") | (shown[:, 3] >= look.cutoff)
@@ -146,9 +148,10 @@ class Looks:
             if texture is None and np.ptp(shown, axis=0).any():
                 painted, uv[own] = palette((255 * shown).round().astype(np.uint8))
                 texture, shown = painted.texture, np.ones((len(own), 4))
+            distinct, group = shown[:1], np.zeros(1, np.int64)
             if np.ptp(shown, axis=0).any():  # the colours of faces with a texture, in 16 steps
-                shown = np.round(shown * 15) / 15
-            distinct, group = np.unique(shown, axis=0, return_inverse=True)
+                distinct, group = np.unique(np.round(15 * shown), axis=0, return_inverse=True)
+                distinct = distinct / 15
             result[own] = group.ravel() + len(table)
             table += [
                 dataclasses.replace(material, diffuse=(r, g, b), opacity=a, texture=texture)
