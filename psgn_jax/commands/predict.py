@@ -37,7 +37,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags.enum("mask_from", "auto", list(masks.METHODS), "How to find a mask.")
     flags.bool(
         "invert_mask", None, "The given masks are white outside the object; default: those that "
-        "cover the border and not the middle.",
+        "cover the border.",
+    )  # fmt: skip
+    flags.list(
+        "mask_label", None, "The object's label in given masks with several: a grey level, an "
+        "index of a palette, or a colour R,G,B.",
     )  # fmt: skip
     flags.bool("accept_mask", False, "Use masks of which the network is not certain.")
     flags.enum("normal_form", "auto", list(NORMAL_FORMS),
@@ -60,6 +64,13 @@ def _main(flags: Flags) -> int:
         raise ConfigError(
             f"--formats={','.join(values.formats)}: accepted: any of {', '.join(FORMATS)}"
         )
+    try:
+        label = [int(part) for part in values.mask_label or ()] or None
+    except ValueError:
+        label = [0, 0]
+    if label and len(label) not in (1, 3):
+        shown = ",".join(values.mask_label)
+        raise ConfigError(f"--mask_label={shown}: accepted: an integer, or a colour R,G,B")
     check_folder(values.out, "--out")
 
     def opened() -> Predictor:
@@ -71,7 +82,7 @@ def _main(flags: Flags) -> int:
     done, failed, uncertain = 0, 0, 0
     options = {name: values[name].value for name in _OPTIONS}
     for path, result in predict_files(
-        opened, flags.arguments, values.out, formats=values.formats, **options
+        opened, flags.arguments, values.out, formats=values.formats, mask_label=label, **options
     ):
         if isinstance(result, Exception):
             failed += 1

@@ -9,13 +9,13 @@ import math
 import os
 import pathlib
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import IO, Any
 
 import numpy as np
-from PIL import Image, ImageOps, UnidentifiedImageError
+from PIL import Image, UnidentifiedImageError
 
-from psgn_jax.data import resize
+from psgn_jax.data import mask_levels, resize
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.untrusted import brief, kind_of, one_line
 
@@ -42,7 +42,12 @@ _ADVICE = (
 )
 _ORIENTATION, _EXIF, _FOCAL_35MM = 0x0112, 0x8769, 0xA405  # tags of EXIF
 _LEAST_TRANSPARENT = 0.005
-_MOST_BETWEEN = 0.08  # of a mask; see `read_mask`
+_TURNS = {
+    2: Image.Transpose.FLIP_LEFT_RIGHT, 3: Image.Transpose.ROTATE_180,
+    4: Image.Transpose.FLIP_TOP_BOTTOM, 5: Image.Transpose.TRANSPOSE,
+    6: Image.Transpose.ROTATE_270, 7: Image.Transpose.TRANSVERSE, 8: Image.Transpose.ROTATE_90,
+}  # fmt: skip
+"""What turns a picture upright, by EXIF's orientation."""
 
 
 class PhotoError(UserError):
@@ -85,50 +90,104 @@ def read_photo(image: Source | Photo) -> Photo:
     return dataclasses.replace(read, path=path)
 
 
-def read_mask(mask: Source, photo: Photo) -> np.ndarray:
+def read_mask(mask: Source, photo: Photo, label: int | Sequence[int] | None = None) -> np.ndarray:
     """Reads the mask of a photo: bool [h, w] of `photo.image`'s shape, True on the object.
 
-    Pixels brighter than half of the largest value belong to the object, in arrays of any dtype. In
-    a file with transparency, alpha is used instead of brightness. The mask may have another size in
-    the same proportions. If EXIF rotates the photo, a mask with the proportions of the unrotated
-    photo is rotated too.
+    The brighter of the mask's two levels shows the object, in files and in arrays of any dtype;
+    their edge may be soft. In a file with transparency, alpha is used instead of brightness. The
+    mask may have another size in the same proportions. If EXIF rotates the photo, a mask with the
+    proportions of the unrotated photo is rotated too.
+
+    Args:
+      label: the object's number in a mask of several labels, a grey level or an index of a palette;
+        or its colour (r, g, b).
 
     Raises:
       PhotoError: as `read_photo`; or the mask has other proportions than the photo, is empty or
-        full, or is itself a photograph.
+        full, has more than two levels, or is itself a photograph (`data.mask_levels`).
     """
+    return open_mask(mask, photo, label)[0]
+
+
+def open_mask(
+    mask: Source, photo: Photo, label: int | Sequence[int] | None = None
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """`read_mask`, and warnings about what the mask contains."""
     name = f"mask {one_line(mask)}" if isinstance(mask, str | os.PathLike) else "the mask"
-    levels: np.ndarray
-    mask = _with_numpy(mask)
+    ids: np.ndarray | None = None
+    mask, bound = _with_numpy(mask, "the mask"), max(photo.image.shape)
     if isinstance(mask, np.ndarray):
-        size, levels = mask.shape, mask.astype(np.float32)
+        values = mask[..., 0] if mask.shape[2:] == (1,) else mask
+        if values.dtype.kind not in "biuf":
+            raise PhotoError(f"{name} is an array of {mask.dtype}; expected numbers")
+        if values.dtype == np.bool_:
+            values = values.view(np.uint8) != 0  # True of Pillow is the byte 255
+        size = values.shape
     else:
-        stored = _stored(mask, "the mask")
-        turn, as_stored = stored.orientation, _upright_size(photo.size, photo.orientation)
-        if turn == 1 and photo.size != as_stored and same_proportions(stored.size, as_stored):
-            turn = photo.orientation
-        upright = _upright(stored, turn)
-        size, levels = upright.size, np.asarray(Image.fromarray(upright.image).convert("L"))
-        if upright.alpha is not None:
-            levels = upright.alpha
+        picture, size, orientation = _mask_picture(mask, bound)
+        as_stored = _upright_size(photo.size, photo.orientation)
+        if orientation == 1 and photo.size != as_stored and same_proportions(size, as_stored):
+            orientation = photo.orientation
+        picture, size = _transposed(picture, orientation), _upright_size(size, orientation)
+        values, ids = _levels_of(picture)
     if len(size) != 2 or not same_proportions(size, photo.size):
         raise PhotoError(
             f"{name} is {'x'.join(map(str, size[::-1]))}: accepted: the image's "
             f"{photo.size[1]}x{photo.size[0]} or the same proportions"
         )
-    top = levels.max()
-    if not top > 0:
-        raise PhotoError(f"{name} is empty: no pixel shows the object")
-    between = ((levels > 0.1 * top) & (levels < 0.9 * top)).mean()
-    if between > _MOST_BETWEEN:
-        raise PhotoError(
-            f"{name} looks like a photograph: {between:.0%} of it is neither dark nor bright; "
-            "accepted: white on the object, black elsewhere"
+    if values.dtype.kind == "f" and (bad := int((~np.isfinite(values)).sum())):
+        raise PhotoError(f"{name} has {bad} values that are not finite; expected finite levels")
+    try:
+        inside, warnings = mask_levels.object_in(values, ids, label)
+    except mask_levels.MaskLevelsError as error:
+        raise PhotoError(f"{name} {error}") from None
+    return resize.smooth_mask(inside, photo.image.shape[:2]), warnings
+
+
+def _mask_picture(mask: Source, bound: int) -> tuple[Image.Image, tuple[int, int], int]:
+    """A mask as stored, with at most `bound` pixels a side; its (H, W) and EXIF's orientation."""
+
+    def read(picture: Image.Image) -> tuple[Image.Image, int]:
+        picture.load()
+        orientation = _orientation_of(picture)
+        factor = max(picture.size) / bound
+        if factor > 1:  # without averages, which would be levels that the mask does not have
+            width, height = (max(1, round(side / factor)) for side in picture.size)
+            return picture.resize((width, height), Image.Resampling.NEAREST), orientation
+        return picture.copy(), orientation
+
+    if isinstance(mask, Image.Image):
+        size = mask.height, mask.width
+        _check_size("the mask", size)
+        with _as_photo_error("the mask"):
+            return read(mask)[0], size, _orientation_of(mask)
+    with _opened(mask, "the mask") as (file, size):
+        picture, orientation = read(file)
+    return picture, size, orientation
+
+
+def _levels_of(picture: Image.Image) -> tuple[np.ndarray, np.ndarray | None]:
+    """The levels of a mask: numbers [h, w] or colours [h, w, 3]; and the indices of a palette."""
+    ids = np.asarray(picture) if picture.mode == "P" else None
+    if picture.mode.startswith(("I", "F", "1", "L")) and not picture.has_transparency_data:
+        return np.asarray(picture), None
+    rgba = np.asarray(picture.convert("RGBA"))
+    colours, alpha = rgba[..., :3], useful_alpha(rgba[..., 3])
+    if alpha is not None:
+        shown = mask_levels.sample(rgba)
+        opaque = shown[shown[..., 3] > 127, :3]
+        labels = 1 < mask_levels.count(opaque) <= mask_levels.FEW and opaque.any(axis=1).all()
+        return (
+            (np.where(alpha[..., None] > 127, colours, np.uint8(0)), ids)
+            if labels
+            else (alpha, None)
         )
-    inside = levels > top / 2
-    if inside.all():
-        raise PhotoError(f"{name} covers the whole image: expected a background without it")
-    return resize.smooth_mask(inside, photo.image.shape[:2])
+    if ids is not None:
+        small = [mask_levels.sample(np.atleast_3d(each)) for each in (ids, colours)]
+        if mask_levels.count(small[0]) > mask_levels.count(small[1]):
+            return ids, None  # the palette does not tell the labels apart
+    grey = (colours == colours[..., :1]).all()
+    return (colours[..., 0] if grey else colours), ids
 
 
 def useful_alpha(alpha: np.ndarray | None) -> np.ndarray | None:
@@ -145,8 +204,10 @@ def same_proportions(size: tuple[int, ...], other: tuple[int, ...]) -> bool:
     return abs(height - size[0]) <= max(1.0, 0.01 * size[0])
 
 
-def _with_numpy(image: Source) -> Source:
-    """An array of JAX or another library as one of NumPy; anything else as it is."""
+def _with_numpy(image: Source, noun: str) -> Source:
+    """An array of JAX or another library as one of NumPy; anything else but lists as it is."""
+    if isinstance(image, list | tuple):
+        raise ValueError(f"{noun} is a list: accepted: one image; use a loop for several")
     if isinstance(image, np.ndarray | Image.Image) or not hasattr(image, "__array__"):
         return image
     return np.asarray(image)
@@ -154,9 +215,7 @@ def _with_numpy(image: Source) -> Source:
 
 def _stored(image: Source, noun: str) -> Photo:
     """The first frame as stored; messages call it `noun`."""
-    if isinstance(image, list | tuple):
-        raise ValueError(f"{noun} is a list: accepted: one image; use a loop for several")
-    image = _with_numpy(image)
+    image = _with_numpy(image, noun)
     if isinstance(image, np.ndarray):
         if image.dtype != np.uint8 or image.ndim < 2 or image.shape[2:] not in ((), (3,), (4,)):
             raise ValueError(
@@ -170,10 +229,8 @@ def _stored(image: Source, noun: str) -> Photo:
         return Photo(colours[..., :3], useful_alpha(alpha), size)
     if isinstance(image, Image.Image):
         _check_size(noun, (image.height, image.width))
-        try:
+        with _as_photo_error(noun):
             image.load()
-        except Exception as error:  # as in `_opened`
-            raise PhotoError(f"{noun} is damaged or unreadable: {brief(error)}") from None
         return _from_picture(image, (image.height, image.width))
     with _opened(image, noun) as (file, size):
         file.load()
@@ -189,13 +246,12 @@ def _check_size(shown: str, size: tuple[int, int]) -> None:
 
 
 def _from_picture(picture: Image.Image, size: tuple[int, int]) -> Photo:
-    exif = picture.getexif()
-    orientation = int(exif.get(_ORIENTATION, 1) or 1)
+    orientation = _orientation_of(picture)
     # EXIF states the focal length of a camera with the same diagonal field of view and film of
     # 36 x 24 mm.
     focal = None
     with contextlib.suppress(Exception):  # of damaged metadata
-        film = float(exif.get_ifd(_EXIF).get(_FOCAL_35MM, 0))
+        film = float(picture.getexif().get_ifd(_EXIF).get(_FOCAL_35MM, 0))
         focal = film * math.hypot(*size) / math.hypot(36, 24) if 0 < film < 1e4 else None
     colours, alpha = _to_rgb(picture.copy())
     return Photo(np.asarray(colours), useful_alpha(alpha), size, orientation, focal)
@@ -203,7 +259,7 @@ def _from_picture(picture: Image.Image, size: tuple[int, int]) -> Photo:
 
 def _upright(stored: Photo, orientation: int) -> Photo:
     """A photo upright, if it is stored with this orientation of EXIF."""
-    if not 1 < orientation <= 8:
+    if orientation not in _TURNS:
         return stored
     alpha = None if stored.alpha is None else turned(stored.alpha, orientation)
     size = _upright_size(stored.size, orientation)
@@ -212,9 +268,21 @@ def _upright(stored: Photo, orientation: int) -> Photo:
 
 def turned(plane: np.ndarray, orientation: int) -> np.ndarray:
     """An image or mask, stored with this orientation of EXIF, upright."""
-    picture = Image.fromarray(plane)
-    picture.getexif()[_ORIENTATION] = orientation
-    return np.asarray(ImageOps.exif_transpose(picture))
+    return np.asarray(_transposed(Image.fromarray(plane), orientation))
+
+
+def _transposed(picture: Image.Image, orientation: int) -> Image.Image:
+    turn = _TURNS.get(orientation)
+    return picture if turn is None else picture.transpose(turn)
+
+
+def _orientation_of(picture: Image.Image) -> int:
+    """EXIF's orientation; 1, upright, if there is none or it is not an integer from 1 to 8."""
+    with contextlib.suppress(Exception):  # of damaged metadata
+        value = picture.getexif().get(_ORIENTATION)
+        if isinstance(value, int) and value in _TURNS:
+            return value
+    return 1
 
 
 @contextlib.contextmanager
@@ -238,15 +306,21 @@ def _opened(path: Any, noun: str) -> Iterator[tuple[Image.Image, tuple[int, int]
         )
     Image.init()
     formats = [name for name in _FORMATS if name in Image.OPEN]
+    # Pillow warns of odd metadata and of sizes that are bounded here.
+    with _as_photo_error(shown), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with Image.open(path, formats=formats) as file:
+            width, height = file.size
+            _check_size(shown, (height, width))
+            file.draft(file.mode, (MAX_SIDE, MAX_SIDE))  # a JPEG can be decoded smaller
+            yield file, (height, width)
+
+
+@contextlib.contextmanager
+def _as_photo_error(shown: str) -> Iterator[None]:
+    """Context in which errors of Pillow become `PhotoError`."""
     try:
-        # Pillow warns of odd metadata and of sizes that are bounded here.
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            with Image.open(path, formats=formats) as file:
-                width, height = file.size
-                _check_size(shown, (height, width))
-                file.draft(file.mode, (MAX_SIDE, MAX_SIDE))  # a JPEG can be decoded smaller
-                yield file, (height, width)
+        yield
     except PhotoError:
         raise
     except UnidentifiedImageError:

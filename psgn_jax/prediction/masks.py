@@ -12,7 +12,7 @@ import functools
 import io
 import pathlib
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -21,6 +21,7 @@ from PIL import Image, ImageFilter, PngImagePlugin
 from scipy import ndimage
 
 from psgn_jax.data import photo
+from psgn_jax.data.framing import box_of
 from psgn_jax.data.photo import PhotoError
 from psgn_jax.data.resize import smooth_mask
 from psgn_jax.models.mask_net import MaskNet
@@ -53,6 +54,10 @@ _BORDER_SHARE, _EXACT = 0.97, 1
 # lossless renderings, more than .98 on 30 JPEGs (quality 70 to 95).
 _JPEG_DEVIATION, _JPEG_SHARE = 12, 0.6
 _SMALLEST, _LARGEST = 0.0005, 0.97  # fraction of the image that an object may cover
+_INVERTED = 0.9  # fraction of the border that an inverted mask covers
+# A border cuts an object off if this fraction of the longer side of its box is there. A part is
+# large if it has this fraction of the largest one's pixels.
+_CUT_OFF, _LARGE_PART = 0.1, 0.25
 _NOTE = "psgn_jax result"  # key of a text in PNG files
 _CLEARLY_BETTER = 0.2  # of an intersection over union
 
@@ -80,18 +85,33 @@ def mask_of(
     *,
     invert: bool | None = None,
     accept: bool = False,
+    label: int | Sequence[int] | None = None,
 ) -> FoundMask:
     """The mask of a photo: the given one; else with "auto" `NAME_mask.*` beside it; else found.
 
+    Warnings say if the photo's border cuts the object off, and if the mask has two large parts.
+
     Args:
-      mask: see `photo.read_mask`; None = automatic.
+      mask: see `photo.read_mask`, also for `label`; None = automatic.
       method: see `find_mask`, also for `accept` and errors.
-      invert: whether a given mask is white outside the object; None = if it looks so.
+      invert: whether a given mask is white outside the object; None = if it covers the border.
 
     Raises:
       PhotoError: the mask cannot be used.
-      ValueError: `invert` without a mask.
+      ValueError: `invert` or `label` without a mask.
     """
+    found = _given_or_found(read, mask, method, invert, accept, label)
+    return found._replace(warnings=(*found.warnings, *_doubts(found)))
+
+
+def _given_or_found(
+    read: photo.Photo,
+    mask: photo.Source | None,
+    method: str,
+    invert: bool | None,
+    accept: bool,
+    label: int | Sequence[int] | None,
+) -> FoundMask:
     name, hint = "given", ""
     if mask is None and method == "auto" and read.path is not None:
         # A result that nobody has changed is not used.
@@ -101,16 +121,18 @@ def mask_of(
         if files:
             hint = f"; {files[0].name}, beside the photo, is an unchanged proposal"
     if mask is None:
-        if invert is not None:
-            raise ValueError("invert_mask: accepted only with a given mask")
+        for option, value in (("invert_mask", invert), ("mask_label", label)):
+            if value is not None:
+                raise ValueError(f"{option}: accepted only with a given mask")
         try:
             return find_mask(read.image, read.alpha, method, accept=accept)
         except UncertainMaskError as error:
             raise UncertainMaskError(f"{error}{hint}", error.mask) from None
-    pixels, warnings = photo.read_mask(mask, read), []
-    if invert is None and _looks_inverted(pixels):
-        warnings.append("the mask covers the border but not the middle: it was inverted")
-    if invert or warnings:
+    pixels, notes = photo.open_mask(mask, read, label)
+    warnings = list(notes)
+    if inverted := invert is None and label is None and _border(pixels).mean() >= _INVERTED:
+        warnings.append("the mask covers the border: it was inverted")
+    if invert or inverted:
         pixels = ~pixels
     if read.orientation > 1 and _fits_better_turned(read.image, pixels, read.orientation):
         pixels = photo.turned(pixels, read.orientation)
@@ -257,11 +279,23 @@ def _network() -> tuple[Callable[..., jax.Array], Any]:
     return jax.jit(run), jax.device_put(params)
 
 
-def _looks_inverted(mask: np.ndarray) -> bool:
-    """Whether a mask covers at least 90 % of the border, but less than half of the middle ninth."""
-    height, width = mask.shape
-    middle = mask[height // 3 : -(height // 3) or None, width // 3 : -(width // 3) or None]
-    return bool(_border(mask).mean() >= 0.9 and middle.mean() < 0.5)
+def _doubts(found: FoundMask) -> Iterator[str]:
+    """Warnings about a mask that shows a part of an object, or two objects."""
+    mask = found.mask
+    if not mask.any():
+        return  # refused later
+    sides = {"top": mask[0], "bottom": mask[-1], "left": mask[:, 0], "right": mask[:, -1]}
+    top, bottom, left, right = box_of(mask)
+    least = _CUT_OFF * max(bottom - top, right - left)
+    cut = [side for side, line in sides.items() if line.sum() >= least]
+    cropped = found.method == "alpha" and all(line.any() for line in sides.values())
+    if cut and not cropped:  # a cut-out is often cropped to its object
+        yield f"the photo's border cuts the object off ({', '.join(cut)}); expected all of it"
+    parts, number = ndimage.label(mask, np.ones((3, 3)))
+    if number > 1:
+        *_, second, first = np.sort(np.bincount(parts.ravel())[1:])
+        if second >= _LARGE_PART * first:
+            yield "the mask has two large parts; expected those of one object"
 
 
 def plain(image: np.ndarray) -> np.ndarray | None:

@@ -40,6 +40,7 @@ def predict_files(
     mask_from: str = "auto",
     invert_mask: bool | None = None,
     accept_mask: bool = False,
+    mask_label: int | Sequence[int] | None = None,
     formats: Sequence[str] = DEFAULT_FORMATS,
     **options: Any,
 ) -> Iterator[tuple[pathlib.Path, Prediction | Exception]]:
@@ -48,8 +49,8 @@ def predict_files(
     In a folder, we leave out HEIC files with a converted copy, and the results of earlier runs.
     Only these results are replaced, as far as the last `NAME.json` lists them; its `earlier_files`
     are those of runs before, with other formats or another number of samples. If there is another
-    file of the same name, results get a number. `mask_from`, `invert_mask`, `accept_mask` and
-    further options are as for `Predictor.__call__`.
+    file of the same name, results get a number. `mask_from`, `invert_mask`, `accept_mask`,
+    `mask_label` and further options are as for `Predictor.__call__`.
 
     Args:
       open_predictor: returns the network; called after the first image and mask were read, so that
@@ -74,7 +75,9 @@ def predict_files(
         clock.lap("read")
         given = None if mask is None else _mask_of(path, mask)
         try:
-            found = masks.mask_of(image, given, mask_from, invert=invert_mask, accept=accept_mask)
+            found = masks.mask_of(
+                image, given, mask_from, invert=invert_mask, accept=accept_mask, label=mask_label
+            )
         except masks.UncertainMaskError as error:
             raise _proposed(error, image, out / name) from None
         clock.lap("mask")

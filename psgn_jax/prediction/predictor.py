@@ -8,6 +8,7 @@ place of training objects (`data.framing`), unless the image is framed like a tr
 import dataclasses
 import functools
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -68,6 +69,7 @@ class Predictor:
         mask_from: str = "auto",
         invert_mask: bool | None = None,
         accept_mask: bool = False,
+        mask_label: int | Sequence[int] | None = None,
         normal_form: str = "auto",
         refine: bool = True,
     ) -> Prediction:
@@ -83,8 +85,9 @@ class Predictor:
           frame: "place" crops and scales the object (`framing.place`); "keep" keeps the framing of
             an image of 4:3; "auto" keeps training renderings and places other images.
           mask_from: one of `masks.METHODS`; ignored if a mask is given.
-          invert_mask: whether the given mask is dark on the object; None = if it looks so.
+          invert_mask: whether the given mask is dark on the object; None = if it covers the border.
           accept_mask: whether to use the mask network's mask even if it is not certain.
+          mask_label: the object's label in a given mask with several, see `photo.read_mask`.
           normal_form: "yes" moves and scales the clouds so that the lowest point is at z = 0 and
             the farthest at distance 1 from the origin (`framing.normal_form`), because a photo does
             not show the size of its object; "no" does not; "auto" does if the image was placed.
@@ -106,7 +109,9 @@ class Predictor:
         read = photo.read_photo(image)
         found = mask
         if not isinstance(found, masks.FoundMask):
-            found = masks.mask_of(read, found, mask_from, invert=invert_mask, accept=accept_mask)
+            found = masks.mask_of(
+                read, found, mask_from, invert=invert_mask, accept=accept_mask, label=mask_label
+            )
         clock.lap("mask")
         move = frame == "place" or (frame == "auto" and not framing.is_framed(read.image))
         view = framing.place(read.image, found.mask, move=move)

@@ -76,16 +76,38 @@ def test_what_was_placed_has_normal_form_and_projects_as_before(predictor):
     assert predictor(image, frame="keep", normal_form="yes").scale != 1
 
 
-def test_an_inverted_mask_is_turned_and_that_is_said(predictor):
-    image = photo_of_a_box()
-    mask = (image != 191).any(axis=2)
+@pytest.mark.parametrize("side", [16, 30, 60])  # of 90x120 pixels: 2.4, 8 and 33 %
+def test_an_inverted_mask_is_turned_and_that_is_said(predictor, side):
+    image, mask = photo_of_a_box(), np.zeros((90, 120), bool)
+    mask[15 : 15 + side, 20 : 20 + side] = True
     turned = predictor(image, ~mask)
-    assert turned.warnings == ("the mask covers the border but not the middle: it was inverted",)
+    assert turned.warnings == ("the mask covers the border: it was inverted",)
     for right in predictor(image, mask), predictor(image, ~mask, invert_mask=True):
         assert right.warnings == ()
         np.testing.assert_array_equal(right.points, turned.points)
     kept = predictor(image, ~mask, invert_mask=False)
     np.testing.assert_array_equal(kept.mask, ~mask)
+
+
+def test_what_a_mask_shows_of_an_object_is_told(predictor):
+    image = photo_of_a_box()
+    for rows, columns, message in (
+        ((20, 60), (0, 50), "border cuts the object off (left)"),
+        ((0, 90), (30, 120), "border cuts the object off (top, bottom, right)"),
+        ((20, 60), (10, 25), ""),
+    ):
+        mask = np.zeros((90, 120), bool)
+        mask[slice(*rows), slice(*columns)] = True
+        assert message in "".join(predictor(image, mask).warnings)
+        assert bool(message) == bool(predictor(image, mask).warnings)
+    mask[70:75, 80:85] = True  # a speck
+    assert not predictor(image, mask).warnings
+    mask[60:80, 80:95] = True
+    assert "two large parts" in predictor(image, mask).warnings[0]
+    cropped = np.zeros((90, 120, 4), np.uint8)  # a cut-out
+    cropped[:, 10:110] = cropped[20:60] = (200, 60, 20, 255)
+    assert predictor(cropped).mask_from == "alpha"
+    assert not predictor(cropped).warnings
 
 
 def test_wrong_arguments(predictor, params):
@@ -94,7 +116,8 @@ def test_wrong_arguments(predictor, params):
         ({"seed": 2**31}, "seed=2147483648: accepted: an integer of 32"),
         ({"frame": "x"}, "frame='x': accepted: auto, place, keep"),
         ({"normal_form": "x"}, "normal_form='x': accepted: auto, yes, no"),
-        ({"invert_mask": True}, "accepted only with a given mask"),
+        ({"invert_mask": True}, "invert_mask: accepted only with a given mask"),
+        ({"mask_label": 7}, "mask_label: accepted only with a given mask"),
         ({"mask": np.ones((5, 5), bool)}, "the mask is 5x5"),
     ):
         with pytest.raises(ValueError, match=message):
@@ -185,6 +208,12 @@ def test_masks_by_name(predictor, tmp_path):
     assert results[images / "a.png"].mask_from == "a_mask.PNG"
     assert results[images / "b.png"].mask_from == "plain"
     assert predictor(images / "a.png", mask_from="plain").mask_from == "plain"
+    labelled = np.where(mask > 0, 7, 3).astype(np.uint8)
+    labelled[:10, :10] = 9
+    Image.fromarray(labelled).save(images / "a_mask.PNG")
+    for label in (7, [7]):
+        ((_, result),) = predict_files(lambda: predictor, [images / "a.png"], out, mask_label=label)
+        np.testing.assert_array_equal(result.mask, mask > 0)
 
 
 def test_a_network_that_cannot_be_opened_is_reported_once(tmp_path):

@@ -1,0 +1,205 @@
+"""Which pixels of a mask show the object, from its grey levels, palette indices or colours.
+
+Two levels are a mask, and so is a soft edge between two levels. A mask of several labels is
+refused, because nothing in it says which label is the object's; so is a photograph.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from PIL import Image
+from scipy import ndimage
+
+VOID, VOID_COLOUR = 255, (224, 224, 192)
+"""The label and the colour of outlines in PASCAL VOC, which belong to no class."""
+
+# The levels are judged on a sample of at most this many pixels a side.
+_SIDE = 512
+# A level is one of a mask's own if its areas (3x3 pixels without another level) are at least this
+# share of the mask. Among more than `FEW` levels, most are of soft edges or of JPEG: there, at
+# least half of the pixels at a level's border must also differ by `_STEP` of the range.
+_LEAST_AREA, FEW, _STEP = 0.001, 16, 0.02
+# A level is not between a mask's two if it is this far beyond them or from their line, in units of
+# their difference. It counts if it has this share of the pixels.
+_OUTSIDE, _LEAST_SHARE = 0.1, 2e-4
+# Soft edges, in the same unit: a pixel is between the levels if it is farther than `_NEAR` from
+# both, or than `_OFF` from their line. Where a window of 5x5 pixels has both, the edge is sharp. If
+# the other pixels between them exceed `_MOST_BETWEEN` of the object, they must be as in a blurred
+# mask. Of the ten photographs in docs/photos, whole and in grey or at 96 pixels in colour, they are
+# at least .2 of the object, and differ by at least .124 on average. Of their masks, at 96 pixels or
+# whole, blurred with a deviation of up to 2 pixels, they are fewer or differ by at most .117.
+_NEAR, _OFF, _MOST_BETWEEN, _MOST_DIFFERENT = 0.25, 0.5, 0.17, 0.12
+_MANY = 64  # levels that labels do not have
+_BLURS = (2, 4, 8, 16, 32)  # factors of reduction
+
+_OUTLINE = f"label {VOID} of the mask was taken as an outline that is not of the object"
+_LUMA = np.array([0.299, 0.587, 0.114])
+_BILINEAR = Image.Resampling.BILINEAR
+
+
+class MaskLevelsError(ValueError):
+    """The levels do not show one object; the message follows the name of the mask."""
+
+
+def object_in(
+    values: np.ndarray, ids: np.ndarray | None = None, label: int | Sequence[int] | None = None
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """The object's pixels, bool [h, w], and warnings.
+
+    Args:
+      values: numbers [h, w], or colours uint8 [h, w, 3].
+      ids: numbers [h, w] by which labels are named, such as indices of a palette; None = `values`.
+      label: the object's number in `ids`, or its colour; None = the brighter of two levels.
+
+    Raises:
+      MaskLevelsError: there is no such label, not one object, or the levels are a photograph's.
+    """
+    values = np.atleast_3d(values)
+    named = values if ids is None else np.atleast_3d(ids)
+    small, small_named = sample(values), sample(named)
+    codes, first, counts = _numbered(small)
+    names = small_named.reshape(codes.size, -1)[first]
+    shown = _shown(names, counts)
+    if label is not None:
+        wanted = np.atleast_1d(label)
+        among = values if len(wanted) == values.shape[2] == 3 else named
+        if len(wanted) != among.shape[2] or not (inside := (among == wanted).all(2)).any():
+            raise MaskLevelsError(f"has no level {','.join(map(str, wanted))}; it has {shown}")
+        return inside, ()
+    levels = small.reshape(codes.size, -1)[first].astype(np.float64)
+    if len(levels) == 1:
+        if levels.max() > 0:
+            raise MaskLevelsError("covers the whole image: expected a background without it")
+        raise MaskLevelsError("is empty: no pixel shows the object")
+    own = _own_levels(codes, levels)
+    low, high = _two_levels(own, levels)
+    if len(levels) <= FEW:  # those of thin areas, such as outlines
+        place, off = _between(levels, levels[low], levels[high])
+        far = (place < -_OUTSIDE) | (place > 1 + _OUTSIDE) | (off > _OUTSIDE)
+        own |= far & (counts >= _LEAST_SHARE * codes.size)
+    inner = _inside_outline(codes, np.flatnonzero(own), names, counts)
+    if inner is not None:
+        return (values == levels[inner]).all(2), (_OUTLINE,)
+    share = _share_between(*_between(small, levels[low], levels[high]))
+    if (share or own.sum() > 2) and len(levels) > _MANY:
+        raise MaskLevelsError(
+            f"looks like a photograph: {share:.0%} of it is neither dark nor bright; accepted: "
+            "white on the object, black elsewhere"
+        )
+    if share or own.sum() > 2:
+        raise MaskLevelsError(
+            f"has {len(levels)} levels ({shown}): accepted: two, the object and the rest; name the "
+            "object's with mask_label, or in Python give mask=array == level"
+        )
+    return _between(values, levels[low], levels[high])[0] > 0.5, ()
+
+
+def sample(values: np.ndarray) -> np.ndarray:
+    """Pixels at regular distances, at most `_SIDE` a side."""
+    rows, columns = (
+        ((np.arange(min(n, _SIDE)) + 0.5) * n / min(n, _SIDE)).astype(np.intp)
+        for n in values.shape[:2]
+    )
+    return values[rows[:, None], columns]
+
+
+def count(values: np.ndarray) -> int:
+    """The number of different values [..., c]."""
+    return len(np.unique(_single(values)))
+
+
+def _single(values: np.ndarray) -> np.ndarray:
+    """One number for each of the values [..., c]."""
+    if values.shape[-1] == 1:
+        return values[..., 0]
+    return values.astype(np.int64) @ np.array([1 << 16, 1 << 8, 1])
+
+
+def _numbered(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The number of each pixel's level, [h, w]; a pixel and the size of each level."""
+    _, first, codes, counts = np.unique(_single(values), True, True, True)
+    return codes.reshape(values.shape[:2]), first, counts
+
+
+def _shown(names: np.ndarray, counts: np.ndarray) -> str:
+    """The most frequent levels as text."""
+    order = np.argsort(-counts, kind="stable")
+    texts = [
+        f"{','.join(f'{value:g}' for value in names[i].tolist())} on {counts[i] / counts.sum():.1%}"
+        for i in order[:5]
+    ]
+    return ", ".join(texts) + ", ..." * (len(order) > 5)
+
+
+def _neighbours(codes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The levels of all pairs of neighbouring pixels in which they differ, in both orders."""
+    pairs = [(codes[1:], codes[:-1]), (codes[:, 1:], codes[:, :-1])]
+    one = np.concatenate([a.ravel() for a, _ in pairs] + [b.ravel() for _, b in pairs])
+    other = np.concatenate([b.ravel() for _, b in pairs] + [a.ravel() for a, _ in pairs])
+    return one[one != other], other[one != other]
+
+
+def _own_levels(codes: np.ndarray, levels: np.ndarray) -> np.ndarray:
+    """Which levels are a mask's own, not those of soft edges or of noise; see `_LEAST_AREA`."""
+    inner = ndimage.maximum_filter(codes, 3) == ndimage.minimum_filter(codes, 3)
+    number = len(levels)
+    own = np.bincount(codes[inner], minlength=number) >= _LEAST_AREA * codes.size
+    if number > FEW:
+        one, other = _neighbours(codes)
+        step = np.abs(levels[one] - levels[other]).max(axis=1) > _STEP * np.ptp(levels)
+        sharp = np.bincount(one, step, minlength=number)
+        own &= sharp >= 0.5 * np.bincount(one, minlength=number)
+    return own
+
+
+def _two_levels(own: np.ndarray, levels: np.ndarray) -> tuple[int, int]:
+    """The darker and the brighter one of the two own levels, or of two very different ones."""
+    light = levels @ _LUMA if levels.shape[1] == 3 else levels[:, 0]
+    one, *others = np.flatnonzero(own).tolist() or [int(light.argmin())]
+    apart = np.abs(levels - levels[one]).max(axis=1)
+    other = others[0] if others else int(apart.argmax())
+    return (one, other) if light[one] <= light[other] else (other, one)
+
+
+def _between(
+    values: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The places of values [..., c] between two levels, 0 to 1, and the distances from the line."""
+    axis = (high - low).astype(np.float32)
+    channels = [values[..., c] - np.float32(low[c]) for c in range(len(axis))]
+    place = sum(
+        (x * (a / (axis @ axis)) for x, a in zip(channels, axis, strict=True)), np.zeros(())
+    )
+    off = [np.abs(x - place * a) for x, a in zip(channels, axis, strict=True)]
+    return place, np.maximum.reduce(off) / np.abs(axis).max()
+
+
+def _inside_outline(
+    codes: np.ndarray, own: np.ndarray, names: np.ndarray, counts: np.ndarray
+) -> int | None:
+    """The one label that an outline of PASCAL VOC separates from level 0; None if it is not so."""
+    void = [i for i in own if names[i].tolist() in ([VOID], [*VOID_COLOUR])]
+    empty = [i for i in own if not names[i].any()]
+    rest = [i for i in own if i not in (*void, *empty)]
+    if (len(void), len(empty), len(rest)) != (1, 1, 1) or counts[void[0]] > 2 * counts[rest[0]]:
+        return None
+    one, other = _neighbours(codes)
+    beside = np.bincount(other[one == rest[0]], minlength=len(counts))
+    return int(rest[0]) if beside[empty[0]] < 0.2 * beside[void[0]] else None
+
+
+def _share_between(place: np.ndarray, off: np.ndarray) -> float:
+    """The share of pixels between the levels; 0 if they are those of soft edges."""
+    inside = place > 0.5
+    near = (np.abs(place - inside) <= _NEAR) & (off <= _OFF)
+    lowest, highest = ndimage.minimum_filter(place, 5), ndimage.maximum_filter(place, 5)
+    between = ~near & ((lowest > _NEAR) | (highest < 1 - _NEAR))
+    if between.sum() <= _MOST_BETWEEN * min(inside.sum(), (~inside).sum()):
+        return 0.0
+    height, width = place.shape
+    picture, differences = Image.fromarray(inside.astype(np.uint8) * np.uint8(255)), []
+    for factor in _BLURS:
+        small = picture.resize((-(-width // factor), -(-height // factor)), _BILINEAR)
+        soft = np.asarray(small.resize((width, height), _BILINEAR)) / np.float32(255)
+        differences.append(float(np.maximum(np.abs(soft - place), off)[between].mean()))
+    return float((~near).mean()) if min(differences) > _MOST_DIFFERENT else 0.0

@@ -1,0 +1,145 @@
+"""Masks of data sets, editors and networks: the object, or a refusal; never a guess."""
+
+import io
+
+import numpy as np
+import pytest
+from helpers.commands import PHOTOS
+from PIL import Image, ImageFilter
+
+from psgn_jax.data import photo
+
+HEIGHT, WIDTH = 240, 320
+ROWS, COLUMNS = np.mgrid[:HEIGHT, :WIDTH]
+AWAY = np.hypot(ROWS - 120, COLUMNS - 150)
+OBJECT = AWAY < 40
+OTHER = (ROWS > 190) & (COLUMNS > 270)
+READ = photo.read_photo(np.zeros((HEIGHT, WIDTH, 3), np.uint8))
+
+
+def labels(object_is, other_is=None, rest=0, dtype=np.uint8):
+    """Numbers for the object, another object and the rest."""
+    other_is = rest if other_is is None else other_is
+    return np.where(OBJECT, object_is, np.where(OTHER, other_is, rest)).astype(dtype)
+
+
+def outlined(number, outline=255):
+    """A label with an outline of 8 pixels, of which half are the object's."""
+    return np.where(AWAY < 36, number, np.where(AWAY < 44, outline, 0)).astype(np.uint8)
+
+
+def with_palette(indices, *colours):
+    picture = Image.fromarray(indices, "P")
+    picture.putpalette(np.array(colours, np.uint8).tobytes())
+    return picture
+
+
+def in_file(picture, kind="PNG", **options):
+    stream = io.BytesIO()
+    (picture if isinstance(picture, Image.Image) else Image.fromarray(picture)).save(
+        stream, kind, **options
+    )
+    return stream
+
+
+VOC = np.zeros((256, 3), np.uint8)
+VOC[9], VOC[255] = (192, 0, 0), (224, 224, 192)
+RED_AND_GREEN = [(0, 0, 0), (255, 0, 0), (0, 255, 0)]
+WHITE = Image.fromarray(OBJECT * np.uint8(255))
+BLURRED = WHITE.filter(ImageFilter.GaussianBlur(3))
+CUT_OUT = np.dstack([np.zeros((HEIGHT, WIDTH, 3), np.uint8), OBJECT * np.uint8(255)])
+
+
+@pytest.mark.parametrize(
+    "mask",
+    [
+        OBJECT, OBJECT.astype(np.float64), OBJECT[..., None], labels(1), labels(7, rest=3),
+        labels(1, rest=-1, dtype=np.float32), labels(26001, rest=7, dtype=np.uint16),
+        in_file(OBJECT), in_file(labels(1)), in_file(labels(26001, rest=7, dtype=np.uint16)),
+        in_file(labels(1, dtype=np.float32), "TIFF"), in_file(WHITE, "JPEG", quality=30),
+        in_file(WHITE, "WEBP", quality=30), in_file(WHITE.convert("LA")), in_file(BLURRED),
+        in_file(np.asarray(BLURRED).astype(np.uint16) * 257), in_file(CUT_OUT),
+        in_file(with_palette(labels(1), (0, 0, 0), (0, 0, 128))),
+        in_file(with_palette(labels(1), (0, 0, 0), (0, 0, 128)), transparency=0),
+        in_file(with_palette(labels(1), (0, 0, 0), (128, 64, 0)).convert("RGB"), "JPEG"),
+    ],
+)  # fmt: skip
+def test_two_levels_are_a_mask_and_their_edge_may_be_soft(mask):
+    inside, warnings = photo.open_mask(mask, READ)
+    assert (inside & OBJECT).sum() > 0.97 * (inside | OBJECT).sum()
+    assert not warnings
+
+
+@pytest.mark.parametrize(
+    ("mask", "label"),
+    [
+        (labels(1, 2), 1),
+        (labels(2, 1), 2),
+        (in_file(labels(1, 2)), 1),
+        (in_file(labels(26001, 26002, 7, np.uint16)), 26001),
+        (labels(26001, 26002, 7, np.int64), (26001,)),
+        (in_file(labels(7, 255)), 7),  # 255 is no outline of the object
+        (in_file(outlined(255, 128)), None),  # a trimap
+        (in_file(with_palette(labels(1, 2), *RED_AND_GREEN)), 1),
+        (in_file(with_palette(labels(1, 2), *RED_AND_GREEN), transparency=0), 1),
+        (in_file(with_palette(labels(1, 2), *[(0, 0, 0)] * 4)), 1),
+        (in_file(with_palette(labels(1, 2), *RED_AND_GREEN), "GIF"), None),
+        (in_file(with_palette(labels(1, 2), *RED_AND_GREEN).convert("RGB")), (255, 0, 0)),
+        (
+            in_file(np.where(ROWS < 200, ROWS // 10 * 7 % 20, labels(24, 255)).astype(np.uint8)),
+            None,
+        ),
+    ],
+)
+def test_several_labels_are_refused_unless_one_is_named(mask, label):
+    with pytest.raises(photo.PhotoError, match=r"has \d+ levels \(.* on .*%.*mask_label"):
+        photo.read_mask(mask, READ)
+    if label is not None:
+        np.testing.assert_array_equal(photo.read_mask(mask, READ, label), OBJECT)
+    for other in (99, (1, 2, 3), (1, 2)):
+        with pytest.raises(photo.PhotoError, match=r"has no level [\d,]+; it has "):
+            photo.read_mask(mask, READ, other)
+
+
+@pytest.mark.parametrize(
+    "mask",
+    [
+        outlined(1),
+        in_file(outlined(200)),
+        in_file(with_palette(outlined(9), *VOC)),
+        in_file(with_palette(outlined(9), *VOC), transparency=0),
+        in_file(with_palette(outlined(9), *VOC).convert("RGB")),
+    ],
+)
+def test_outlines_of_pascal_voc_are_left_out_with_a_warning(mask):
+    inside, (warning,) = photo.open_mask(mask, READ)
+    np.testing.assert_array_equal(inside, AWAY < 36)
+    assert warning.startswith("label 255 of the mask was taken as an outline")
+
+
+def test_what_is_no_mask_is_refused():
+    for mask, message in (
+        (np.where(OBJECT, np.nan, 0), r"has \d+ values that are not finite"),
+        (np.where(OBJECT, np.inf, 0), r"has \d+ values that are not finite"),
+        (np.where(OBJECT, "a", "b"), "is an array of <U1; expected numbers"),
+        (np.where(OBJECT, np.hypot(ROWS, COLUMNS), 0), "looks like a photograph"),  # depth
+        (in_file(with_palette(labels(1, 2), *RED_AND_GREEN).convert("RGB"), "JPEG"), "looks like"),
+    ):
+        with pytest.raises(photo.PhotoError, match=message):
+            photo.read_mask(mask, READ)
+
+
+@pytest.mark.parametrize("path", sorted(PHOTOS.glob("*.jpg"))[::3], ids=lambda path: path.stem)
+@pytest.mark.parametrize("side", [None, 96])
+def test_a_photograph_is_no_mask_but_a_soft_mask_is_one(path, side):
+    with Image.open(path) as file:
+        size = file.size if side is None else (side, round(side * file.height / file.width))
+        small = file.resize(size)
+    read = photo.read_photo(small)
+    with pytest.raises(photo.PhotoError, match="looks like a photograph: "):
+        photo.read_mask(small, read)
+    with Image.open(path.with_name(f"{path.stem}_mask.png")) as file:
+        mask = file.convert("L").resize(size)
+    for deviation in (1, 2):
+        soft = photo.read_mask(mask.filter(ImageFilter.GaussianBlur(deviation)), read)
+        assert (soft == photo.read_mask(mask, read)).mean() > 0.93
