@@ -139,7 +139,10 @@ def _image_size(stored: Mapping[str, Any]) -> tuple[int, int]:
 
 
 def _decode_image(stored: Mapping[str, Any], size: tuple[int, int]) -> np.ndarray:
-    picture = Image.open(io.BytesIO(stored["image"]["webp"]), formats=("WEBP",))
+    try:
+        picture = Image.open(io.BytesIO(stored["image"]["webp"]), formats=("WEBP",))
+    except (Image.DecompressionBombError, Image.DecompressionBombWarning):
+        raise ValueError(f"image is far larger than {size[::-1]}, as the record says") from None
     # Check the header before decoding, because it decides how much memory the pixels take.
     if picture.size != size[::-1] or picture.mode != "RGB":
         raise ValueError(

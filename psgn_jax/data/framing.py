@@ -48,6 +48,11 @@ LARGEST_CHANGE = 2.0
 little of the object, such as a plate seen edge-on."""
 
 
+_LARGE_VIEW = 1 << 24  # pixels of the array
+_THINNEST = 0.5  # pixels of the view; a thinner object covers less than half of each
+_VANISHES = "the object vanishes at the resolution of the network; expected a larger one"
+
+
 @dataclasses.dataclass(frozen=True)
 class Move:
     """Maps (column, row) to `scale * (column, row) + (right, down)`; pixels as in `schema`."""
@@ -180,22 +185,28 @@ def move_image(
     """
     # Corners of the view in the array. Parts of the view outside the array are grey.
     factors = 1 / np.diag(to_view)[:2]
-    low = -to_view[:2, 2] * factors
-    high = (np.array(size[::-1]) - to_view[:2, 2]) * factors
-    first = np.floor(low).astype(int)
-    last = np.ceil(high).astype(int)
+    corner, shape = -to_view[:2, 2] * factors, np.array(image.shape[1::-1])
+    begin, end = np.zeros(2, int), np.array(size[::-1])
+    if np.prod(end * factors) > _LARGE_VIEW:
+        # Only what shows the array or is next to it. This changes the rounding of the filter.
+        begin = np.clip(np.floor(-corner / factors) - 2, begin, end).astype(int)
+        end = np.clip(np.ceil((shape - corner) / factors) + 2, begin, end).astype(int)
+    low, high = corner + begin * factors, corner + end * factors
+    first, last = np.floor(low).astype(int), np.ceil(high).astype(int)
     rgba = np.full((last[1] - first[1], last[0] - first[0], 4), schema.BACKGROUND_GREY, np.uint8)
     rgba[..., 3] = 0
-    begin = np.maximum(first, 0)
-    end = np.minimum(last, image.shape[1::-1])
-    source = np.s_[begin[1] : end[1], begin[0] : end[0]]
-    target = np.s_[begin[1] - first[1] : end[1] - first[1], begin[0] - first[0] : end[0] - first[0]]
+    start, stop = np.maximum(first, 0), np.minimum(last, shape)
+    source = np.s_[start[1] : stop[1], start[0] : stop[0]]
+    target = np.s_[
+        start[1] - first[1] : stop[1] - first[1], start[0] - first[0] : stop[0] - first[0]
+    ]
     # Colours are weighted by the mask, so that the background does not bleed into the edge.
     rgba[target][..., :3] = image[source]
     rgba[target][..., 3] = mask[source].astype(np.uint8) * np.uint8(255)
     box = (*(low - first).tolist(), *(high - first).tolist())
-    small = Image.fromarray(rgba).resize(size[::-1], Image.Resampling.BILINEAR, box=box)
-    result = np.asarray(small)
+    part = Image.fromarray(rgba).resize(tuple(end - begin), Image.Resampling.BILINEAR, box=box)
+    result = np.zeros((*size, 4), np.uint8)
+    result[begin[1] : end[1], begin[0] : end[0]] = np.asarray(part)
     colours, inside = np.ascontiguousarray(result[..., :3]), result[..., 3] > 127
     return on_mask(inside, colours, np.uint8(schema.BACKGROUND_GREY)), inside
 
@@ -265,7 +276,10 @@ def place(image: np.ndarray, mask: np.ndarray, *, move: bool = True) -> Framed:
                 f"the object is {wide}x{high} pixels: accepted: a longer side of {SMALLEST_BOX} or "
                 "more"
             )
-        to_view = rule_move((top, bottom, left, right)).matrix()
+        rule = rule_move((top, bottom, left, right))
+        if min(wide, high) * rule.scale < _THINNEST:
+            raise PhotoError(_VANISHES)
+        to_view = rule.matrix()
     else:
         if not same_proportions(image.shape[:2], VIEW_SIZE):
             raise PhotoError(
@@ -275,9 +289,7 @@ def place(image: np.ndarray, mask: np.ndarray, *, move: bool = True) -> Framed:
         to_view = np.diag([width / image.shape[1], height / image.shape[0], 1.0])
     colours, inside = move_image(image, mask, to_view, VIEW_SIZE)
     if not inside.any():
-        raise PhotoError(
-            "the object vanishes at the resolution of the network; expected a larger one"
-        )
+        raise PhotoError(_VANISHES)
     return Framed(colours, inside, *camera.default_camera(VIEW_SIZE), to_view, placed=move)
 
 

@@ -253,7 +253,7 @@ def _from_picture(picture: Image.Image, size: tuple[int, int]) -> Photo:
     with contextlib.suppress(Exception):  # of damaged metadata
         film = float(picture.getexif().get_ifd(_EXIF).get(_FOCAL_35MM, 0))
         focal = film * math.hypot(*size) / math.hypot(36, 24) if 0 < film < 1e4 else None
-    colours, alpha = _to_rgb(picture.copy())
+    colours, alpha = _to_rgb(picture)
     return Photo(np.asarray(colours), useful_alpha(alpha), size, orientation, focal)
 
 
@@ -339,7 +339,7 @@ def _to_rgb(picture: Image.Image) -> tuple[Image.Image, np.ndarray | None]:
     if picture.mode.startswith(("I", "F")):
         picture = Image.fromarray(_to_bytes(np.asarray(picture)))
     elif picture.has_transparency_data:
-        picture = picture.convert("RGBA")
+        picture = picture if picture.mode == "RGBA" else picture.convert("RGBA")
     elif picture.mode != "RGB":
         picture = picture.convert("RGB")
     factor = max(picture.size) // MAX_SIDE
@@ -355,8 +355,10 @@ def _to_bytes(values: np.ndarray) -> np.ndarray:
     slack = 1.1 if values.dtype.kind == "f" else 1  # floats overshoot after resampling
     top = values.max(initial=0, where=np.isfinite(values))
     full = next((scale for scale in (1.0, 255.0, 65535.0) if top <= slack * scale), top)
-    levels = np.clip(values / np.float64(full), 0, 1)
-    return np.rint(np.nan_to_num(levels) * 255).astype(np.uint8)
+    levels = np.empty(values.shape, np.uint8)
+    for row, result in zip(values, levels, strict=True):
+        result[:] = np.rint(np.nan_to_num(np.clip(row / np.float64(full), 0, 1)) * 255)
+    return levels
 
 
 def _upright_size(size: tuple[int, int], orientation: int) -> tuple[int, int]:

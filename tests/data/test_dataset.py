@@ -236,6 +236,14 @@ def test_records_with_a_wrong_field_are_refused_wherever_they_are_decoded(sample
             read(data)
 
 
+def webp(width, height):
+    """The header of a lossless WebP of this size."""
+    bits = (width - 1) | (height - 1) << 14
+    chunk = b"\x2f" + bits.to_bytes(4, "little") + bytes(3)
+    body = b"WEBPVP8L" + len(chunk).to_bytes(4, "little") + chunk
+    return b"RIFF" + len(body).to_bytes(4, "little") + body
+
+
 def test_fields_out_of_range_are_refused_before_they_take_memory(sample):
     content = msgpack.unpackb(encode(sample)[4:])
     points, depth, image = (content[name] for name in ("points", "depth", "image"))
@@ -253,6 +261,8 @@ def test_fields_out_of_range_are_refused_before_they_take_memory(sample):
         ({"image": image | {"size": [1 << 30, 1 << 30]}}, "height of the image"),
         ({"image": image | {"size": [32, 24]}}, "image is RGB"),
         ({"image": image | {"webp": b"no image"}}, "image"),
+        ({"image": image | {"webp": webp(10_000, 10_000)}}, "image is far larger"),
+        ({"image": image | {"webp": webp(16_383, 16_383)}}, "image is far larger"),
     ):
         with pytest.raises(ValueError, match=expected):
             decode(crafted(content, **changes))

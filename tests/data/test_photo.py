@@ -1,8 +1,11 @@
 """Every photo gives a valid input of a network, or an error of one line."""
 
 import io
+import json
 import os
 import struct
+import subprocess
+import sys
 import zlib
 
 import jax.numpy as jnp
@@ -12,6 +15,7 @@ from helpers.commands import PHOTOS
 from PIL import Image, ImageFilter
 
 from psgn_jax.data import framing, photo, resize
+from psgn_jax.system.processes import ROOT
 
 GREY = 191
 
@@ -200,6 +204,86 @@ def test_the_box_is_where_training_objects_are(size):
     assert (rows[0] + rows[-1] + 1) / 2 == pytest.approx(63 + 0.224 * w, abs=1)
     assert (view.image[~view.mask] == GREY).all()
     assert np.abs(view.image[view.mask].astype(int) - [200, 60, 20]).max() <= 4
+
+
+_PEAK = """
+import json, resource, sys
+import numpy as np
+from PIL import Image
+from psgn_jax.data import framing, photo
+for width, height, mode in json.loads(sys.argv[1]):
+    picture = Image.new(mode, (width, height), (255,) * len(mode))
+    box = (width // 4, height // 4, width - width // 4, height - height // 4)
+    picture.paste((60,) * len(mode), box)
+    picture.save("photo.png", compress_level=1)
+    read = photo.read_photo("photo.png")
+    mask = Image.new("L", (width, height))
+    mask.paste(255, box)
+    mask.save("mask.png", compress_level=1)
+    try:
+        framing.place(read.image, photo.read_mask("mask.png", read))
+    except photo.PhotoError as error:
+        assert "vanishes" in str(error) and min(width, height) < 0.01 * max(width, height), error
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+"""
+
+
+def test_no_shape_of_40_megapixels_takes_more_than_one_and_a_half_gb(tmp_path):
+    """A small file can have any shape, and a thin object needs a view that is much larger."""
+    sides = [(16, 30_000), (16, 65_500), (260, 65_500), (610, 65_500), (2_000, 20_000)]
+    shapes = [(w, h, "RGB") for pair in sides for w, h in (pair, pair[::-1])]
+    shapes += [(6_300, 6_300, "RGB"), (6_300, 6_300, "RGBA")]
+    done = subprocess.run(
+        [sys.executable, "-c", _PEAK, json.dumps(shapes)],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) < 1.5e9
+
+
+def orientation_as(kind, data, count=1):
+    """EXIF with an orientation of this type."""
+    entry = struct.pack(">HHI", 0x0112, kind, count)
+    entry += data.ljust(4, b"\0") if len(data) <= 4 else struct.pack(">I", 26)
+    head = b"MM\0*" + struct.pack(">IH", 8, 1)
+    return b"Exif\0\0" + head + entry + bytes(4) + (data if len(data) > 4 else b"")
+
+
+@pytest.mark.parametrize(
+    ("kind", "data", "count"),
+    [
+        (1, b"\6", 1), (2, b"6\0", 2), (2, b"junk\0", 5), (3, b"\0\0", 1), (3, b"\0\x09", 1),
+        (4, b"\xff" * 4, 1), (5, bytes(8), 1), (7, b"\6", 1), (7, b"junk", 4),
+        (9, b"\xff" * 4, 1), (11, struct.pack(">f", float("nan")), 1),
+        (12, struct.pack(">d", float("nan")), 1), (99, b"\6", 1), (3, b"", 0),
+    ],
+)  # fmt: skip
+def test_odd_orientations_are_read_as_upright(tmp_path, kind, data, count):
+    image, mask = scene()
+    for name in ("a.jpg", "a.png", "a.webp"):
+        path = saved(tmp_path, image, name, exif=orientation_as(kind, data, count))
+        read = photo.read_photo(path)
+        assert (read.size, read.orientation) == ((120, 160), 1)
+        with Image.open(path) as file:
+            assert photo.read_photo(file).orientation == 1
+        exif = orientation_as(kind, data, count)
+        np.testing.assert_array_equal(
+            photo.read_mask(saved(tmp_path, mask, "mask.png", exif=exif), read), mask
+        )
+    path = saved(tmp_path, image, "a.png", exif=orientation_as(3, b"\0\6"))
+    assert photo.read_photo(path).orientation == 6
+
+
+def test_junk_in_place_of_exif_is_no_reason_to_refuse_a_photo(tmp_path):
+    image, _ = scene()
+    for name in ("a.jpg", "a.png", "a.webp"):
+        for junk in (b"junk", b"Exif\0\0junk", b"Exif\0\0II*\0\xff\xff\xff\xff", bytes(40)):
+            path = saved(tmp_path, image, name, exif=junk)
+            assert photo.read_photo(path).size == (120, 160)
 
 
 def test_training_renderings_keep_their_frame():
