@@ -16,14 +16,16 @@ import itertools
 import os
 import pathlib
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from typing import Any, TypeVar
 
 import numpy as np
+from absl import logging
 from array_record.python import array_record_module
 
 from psgn_jax.data import schema
 from psgn_jax.data.codec import decode, decode_stored, encode, unpack
+from psgn_jax.data.doubts import Doubts
 from psgn_jax.data.manifest import (
     MANIFEST,
     SPLIT_NAME,
@@ -40,7 +42,7 @@ from psgn_jax.system.files import (
     remove_temporaries,
     temporary_for,
 )
-from psgn_jax.system.untrusted import brief, kind_of
+from psgn_jax.system.untrusted import brief, kind_of, one_line
 
 T = TypeVar("T")
 
@@ -80,13 +82,15 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
     def name_by(self, digest: str) -> None:
         self._path = self._path.with_name(shard_name(self._split, self._number, digest[:8]))
 
-    def write(self, record: bytes) -> None:
+    def write(self, record: bytes) -> dict[str, Any]:
+        """Writes a record, and returns its `codec.unpack`."""
         stored = unpack(record)
         with self._os_errors():
             self._writer.write(record)
         self.count += 1
         self._categories[str(stored["category"])] += 1
         self._fields -= {field for field in schema.OPTIONAL_FIELDS if field not in stored}
+        return stored
 
     @contextlib.contextmanager
     def _os_errors(self) -> Iterator[None]:
@@ -130,7 +134,8 @@ def write_dataset(
 ) -> Manifest:
     """Writes a data set, one sample in memory at a time; `RecordError` if the folder has one.
 
-    A wrong argument raises ValueError before the first sample is taken.
+    We log what is probably wrong (`data.doubts`). A wrong argument raises ValueError before the
+    first sample is taken. A call that fails leaves no file.
     """
     for split in splits:
         shard_name(split, 0)  # checks the name
@@ -138,24 +143,40 @@ def write_dataset(
         raise ValueError(f"source {source!r}: expected a string")
     if records_per_shard < 1:
         raise ValueError(f"records_per_shard {records_per_shard}: expected at least 1")
+    sized = [name for name, samples in splits.items() if isinstance(samples, Sized)]
+    if not splits or not all(len(splits[name]) for name in sized):  # type: ignore[arg-type]
+        raise ValueError(f"splits {list(splits)}: expected at least one, with samples in each")
     folder = pathlib.Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     if (folder / MANIFEST).exists():
         raise RecordError(f"data set {str(folder)!r} exists; give another folder, or remove it")
+    if left := sorted(folder.glob("*.arrayrecord")):
+        raise RecordError(
+            f"{left[0]} belongs to no data set, perhaps to one that was not finished; give another "
+            "folder, or remove such files"
+        )
     remove_temporaries(folder)
-    shards: list[Shard] = []
-    for split, samples in splits.items():
-        remaining = iter(samples)
-        for number in itertools.count():
-            part = itertools.islice(remaining, records_per_shard)
-            if (first := next(part, None)) is None:
-                break
-            with ShardWriter(folder, split, number) as writer:
-                for sample in itertools.chain([first], part):
-                    writer.write(encode(sample))
-            shards.append(writer.shard)
-    manifest = Manifest(source, True, tuple(shards))
-    save_manifest(folder, manifest)
+    doubts, shards = Doubts(), []
+    try:
+        for split, samples in splits.items():
+            remaining, number = iter(samples), 0
+            while (first := next(remaining, None)) is not None:
+                part = itertools.islice(remaining, records_per_shard - 1)
+                with ShardWriter(folder, split, number) as writer:
+                    for sample in itertools.chain([first], part):
+                        doubts.add(split, writer.write(encode(sample)), sample.points)
+                shards.append(writer.shard)
+                number += 1
+            if not number:
+                raise ValueError(f"split {split!r} has no samples; leave it out, or give samples")
+        manifest = Manifest(source, True, tuple(shards))
+        save_manifest(folder, manifest)
+    except BaseException:
+        for shard in shards:
+            (folder / shard.file).unlink(missing_ok=True)
+        raise
+    for line in doubts.lines():
+        logging.warning("data set %s: %s", folder, one_line(line))
     return manifest
 
 
@@ -237,6 +258,10 @@ class RecordReader:
         """The bytes of one record; `RecordError` names the file and record that cannot be read."""
         return self._decoded(index, bytes)
 
+    def unpacked(self, index: int) -> dict[str, Any]:
+        """The map of record `index`, as `codec.unpack` gives it."""
+        return self._decoded(index, unpack)
+
     def stored(self, index: int, fields: Iterable[str] = schema.FIELDS) -> Any:
         """Record `index` as `codec.decode_stored` gives it; decodes only `fields`."""
         return self._decoded(index, lambda data: decode_stored(data, fields))
@@ -255,6 +280,26 @@ class RecordReader:
                 raise RecordError(
                     f"shard {path} is damaged: its checksum does not match; {_remedy(path)}"
                 )
+
+
+def doubts_of(splits: Mapping[str, RecordReader], most: int = 4096) -> list[str]:
+    """What is probably wrong with named splits of data sets (`data.doubts`), a line each.
+
+    At most `most` records of each split are read, evenly spaced, and the points of 64 of them.
+    """
+    doubts = Doubts()
+    for name, reader in splits.items():
+        chosen = spread(len(reader), most)
+        shown = set(spread(len(chosen), 64))
+        for number, index in enumerate(chosen):
+            points = reader.stored(index, ("points",)).points if number in shown else None
+            doubts.add(name, reader.unpacked(index), points and points.points())
+    return list(doubts.lines())
+
+
+def spread(count: int, most: int) -> list[int]:
+    """At most `most` indices, evenly spaced in range(count)."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int)).tolist()
 
 
 def read_shard(path: str | os.PathLike[str]) -> list[bytes]:

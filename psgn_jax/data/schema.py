@@ -35,7 +35,7 @@ MAX_COORDINATE = 1e9  # of points and depths, units of the frame
 
 _ROTATION_TOLERANCE = 1e-3
 _LAST_VIEW = 2**31 - 1
-_SMALLEST_EXTENT = 1e-3
+SMALLEST_EXTENT = 1e-3  # of points that are not all in one place, in units
 
 FIELDS = (
     "image", "mask", "depth", "points", "normals", "occupancy",
@@ -160,7 +160,7 @@ def check_content(sample: Sample) -> None:
     if not sample.mask.any():
         raise ValueError("the mask is empty: no pixel shows the object")
     extent = float(np.ptp(sample.points, axis=0).max())
-    if extent < _SMALLEST_EXTENT:
+    if extent < SMALLEST_EXTENT:
         raise ValueError(f"all points are in one place: their extent is {extent:g} units")
     if sample.occupancy is not None and not sample.occupancy.any():
         raise ValueError("the volume is empty")

@@ -30,11 +30,14 @@ from psgn_jax.config.experiment import (
     to_json,
 )
 from psgn_jax.data import loader
+from psgn_jax.data.dataset import RecordReader, doubts_of
 from psgn_jax.data.manifest import load_manifest
+from psgn_jax.data.schema import RecordError
 from psgn_jax.data.workers import check_main_guard
 from psgn_jax.system import group
 from psgn_jax.system.files import check_folder, write_atomic
 from psgn_jax.system.signals import Stopped, StopSignal
+from psgn_jax.system.untrusted import one_line
 from psgn_jax.training.from_config import create_training
 from psgn_jax.training.log import MetricsWriter, TrainingLog
 from psgn_jax.training.step import TrainState, data_mesh, eval_params, put_batch, put_replicated
@@ -211,6 +214,11 @@ def _checked(config: Config, workdir: pathlib.Path, devices: int) -> dict[str, i
             sizes[split] = loader.num_samples(data, split, evaluation=evaluation)
         except (ValueError, OSError) as error:
             raise ConfigError(f"data.{name}={getattr(data, name)!r}: {error}") from error
+    both = {data.train_split: data.folders, data.eval_split: data.eval_folders}
+    with contextlib.suppress(RecordError):  # it is reported when the record is needed
+        readers = {split: RecordReader(folders, split) for split, folders in both.items()}
+        for line in doubts_of(readers) if group.is_first() else ():
+            logging.warning("records: %s", one_line(line))
     return sizes
 
 

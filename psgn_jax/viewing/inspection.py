@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from psgn_jax.data import camera, schema
 from psgn_jax.data.codec import field_sizes
-from psgn_jax.data.dataset import RecordReader
+from psgn_jax.data.dataset import RecordReader, doubts_of, spread
 from psgn_jax.data.manifest import FORMAT, VERSION, load_manifest
 from psgn_jax.data.schema import RecordError
 from psgn_jax.viewing import spheres
@@ -52,11 +52,6 @@ def check(sample: schema.Sample) -> Check:
     )
 
 
-def _spread(count: int, wanted: int) -> list[int]:
-    """At most `wanted` indices, evenly spaced in range(count)."""
-    return np.unique(np.linspace(0, count - 1, min(count, wanted)).astype(int)).tolist()
-
-
 def _report_split(reader: RecordReader, num_checked: int) -> list[str]:
     """Lines about one split; lines about damage begin with `DAMAGED`."""
     shards = reader.shards
@@ -75,7 +70,7 @@ def _report_split(reader: RecordReader, num_checked: int) -> list[str]:
     checks: list[Check] = []
     flagged: list[str] = []
     sizes: dict[str, list[int]] = {}
-    for index in _spread(len(reader), num_checked):
+    for index in spread(len(reader), num_checked):
         try:
             data = reader.read(index)
             sample = schema.validate(reader[index])
@@ -132,12 +127,17 @@ def report(path: str | pathlib.Path, num_checked: int = 256) -> tuple[list[str],
         f"{path}: {FORMAT} version {VERSION}, source {manifest.source!r}",
         f"fields of every sample: {', '.join(manifest.fields())}",
     ]
+    readers = {}
     for split in manifest.splits():
         try:
-            lines += _report_split(RecordReader(path, split), num_checked)
+            readers[split] = RecordReader(path, split)
+            lines += _report_split(readers[split], num_checked)
         except RecordError as error:
             lines.append(f"DAMAGED {error}")
-    return lines, not any(line.startswith("DAMAGED") for line in lines)
+    whole = not any(line.startswith("DAMAGED") for line in lines)
+    if whole:
+        lines += [f"DOUBTFUL {line}" for line in doubts_of(readers, most=1_000_000)]
+    return lines, whole
 
 
 def make_sheet(path: str | pathlib.Path, num_samples: int = 12) -> Image.Image:
@@ -156,7 +156,7 @@ def make_sheet(path: str | pathlib.Path, num_samples: int = 12) -> Image.Image:
             reader = RecordReader(path, split)
         except RecordError:  # a shard is missing; `report` names it
             continue
-        for index in _spread(len(reader), -(-num_samples // len(splits))):
+        for index in spread(len(reader), -(-num_samples // len(splits))):
             try:
                 sample = reader[index]
             except RecordError:

@@ -1,0 +1,83 @@
+"""Tells what is probably wrong with the samples of a data set: units, ground, and the splits."""
+
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from psgn_jax.data.manifest import DUPLICATES
+from psgn_jax.data.schema import SMALLEST_EXTENT
+
+# Accepted radii of objects, and heights of their lowest points as a share of the radius.
+_RADII, _GROUND = (0.5, 2.0), 0.1
+
+
+class Doubts:
+    """Samples are added one by one; `lines` tells what is probably wrong with them."""
+
+    def __init__(self) -> None:
+        self._sizes: list[tuple[float, float, float]] = []  # radius, lowest z, extent
+        # The split in which a model or a cloud was first; then the models that are in two splits.
+        self._models: dict[tuple[str, str], str] = {}
+        self._clouds: dict[tuple[int, int], str] = {}
+        self._twice: dict[tuple[str, str], tuple[str, str]] = {}
+        self._same: dict[tuple[str, str], tuple[str, str]] = {}
+
+    def add(self, split: str, stored: Mapping[str, Any], points: np.ndarray | None = None) -> None:
+        """Adds a record, the map of `codec.unpack`, and its points [n, 3].
+
+        Without them, only models and clouds are compared. ValueError if it is no record.
+        """
+        try:
+            model, own = (str(stored["category"]), str(stored["model_id"])), stored["points"]
+            cloud = len(own["steps"]), zlib.crc32(own["steps"], zlib.crc32(own["matrix"]))
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"a field is not as expected: {error}") from None
+        if points is not None:
+            radius = float(np.linalg.norm(points, axis=1).max())
+            extent = float(np.ptp(points, axis=0).max())
+            self._sizes.append((radius, float(points[:, 2].min()), extent))
+        if split == DUPLICATES:
+            return
+        if model[1] and (first := self._models.setdefault(model, split)) != split:
+            self._twice.setdefault(model, (first, split))
+        other = self._clouds.setdefault(cloud, split)
+        if other != split:
+            self._same.setdefault(model, (other, split))
+
+    def lines(self) -> Iterator[str]:
+        """One line for each kind of doubt, with the remedy."""
+        radius, lowest, extent = np.array(self._sizes).reshape(-1, 3).T
+        one_place = extent < SMALLEST_EXTENT
+        far = ~one_place & ((radius < _RADII[0]) | (radius > _RADII[1]))
+        off = ~one_place & (np.abs(lowest) > _GROUND * radius)
+        of = f"of {len(radius)} samples"
+        if one_place.any():
+            yield f"{one_place.sum()} {of} have all points in one place: leave them out"
+        if far.any():
+            yield (
+                f"{far.sum()} {of} have points up to {radius[far].min():.4g} to "
+                f"{radius[far].max():.4g} from the origin, expected about 1: divide points, depth "
+                "and the translation of extrinsics by the radius of the bounding hemisphere"
+            )
+        if off.any():
+            yield (
+                f"{off.sum()} {of} have their lowest point at z = {lowest[off].min():.4g} to "
+                f"{lowest[off].max():.4g}, expected 0: move the origin of points and extrinsics "
+                "onto the ground below the object"
+            )
+        yield from _in_two_splits("models are", self._twice)
+        same = {model: two for model, two in self._same.items() if model not in self._twice}
+        yield from _in_two_splits("models have a cloud that is", same)
+
+
+def _in_two_splits(what: str, found: Mapping[tuple[str, str], tuple[str, str]]) -> Sequence[str]:
+    if not found:
+        return []
+    (category, model), (one, other) = next(iter(found.items()))
+    shown = repr(model) + (f" ({category})" if category else "")
+    return [
+        f"{len(found)} {what} in two splits, such as {shown} in {one!r} and {other!r}: keep "
+        "all samples of an object in one split, or the evaluation measures what was trained on"
+    ]
