@@ -171,6 +171,10 @@ def build_model(
     seen = np.array([m.opacity >= EXISTS for m in materials])[owner]
     if not seen[keep].all():
         notes.append(f"fully transparent faces dropped: {int((keep & ~seen).sum())}")
+        if not seen[keep].any():
+            clear = sorted({materials[k].name for k in owner})
+            what = f"opacity 0 of material {', '.join(map(repr, clear[:3]))}"
+            raise UnusableModelError(f"the mesh is empty: all faces are transparent, {what}")
     keep &= seen
     used = vertices[faces[keep]]
     if not np.isfinite(used).all():

@@ -9,7 +9,7 @@ from absl import logging
 from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
 from data_gen.frame import axis_vector
 from data_gen.mesh import MAX_FACES
-from data_gen.readers.load import load_model
+from data_gen.readers.load import READERS, load_model
 from data_gen.readers.model_files import FolderFiles
 
 # Formats in which z usually points up; in the others it is y.
@@ -20,37 +20,60 @@ _OTHERS = {".3mf", ".3ds", ".blend", ".fbx", ".step", ".stp", ".usd", ".usdz", "
            ".sh3f"}  # fmt: skip
 
 
-def extensions() -> set[str]:
-    """Suffixes of the mesh files that can be read."""
-    import trimesh
-
-    not_meshes = {"dxf", "svg", "xyz", "binvox", "zip", "bz2", "tar.bz2", "tar.gz", "stl_ascii"}
-    return {f".{kind}" for kind in {*trimesh.available_formats(), "obj"} - not_meshes}
+_ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".zst")
 
 
-def find_meshes(source: str | os.PathLike[str]) -> list[str]:
-    """The mesh files below a folder, sorted; ValueError if there are none."""
+def _ending(name: str) -> str:
+    """The suffix of a file's format, without that of its compression."""
+    return pathlib.PurePosixPath(name.lower().removesuffix(".gz")).suffix
+
+
+def find_meshes(source: str | os.PathLike[str]) -> tuple[list[str], list[str]]:
+    """The mesh files below a folder, sorted, and the folders outside of it to which links lead.
+
+    We follow links to folders, but enter each folder only once.
+
+    Raises:
+      ValueError: there are no mesh files.
+    """
     root = pathlib.Path(source)
     if not root.is_dir():
         raise ValueError(f"source {str(source)!r}: expected a folder of meshes")
-    endings = extensions()
-    meshes: list[str] = []
-    left: list[str] = []
-    for place, folders, files in os.walk(root):
-        folders[:] = sorted(f for f in folders if not f.startswith("."))
+    top = root.resolve()
+    seen, linked = {top}, []
+
+    def is_new(path: pathlib.Path) -> bool:
+        real = path.resolve()
+        if real in seen or (path.is_symlink() and real.is_relative_to(top)):
+            return False
+        seen.add(real)
+        if path.is_symlink():
+            linked.append(str(real))
+        return True
+
+    endings = {f".{kind}" for kind in READERS}
+    found: dict[str, list[str]] = {"meshes": [], "others": [], "archives": []}
+    for place, folders, files in os.walk(root, followlinks=True):
+        here = pathlib.Path(place)
+        folders[:] = sorted(f for f in folders if not f.startswith(".") and is_new(here / f))
         for file in files:
-            ending = pathlib.Path(file).suffix.lower()
-            if not file.startswith(".") and ending in endings | _OTHERS:
-                name = (pathlib.Path(place) / file).relative_to(root).as_posix()
-                (meshes if ending in endings else left).append(name)
+            ending = _ending(file)
+            kind = "meshes" if ending in endings else "others" if ending in _OTHERS else ""
+            kind = kind or "archives" * file.lower().endswith(_ARCHIVES)
+            if kind and not file.startswith("."):
+                found[kind].append((here / file).relative_to(root).as_posix())
+    left, archives = found["others"], found["archives"]
     other = "; catalogue sh3f reads .sh3f files" * any(n.lower().endswith(".sh3f") for n in left)
-    if not meshes:
+    if archives:
+        other += f"; unpack archives such as {min(archives)}"
+    if not found["meshes"]:
         expected = f"expected files with one of the suffixes {sorted(endings)}{other}"
         raise ValueError(f"source {str(source)!r}: it contains no mesh, {expected}")
-    if left:
-        what = "%d files that look like models but cannot be read here, such as %s: left out%s"
-        logging.warning(what, len(left), min(left), other)
-    return sorted(meshes)
+    if left or archives:
+        what = "%d files that look like models but cannot be read here, and %d archives: left out%s"
+        such = f", such as {min(left)}" if left else ""
+        logging.warning(what, len(left), len(archives), such + other)
+    return sorted(found["meshes"]), linked
 
 
 def folder(
@@ -64,7 +87,8 @@ def folder(
     """All mesh files below a folder.
 
     `chairs/red.obj` is the model "chairs/red.obj" with the category "chairs". Files directly in the
-    folder have no category. Files that a mesh refers to must be below the folder.
+    folder have no category. Files that a mesh refers to must be below the folder, or below a folder
+    to which a link in it leads.
 
     Args:
       source: the folder.
@@ -82,11 +106,12 @@ def folder(
         axis_vector(axis)
     if up != "auto" and up[1] == front[1]:
         raise ValueError(f"front {front!r}: expected a direction perpendicular to up {up!r}")
-    files = FolderFiles(source)
+    meshes, linked = find_meshes(source)
+    files = FolderFiles(source, linked)
     entries = []
-    for file in find_meshes(source):
+    for file in meshes:
         category = file.split("/")[0] if "/" in file else ""
-        z_up = pathlib.PurePosixPath(file).suffix.lower() in _Z_UP
+        z_up = _ending(file) in _Z_UP
         here = ("+z" if z_up else "+y") if up == "auto" else up
         toward = ("-y" if here[1] == "z" else "+z") if front == "auto" else front
         load = functools.partial(

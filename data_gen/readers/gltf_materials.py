@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from data_gen.mesh import Material
-from data_gen.readers.by_trimesh import palette
+from data_gen.parts import palette
 from data_gen.readers.gltf_json import Object, damaged
 from data_gen.readers.textures import BROKEN_TEXTURE, Assets
 

@@ -1,20 +1,47 @@
 """Loads a model from a file, with the reader of its format, and normalises it."""
 
+import importlib.util
+import io
 import os
 import pathlib
 import posixpath
+import zlib
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from data_gen.frame import normalize, orient
-from data_gen.mesh import MAX_FACES, Model, UnreadableModelError, build_model
-from data_gen.readers.by_trimesh import read_trimesh
+from data_gen.mesh import MAX_FACES, Model, UnreadableModelError, UnusableModelError, build_model
+from data_gen.readers.collada import read_collada
 from data_gen.readers.gltf import read_gltf
-from data_gen.readers.model_files import Files, FolderFiles
+from data_gen.readers.model_files import MAX_FILE_BYTES, Files, FolderFiles, ZipFiles, reason
 from data_gen.readers.obj import read_obj
+from data_gen.readers.off import read_off
+from data_gen.readers.ply import read_ply
+from data_gen.readers.stl import read_stl
 from data_gen.readers.textures import Assets
+from data_gen.readers.three_mf import read_3mf
+
+
+def _read_zae(data: bytes, assets: Assets) -> dict[str, Any]:
+    """A zip archive of a COLLADA file and its textures."""
+    assets.files = ZipFiles(io.BytesIO(data))
+    name = next((n for n in assets.files.names if n.lower().endswith(".dae")), None)
+    if name is None:
+        raise UnusableModelError("not readable as zae: it contains no .dae file")
+    assets.base = posixpath.dirname(name)
+    return read_collada(assets.files.read(name), assets)
+
+
+READERS: dict[str, Callable[[bytes, Assets], dict[str, Any]]] = {
+    "obj": read_obj, "ply": read_ply, "off": read_off, "stl": read_stl, "dae": read_collada,
+    "zae": _read_zae,
+    "glb": read_gltf, "gltf": read_gltf,
+}  # fmt: skip
+"""Suffixes of the formats that can be read; `.gz` may follow them."""
+if importlib.util.find_spec("lxml") and importlib.util.find_spec("networkx"):
+    READERS["3mf"] = read_3mf  # of trimesh, which needs them
 
 
 def load_model(
@@ -50,20 +77,52 @@ def load_model(
         files, name = FolderFiles(path.parent), path.name
     name = str(name)
     assets = Assets(files, posixpath.dirname(name), max_faces)
-    kind = posixpath.splitext(name)[1].lstrip(".").lower()
     stored = files.find(name)
     if stored is None:
         raise files.refusal(f"file {name!r} {files.why_not(name)}")
     try:
         data = files.read(stored)
     except OSError as error:
-        raise UnreadableModelError(f"file {name!r} is not readable: {error}"[:200]) from error
+        why = error.strerror or "the system gives no reason"
+        raise UnreadableModelError(f"file {name!r} is not readable: {why}") from error
     with np.errstate(over="ignore", invalid="ignore"):  # `normalize` refuses what overflows
-        if kind in ("glb", "gltf"):
-            arrays = read_gltf(data, assets)
-        else:
-            arrays = read_obj(data, assets) if kind == "obj" else read_trimesh(data, kind, assets)
+        arrays = _read(name, data, assets)
         del data
         about["model_id"] = model_id or name
         model = build_model(**arrays, **about, warnings=assets.warnings, max_faces=max_faces)
         return normalize(orient(turn(model), up, front))
+
+
+def _read(name: str, data: bytes, assets: Assets) -> dict[str, Any]:
+    """The arrays of a file for `mesh.build_model`."""
+    stem, ending = posixpath.splitext(name.lower())
+    if ending == ".gz":
+        ending = posixpath.splitext(stem)[1]
+        data = _unpacked(data)
+    kind = ending.lstrip(".")
+    if kind not in READERS:
+        raise UnusableModelError(f"format {kind!r}: expected one of {sorted(READERS)}")
+    title = {"glb": "glTF", "gltf": "glTF", "dae": "COLLADA"}.get(kind, kind.upper())
+    packed = kind in ("zae", "3mf")
+    if (why := reason(data)) and not (packed and data.startswith(b"PK")):
+        raise UnusableModelError(f"not readable as {title}: {why}")
+    try:
+        return READERS[kind](data, assets)
+    except (UnusableModelError, MemoryError):
+        raise
+    except Exception as error:  # of a parser that does not expect this damage
+        raise UnusableModelError(f"not readable as {title}: the file is damaged") from error
+
+
+def _unpacked(data: bytes) -> bytes:
+    """The content of a gzip file."""
+    stream = zlib.decompressobj(31)
+    try:
+        content = stream.decompress(data, MAX_FILE_BYTES + 1)
+    except zlib.error as error:
+        raise UnusableModelError("not readable as gzip: the file is damaged") from error
+    if len(content) > MAX_FILE_BYTES:
+        raise UnusableModelError(f"more than the limit of {MAX_FILE_BYTES} bytes in a gzip file")
+    if not stream.eof:
+        raise UnusableModelError("the file is cut off: its compression does not end")
+    return content

@@ -5,16 +5,47 @@ import functools
 import os
 import pathlib
 import posixpath
+import re
 import urllib.parse
 import zipfile
 import zlib
-from typing import Any
+from collections.abc import Sequence
+from typing import IO, Any
 
 from data_gen.mesh import UnreadableModelError, UnusableModelError
 from psgn_jax.system.untrusted import kind_of
 
 MAX_FILE_BYTES = 256 << 20
 """Largest accepted size of a mesh or image file."""
+
+UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+
+
+def as_utf8(text: bytes) -> bytes:
+    """A text without a byte-order mark, not in UTF-16, with line feeds between its lines."""
+    if text[:2] in UTF_16_MARKS or b"\0" in text[:2]:
+        encoding = "utf-16-be" if text[:1] == b"\0" else "utf-16-le"
+        encoding = "utf-16" if text[:2] in UTF_16_MARKS else encoding
+        text = text.decode(encoding, "replace").encode("utf-8", "replace")
+    return text.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+
+
+def reason(data: bytes) -> str | None:
+    """Why the content of a file cannot be what its name says, None if nothing is known."""
+    if not data.lstrip(b"\0"):
+        return "it contains only zeros" if data else "it is empty"
+    start = data[:200].removeprefix(b"\xef\xbb\xbf").lstrip().lower()
+    if start.startswith(b"version https://git-lfs"):
+        return "it is a Git LFS pointer: fetch the file itself with `git lfs pull`"
+    if start.startswith((b"<!doctype html", b"<html")):
+        return "it is a web page: download the file itself"
+    return next(
+        (f"it is compressed by {c}: unpack it" for m, c in _PACKED if data.startswith(m)), None
+    )
+
+
+_PACKED = ((b"PK\3\4", "zip"), (b"\x1f\x8b", "gzip"), (b"BZh", "bzip2"), (b"\xfd7zXZ\0", "xz"),
+           (b"7z\xbc\xaf", "7-Zip"), (b"(\xb5/\xfd", "Zstandard"), (b"Rar!", "RAR"))  # fmt: skip
 
 
 class Files(abc.ABC):
@@ -37,15 +68,19 @@ class Files(abc.ABC):
     def open(self, base: str, name: str) -> bytes:
         """The contents of the file that a file in the folder `base` calls `name`.
 
-        Backslashes, quotes, wrong case and escapes of URLs are accepted. If the file does not exist
-        or is outside of the root, we take a file of the same name directly in `base`, because
-        references often contain folders of the author's computer.
+        Backslashes, quotes, wrong case, escapes of URLs, names in Latin-1 or GBK and comments after
+        names are accepted. If the file does not exist or is outside of the root, we take a file of
+        the same name directly in `base`, because references often contain folders of the author's
+        computer.
 
         Raises:
           FileNotFoundError: there is no such file.
         """
         clean = name.strip().strip('"').replace("\\", "/")
-        texts = clean, urllib.parse.unquote(clean)
+        texts = [clean, urllib.parse.unquote(clean), re.split(r"\s#", clean)[0].rstrip()]
+        if not clean.isprintable():
+            raw = [text.encode("utf-8", "surrogateescape") for text in (clean, texts[2])]
+            texts += [r.decode(coding, "replace") for r in raw for coding in ("latin-1", "gb18030")]
         for tried in dict.fromkeys(x for text in texts for x in (text, posixpath.basename(text))):
             path = posixpath.normpath(posixpath.join(base, tried))
             if path.startswith(("/", "../")) or path in ("", ".", "..") or ":" in path:
@@ -57,16 +92,23 @@ class Files(abc.ABC):
 
 
 class FolderFiles(Files):
-    """The files below a folder. Links that lead out of it are not followed."""
+    """The files below a folder. Links may lead only to files there, and below the folders `linked`.
+
+    In the cache of a hub, whose files are links, they may also lead to the cache's own content.
+    """
 
     refusal = UnreadableModelError
 
-    def __init__(self, root: str | os.PathLike[str]) -> None:
+    def __init__(self, root: str | os.PathLike[str], linked: Sequence[str] = ()) -> None:
         self.root = pathlib.Path(root).absolute()  # for processes elsewhere
+        self._homes = [self.root.resolve(), *map(pathlib.Path, linked)]
+        for folder in self._homes[0].parents:  # REPOSITORY/snapshots/VERSION/a.glb -> ../../blobs/1
+            if folder.name == "snapshots" and (folder.parent / "refs").is_dir():
+                self._homes.append(folder.parent / "blobs")
         self._names: dict[pathlib.Path, dict[str, str]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"root": self.root, "_names": {}}  # every process makes its own listings
+        return {**self.__dict__, "_names": {}}  # every process makes its own listings
 
     def find(self, name: str) -> str | None:
         """See `Files`."""
@@ -109,7 +151,8 @@ class FolderFiles(Files):
         return self._names[folder].get(name.casefold())
 
     def _leads_out(self, path: pathlib.Path) -> bool:
-        return not path.resolve().is_relative_to(self.root.resolve())
+        real = path.resolve()
+        return not any(real.is_relative_to(home) for home in self._homes)
 
     def read(self, name: str) -> bytes:
         """See `Files`; UnusableModelError if the file is larger than `MAX_FILE_BYTES`."""
@@ -130,13 +173,18 @@ _MAX_RATIO, _RATIO_FROM = 200, 8 << 20
 class ZipFiles(Files):
     """The members of a zip archive."""
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
+    def __init__(self, path: str | os.PathLike[str] | IO[bytes]) -> None:
         self._archive = zipfile.ZipFile(path)
         members = self._archive.infolist()
         if len(members) > _MAX_MEMBERS:
             raise ValueError(f"{len(members)} members are more than the limit of {_MAX_MEMBERS}")
         self._members = {m.filename.replace("\\", "/"): m for m in members if not m.is_dir()}
         self._folded = {name.casefold(): name for name in self._members}
+
+    @property
+    def names(self) -> list[str]:
+        """The names of all members."""
+        return list(self._members)
 
     def find(self, name: str) -> str | None:
         """See `Files`."""
@@ -157,7 +205,7 @@ class ZipFiles(Files):
                 data = stream.read(limit + 1)
         except (zipfile.BadZipFile, zlib.error, OSError, RuntimeError, EOFError,
                 NotImplementedError) as error:  # fmt: skip
-            raise UnusableModelError(f"{name!r} is damaged: {error}"[:200]) from error
+            raise UnusableModelError(f"{name!r} in the archive is damaged") from error
         if len(data) > limit:
             raise UnusableModelError(f"{name!r} has more bytes than the limit of {limit}")
         return data

@@ -1,13 +1,25 @@
 """Materials of Wavefront MTL files."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from data_gen.mesh import Material
-from data_gen.readers.textures import Assets, with_alpha_map
+from data_gen.readers.model_files import as_utf8
+from data_gen.readers.textures import Assets, levels, with_alpha
+from psgn_jax.system.untrusted import one_line
 
 GREY = (0.6, 0.6, 0.6)
+
+
+class Look(NamedTuple):
+    """A material, and how its texture lies: coordinates times `scale` plus `offset`."""
+
+    material: Material
+    scale: Sequence[float] = (1.0, 1.0)
+    offset: Sequence[float] = (0.0, 0.0)
+    clamped: bool = False
 
 
 def floats(words: Sequence[str], count: int) -> list[float] | None:
@@ -35,31 +47,36 @@ _MAP_OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-texres": 1,
 _MAP_VECTORS = ("-o", "-s", "-t")
 
 
-def _map_name(rest: str) -> str:
-    """The file name of a map statement without the options before it; it may contain spaces."""
+def _map_name(rest: str) -> tuple[str, dict[str, list[str]]]:
+    """The file name of a map statement, which may contain spaces, and the options before it."""
     words = rest.split()
+    options: dict[str, list[str]] = {}
     start = 0
     while start < len(words) and words[start].lower() in {*_MAP_OPTIONS, *_MAP_VECTORS}:
         option = words[start].lower()
         start += 1
-        if option in _MAP_OPTIONS:
-            start += _MAP_OPTIONS[option]
-        else:
-            taken = 0
-            while start < len(words) - 1 and taken < 3 and floats([words[start]], 1):
-                start, taken = start + 1, taken + 1
-    return rest.strip() if start == 0 else " ".join(words[start:])
+        taken = _MAP_OPTIONS.get(option, 0)
+        if option in _MAP_VECTORS:
+            while (
+                start + taken < len(words) - 1 and taken < 3 and floats([words[start + taken]], 1)
+            ):
+                taken += 1
+        options[option] = words[start : start + taken]
+        start += taken
+    return (rest.strip() if start == 0 else " ".join(words[start:])), options
 
 
-def read_mtl(text: str, assets: Assets, folder: str = "") -> dict[str, Material]:
+def read_mtl(data: bytes, assets: Assets, folder: str = "") -> dict[str, Look]:
     """The materials of an MTL file in a `folder` below that of the model, by name.
 
-    We read Kd, Ks, Ns, d, Tr, illum (2 and above have a highlight), map_Kd and map_d. A black Kd
-    with a texture counts as white, because many exporters write black and mean only the texture.
+    We read Kd, Ks, Ns, d, Tr, illum (2 and above have a highlight), map_Kd and map_d with the
+    options -s, -o, -mm and -imfchan, and map_Ka if there is no map_Kd. A black Kd with a texture
+    counts as white, because many exporters write black and mean only the texture.
     """
     statements: dict[str, dict[str, str]] = {}
     current: dict[str, str] = {}
-    for line in text.splitlines():
+    text = as_utf8(data).replace(b"\\\n", b" ").decode("utf-8", "surrogateescape")
+    for line in text.split("\n"):
         words = line.strip().split(None, 1)
         if not words or words[0].startswith("#"):
             continue
@@ -68,23 +85,53 @@ def read_mtl(text: str, assets: Assets, folder: str = "") -> dict[str, Material]
             current = statements.setdefault(rest, {})
         else:
             current[words[0].lower()] = rest
-    result = {}
-    for name, lines in statements.items():
-        files = (_map_name(lines[key]) if lines.get(key) else "" for key in ("map_kd", "map_d"))
-        texture, alpha_map = (assets.texture(file, folder) if file else None for file in files)
-        if alpha_map is not None:
-            texture = with_alpha_map(texture, alpha_map)
-        diffuse = _colour(lines.get("kd", "").split())
-        if diffuse is None or ("map_kd" in lines and max(diffuse) < 0.02):
-            diffuse = (1.0, 1.0, 1.0) if texture is not None else GREY
-        opacity = floats(lines.get("d", "").replace("-halo", "").split(), 1)
-        if opacity is None:
-            clear = floats(lines.get("tr", "").split(), 1)
-            opacity = [1.0] if clear is None else [1 - clear[0]]
-        specular = _colour(lines.get("ks", "").split()) or (0.0, 0.0, 0.0)
-        if lines.get("illum", "2").strip() in ("0", "1"):
-            specular = (0.0, 0.0, 0.0)
-        shininess = (floats(lines.get("ns", "").split(), 1) or [20.0])[0]
-        gloss, alpha = min(max(shininess, 1.0), 1000.0), min(max(opacity[0], 0.0), 1.0)
-        result[name] = Material(diffuse, specular, gloss, alpha, texture, name)
-    return result
+    return {name: _look(name, lines, assets, folder) for name, lines in statements.items()}
+
+
+def _look(name: str, lines: dict[str, str], assets: Assets, folder: str) -> Look:
+    if "map_kd" not in lines and "map_ka" in lines:
+        lines = {**lines, "map_kd": lines["map_ka"]}
+    for key, rest in lines.items():
+        others = key.startswith("map_") and key not in ("map_kd", "map_ka", "map_d")
+        if rest and (others or key in ("bump", "disp", "norm", "refl", "decal")):
+            assets.warn("maps of MTL not read", key)
+    if max(_colour(lines.get("ke", "").split()) or (0,)) > 0.02:
+        assets.warn("emission not read", repr(name))
+    (file, options), (alpha_file, of_alpha) = (
+        _map_name(lines.get(key, "")) for key in ("map_kd", "map_d")
+    )
+    texture = assets.texture(file, folder) if file else None
+    gain = floats(options.get("-mm", ()), 2)
+    if texture is not None and gain:
+        rgb = (255 * gain[0] + gain[1] * texture[..., :3]).clip(0, 255).round().astype(np.uint8)
+        texture = np.dstack([rgb, texture[..., 3]])
+    alpha_map = assets.texture(alpha_file, folder) if alpha_file else None
+    if alpha_map is not None:
+        channel = "rgbm".find("".join(of_alpha.get("-imfchan", ())).lower() or "none")
+        alpha = alpha_map[..., channel] if channel >= 0 else levels(alpha_map)
+        texture = with_alpha(texture, alpha)
+    diffuse = _colour(lines.get("kd", "").split())
+    if diffuse is None and lines.get("kd", "").split():
+        assets.warn("colours of MTL that are not RGB not read", lines["kd"])
+    if diffuse is None or ("map_kd" in lines and max(diffuse) < 0.02):
+        diffuse = (1.0, 1.0, 1.0) if texture is not None else GREY
+    opacity = floats(lines.get("d", "").replace("-halo", "").split(), 1)
+    if opacity is None:
+        clear = floats(lines.get("tr", "").split(), 1)
+        opacity = [1.0] if clear is None else [1 - clear[0]]
+    specular = _colour(lines.get("ks", "").split()) or (0.0, 0.0, 0.0)
+    if lines.get("illum", "2").split()[:1] in (["0"], ["1"]):
+        specular = (0.0, 0.0, 0.0)
+    shininess = (floats(lines.get("ns", "").split(), 1) or [20.0])[0]
+    gloss, opaque = min(max(shininess, 1.0), 1000.0), min(max(opacity[0], 0.0), 1.0)
+    material = Material(diffuse, specular, gloss, opaque, texture, one_line(name))
+    if texture is None:
+        return Look(material)
+    if any(float(word) for word in options.get("-t", ())):
+        assets.warn("turbulence (-t) of textures not read", file)
+    used = of_alpha if not file else options
+    scale, offset = (
+        (*map(float, used.get(key, ())), default, default)[:2]
+        for key, default in (("-s", 1.0), ("-o", 0.0))
+    )
+    return Look(material, scale, offset, used.get("-clamp") == ["on"])

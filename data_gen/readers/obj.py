@@ -5,30 +5,34 @@ negative indices, several material files, options before the names of textures, 
 images, concave polygons.
 """
 
+import collections
 import posixpath
+import re
 import warnings as python_warnings
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from data_gen.mesh import Material, UnusableModelError
-from data_gen.polygons import triangles
-from data_gen.readers.mtl import read_mtl
-from data_gen.readers.textures import Assets
+from data_gen.mesh import Material, UnusableModelError, check_face_count
+from data_gen.parts import Part, picked, rgba
+from data_gen.readers.model_files import as_utf8
+from data_gen.readers.mtl import Look, read_mtl
+from data_gen.readers.textures import NOT_REPEATED, Assets
+from psgn_jax.system.untrusted import one_line
 
 
 def _blocks(data: bytes, size: int = 1 << 22) -> Iterator[bytes]:
     """Splits a text into blocks of whole lines; continued lines (backslash) are joined."""
-    start = 3 * data.startswith(b"\xef\xbb\xbf")  # a byte-order mark
+    start = 0
     while start < len(data):
         stop = data.find(b"\n", min(start + size, len(data)))
-        while stop != -1 and data[max(stop - 2, 0) : stop].rstrip(b"\r").endswith(b"\\"):
+        while stop != -1 and data[stop - 1 : stop] == b"\\":
             stop = data.find(b"\n", stop + 1)
         stop = len(data) if stop == -1 else stop + 1
         block = data[start:stop]
         if b"\\" in block:
-            block = block.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
+            block = block.replace(b"\\\n", b" ")
         yield block
         start = stop
 
@@ -36,6 +40,13 @@ def _blocks(data: bytes, size: int = 1 << 22) -> Iterator[bytes]:
 _MOST_LIBRARIES = 1000  # largest number of material files of a model; others are ignored
 
 _COLUMNS = {"v": 3, "vt": 2, "vn": 3}
+
+_UNREAD = {
+    "l": "lines and points not read", "p": "lines and points not read",
+    "curv": "curves and surfaces not read", "curv2": "curves and surfaces not read",
+    "surf": "curves and surfaces not read", "call": "files that OBJ calls not read",
+    "#MRGB": "colours of ZBrush (#MRGB) not read",
+}  # fmt: skip
 
 
 def _rows(lines: list[list[str]], columns: int) -> np.ndarray:
@@ -60,35 +71,45 @@ def _indices(tokens: list[str]) -> np.ndarray:
     return np.array([int(p) for p in parts], np.int64).reshape(-1, 3)
 
 
+def _short(name: str) -> str:
+    """A name without the comment after it."""
+    return re.split(r"\s#", name)[0].strip()
+
+
 def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
     """Arrays of an OBJ file for `mesh.build_model`, read in blocks so that memory is bounded."""
     rows = {key: [np.zeros((0, columns))] for key, columns in _COLUMNS.items()}
     read = dict.fromkeys(_COLUMNS, 0)  # number of rows of each kind so far
-    materials: dict[str, Material] = {}
+    looks: dict[str, Look] = {}
     names: dict[str, int] = {}
     libraries: set[str] = set()
     owner = -1
     owners_of_faces: list[int] = []
     sizes: list[int] = []
     corner_blocks: list[np.ndarray] = []
-    total = broken = 0
-    for block in _blocks(data):
+    painted: list[int] = []
+    paint: list[list[str]] = []
+    unread: collections.Counter[str] = collections.Counter()
+    total = 0
+    for block in _blocks(as_utf8(data)):
         fresh: dict[str, list[list[str]]] = {key: [] for key in _COLUMNS}
         tokens: list[str] = []
         seen: list[tuple[int, int, int]] = []  # number of rows before each corner
-        for line in block.decode("utf-8", "replace").split("\n"):
+        # Bytes that are not UTF-8, such as those of names in Latin-1 or GBK, stay distinct.
+        for line in block.decode("utf-8", "surrogateescape").split("\n"):
             key, *words = line.split() or [""]
             if not words:
                 continue
-            if key in ("v", "vt", "vn", "f") and "#" in line:
+            if key in ("v", "vt", "vn", "f", "fo") and "#" in line:
                 words = line.split("#")[0].split()[1:]
             if key in fresh:
+                if key == "v" and len(words) > 5:  # with a colour
+                    painted.append(read["v"])
+                    paint.append(words[3:6])
                 fresh[key].append(words[: _COLUMNS[key]])
                 read[key] += 1
-            elif key == "f" and len(words) < 3:
-                broken += 1
-            elif key == "f":
-                total += len(words) - 2
+            elif key in ("f", "fo"):
+                total += max(len(words) - 2, 0)
                 tokens += words
                 seen += [(read["v"], read["vt"], read["vn"])] * len(words)
                 sizes.append(len(words))
@@ -100,65 +121,67 @@ def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
                 rest = line.split(None, 1)[1].strip().strip('"').replace("\\", "/")
                 path = posixpath.normpath(posixpath.join(assets.base, rest))
                 inside = not path.startswith(("/", ".."))
-                for name in [rest] if inside and assets.files.find(path) else rest.split():
+                for name in [rest] if inside and assets.files.find(path) else _short(rest).split():
                     if name in libraries or len(libraries) == _MOST_LIBRARIES:
                         continue
                     libraries.add(name)
                     try:
-                        text = assets.files.open(assets.base, name).decode("utf-8-sig", "replace")
-                        materials.update(read_mtl(text, assets, posixpath.dirname(name)))
+                        library = assets.files.open(assets.base, name)
+                        looks |= read_mtl(library, assets, posixpath.dirname(name))
                     except FileNotFoundError:
                         assets.warn("material files missing, grey is used", repr(name))
-        if total > assets.max_faces:
-            raise UnusableModelError(f"more than the limit of {assets.max_faces} faces")
+            elif key in _UNREAD:
+                unread[key] += 1
+        check_face_count(total, assets.max_faces)
         try:
             for key, lines in fresh.items():
                 rows[key].append(_rows(lines, _COLUMNS[key]))
             corners = _indices(tokens)
         except (ValueError, OverflowError) as error:
-            raise UnusableModelError(f"not readable as OBJ: {error}"[:200]) from error
+            what = "a word that is not a number, or not a whole one in a face"
+            raise UnusableModelError(f"not readable as OBJ: {what}") from error
+        if (corners[:, 0] == 0).any():
+            raise UnusableModelError("not readable as OBJ: a face has index 0, but 1 is the first")
         if (corners < 0).any():  # counted back from the rows before the face
             corners += np.where(corners < 0, np.array(seen) + 1, 0)
         corner_blocks.append(corners - 1)  # from 0, and negative = none
-    if broken:
-        assets.warn("faces with less than three corners dropped", broken)
-    if not total:
-        raise UnusableModelError("the mesh is empty: no faces, expected at least one")
-
+    for key, number in unread.items():
+        assets.warn(_UNREAD[key], number)
     vertices, texture, normal = (np.concatenate(blocks) for blocks in rows.values())
+    if not sizes:
+        what = f"{len(vertices)} points and {unread['l'] + unread['p']} lines, but no faces"
+        raise UnusableModelError(f"the mesh is empty: {what}")
     corners, counts = np.concatenate(corner_blocks), np.array(sizes)
-    owners = np.array(owners_of_faces)
-    exists = (corners[:, 0] >= 0) & (corners[:, 0] < len(vertices))
-    whole = np.logical_and.reduceat(exists, np.cumsum(counts) - counts)
-    if not whole.all():
-        assets.warn("faces with missing vertices dropped", int((~whole).sum()))
-        corners = corners[np.repeat(whole, counts)]
-    counts, owners = counts[whole], owners[whole]
-    if not len(counts):
-        raise UnusableModelError("the mesh is empty: all faces have missing vertices")
-    if not np.isfinite(vertices[corners[:, 0]]).all():
-        raise UnusableModelError("vertices have coordinates that are not finite")
-    triangle, polygon = triangles(counts, corners[:, 0], vertices)
 
-    def of_corners(values: np.ndarray, column: int) -> np.ndarray | None:
-        index = corners[triangle, column]
-        good = (index >= 0) & (index < len(values))
-        if not good.any():
-            return None
-        return np.where(good[..., None], values[np.where(good, index, 0)], 0)
-
-    for name in names:
-        if name not in materials and materials:
+    by_short_name = {_short(name): look for name, look in reversed(looks.items())}
+    table: list[Material | None] = []
+    owner_of_corners = np.repeat(np.array(owners_of_faces), counts)
+    uv = picked(texture, corners[:, 1])
+    for index, name in enumerate(names):
+        look = looks.get(name) or by_short_name.get(_short(name))
+        if look is None:
             assets.warn("materials missing, grey is used", repr(name))
-    table = [materials.get(name, Material(name=name)) for name in names]
-    if (owners == -1).any():
-        owners = np.where(owners == -1, len(table), owners)
-        table.append(Material())
-    return {
-        "vertices": vertices,
-        "faces": corners[triangle, 0],
-        "normals": of_corners(normal, 2),
-        "uv": of_corners(texture, 1),
-        "materials": assets.bounded(table),
-        "face_material": owners[polygon],
-    }
+            table.append(None if paint else Material(name=one_line(name)))
+            continue
+        table.append(look.material)
+        if uv is not None and look != Look(look.material):
+            chosen = owner_of_corners == index
+            uv[chosen] = uv[chosen] * look.scale + look.offset
+            if look.clamped and ((uv[chosen] < 0) | (uv[chosen] > 1)).any():
+                assets.warn(NOT_REPEATED, "-clamp")
+    colours = None
+    if paint:
+        try:
+            rgb = np.array(paint, np.float64)
+        except ValueError as error:
+            raise UnusableModelError("not readable as OBJ: a colour that is not numbers") from error
+        of_vertices = np.ones((len(vertices), 4))
+        of_vertices[painted] = rgba(rgb)
+        colours = picked(of_vertices, corners[:, 0])
+    owners = np.array(owners_of_faces)
+    if (owners < 0).any():
+        owners = np.where(owners < 0, len(table), owners)
+        table.append(None)
+    normals = picked(normal, corners[:, 2])
+    part = Part(vertices, counts, corners[:, 0], table, owners, uv, normals, colours)
+    return assets.arrays([part])

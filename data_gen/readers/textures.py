@@ -6,11 +6,13 @@ import posixpath
 import struct
 import warnings as python_warnings
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from data_gen.mesh import MAX_FACES, Material
+from data_gen.parts import Part, joined
 from data_gen.readers.model_files import Files
 from psgn_jax.system.untrusted import one_line
 
@@ -19,6 +21,12 @@ MAX_DECODED_PIXELS = 40_000_000
 
 TEXTURE_SIDE = 1024
 """Number of pixels to which the longer side of a texture is reduced."""
+
+TRAILING = "lines or bytes after the data not read"
+
+NOT_REPEATED = "textures that do not repeat, they are repeated"
+
+TWO_COLOURS = "colours of faces beside colours of vertices not read"
 
 _MAX_TEXELS = 1 << 24  # of all textures of a model, 64 MB
 _MAX_DECODED_TEXELS = 1 << 28  # before the joint reduction, 1 GB
@@ -81,12 +89,16 @@ def _small(picture: Image.Image, side: int) -> Image.Image:
     return picture.resize((size[0], size[1]), Image.Resampling.BOX)
 
 
-def with_alpha_map(texture: np.ndarray | None, alpha_map: np.ndarray) -> np.ndarray:
-    """The texture (None = white) with the alpha of a map or, if that is opaque, its brightness."""
+def levels(alpha_map: np.ndarray) -> np.ndarray:
+    """The alpha [H, W] of an alpha map or, if that is opaque, its brightness."""
     if (alpha_map[..., 3] < 255).any():
-        alpha = alpha_map[..., 3]
-    else:
-        alpha = alpha_map[..., :3].mean(axis=2).round().astype(np.uint8)
+        return alpha_map[..., 3]
+    result: np.ndarray = alpha_map[..., :3].mean(axis=2).round().astype(np.uint8)
+    return result
+
+
+def with_alpha(texture: np.ndarray | None, alpha: np.ndarray) -> np.ndarray:
+    """The texture (None = white) with an alpha, uint8 [H, W]."""
     if texture is None:
         texture = np.full((*alpha.shape, 4), 255, np.uint8)
     if alpha.shape != texture.shape[:2]:
@@ -156,6 +168,11 @@ class Assets:
             except (ValueError, OSError) as error:
                 self.warn(BROKEN_TEXTURE, f"{label} ({error})")
         return self._textures[key]
+
+    def arrays(self, parts: Sequence[Part]) -> dict[str, Any]:
+        """The parts as arrays for `mesh.build_model`."""
+        result = joined(parts, self.warn, self.max_faces)
+        return {**result, "materials": self.bounded(result["materials"])}
 
     def bounded(self, materials: Sequence[Material]) -> tuple[Material, ...]:
         """The materials, with the largest textures halved until their total is within the limit.

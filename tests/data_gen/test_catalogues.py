@@ -1,4 +1,5 @@
 import collections
+import gzip
 import pickle
 import re
 import struct
@@ -80,6 +81,44 @@ def test_folder(trimesh, write, tmp_path):
     ):
         with pytest.raises(ValueError, match=message):
             open_catalogue("folder", tmp_path, **axes)
+
+
+def test_folders_that_are_links_are_entered_once(write, tmp_path):
+    for name in ("root/b/a.obj", "other/chairs/a.obj", "other/textures/x.png"):
+        write(name, BOX)
+    for link, target in {
+        "root/a": "root/b", "root/b/up": "root", "root/more": "other", "root/z": "other/chairs",
+        "other/self": "other", "other/root": "root",
+    }.items():  # fmt: skip
+        (tmp_path / link).symlink_to(tmp_path / target)
+    entries = checked(open_catalogue("folder", tmp_path / "root"))
+    names = [e.model_id for e in entries]
+    assert names == ["b/a.obj", "z/a.obj"]
+    assert len(entries[1].load().faces) == 12
+
+
+def test_files_of_a_hub_are_links_to_its_blobs(write, tmp_path):
+    write("hub/models--a/blobs/123", BOX)
+    write("hub/models--a/refs/main", "1")
+    write("secret.obj", BOX)
+    snapshot = tmp_path / "hub/models--a/snapshots/1"
+    snapshot.mkdir(parents=True)
+    (snapshot / "a.obj").symlink_to("../../blobs/123")
+    (snapshot / "b.obj").symlink_to(tmp_path / "secret.obj")
+    first, second = open_catalogue("folder", snapshot).models
+    assert len(first.load().faces) == 12
+    with pytest.raises(UnusableModelError, match="a link that leads out of the folder"):
+        second.load()
+
+
+def test_compressed_models_are_read_and_archives_are_counted(write, tmp_path, caplog):
+    write("a.obj.gz", gzip.compress(BOX.encode()))
+    write("b.stl.gz", b"")
+    for name in ("c.zip", "d.tar.gz", "e.ply.bz2", "f.fbx"):
+        write(name, b"")
+    first, _ = open_catalogue("folder", tmp_path).models
+    assert len(first.load().faces) == 12
+    assert "1 files that look like models but cannot be read here, and 3 archives" in caplog.text
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,12 @@
 import contextlib
+import io
 
 import numpy as np
 import pytest
 from helpers.features import outcome, promised
+from helpers.looks import BLUE, RED, colours
 from helpers.obj_text import CUBE, FACES, QUADS, png
+from PIL import Image
 
 from data_gen.mesh import UnusableModelError, face_areas, kind_of_warning
 from data_gen.readers import textures
@@ -71,12 +74,35 @@ def test_a_polygon_with_a_bay_or_a_hole_is_not_filled(write, outline, edge, area
 
 def test_features_are_read_as_the_table_says(write):
     write("m.mtl", "newmtl a\nmap_Kd gone.png\n")
+    write("x.png", png((255, 0, 0)))
+    for name, more in {
+        "clear": "d .5", "moved": "map_Kd -s 2 2 -o .5 x.png", "clamped": "map_Kd -clamp on x.png",
+        "bumpy": "map_Bump x.png", "bright": "Ke 1 1 1", "red": "map_Kd x.png",
+    }.items():  # fmt: skip
+        write(f"{name}.mtl", f"newmtl a\n{more}\n")
+    painted = CUBE.replace("\n", " 1 0 0\n")
+    square = "vt 0 0\nvt 2 0\nvt 0 2\nf 1/1 2/2 3/3\n" + FACES
+
+    def made_of(name, vertices=CUBE, faces=FACES):
+        return f"mtllib {name}.mtl\n{vertices}usemtl a\n{faces}"
+
     texts = {
         "concave polygons": "".join(f"v {x} {y} 0\n" for x, y in L) + "f 1 2 3 4 5 6\n",
         "faces with missing vertices": CUBE + FACES + "f 1 2 9\n",
         "missing material files": "mtllib gone.mtl\n" + CUBE + FACES,
         "missing textures": "mtllib m.mtl\n" + CUBE + "usemtl a\n" + FACES,
         "coordinates that are not finite": CUBE.replace("v 1", "v nan") + FACES,
+        "missing materials": CUBE + "usemtl a\n" + FACES,
+        "colours of vertices": painted + FACES,
+        "colours of faces with a texture": made_of("red", painted),
+        "lines and points": CUBE + FACES + "l 1 2 3\np 1\n",
+        "curves and surfaces": CUBE + FACES + "curv 0 1 1 2\n",
+        "transparency": made_of("clear"),
+        "normal maps, emission, maps of roughness": made_of("bumpy") + "mtllib bright.mtl\n",
+        "transforms of textures": made_of("moved", faces=square),
+        "textures that do not repeat": made_of("clamped", faces=square),
+        "a byte-order mark": "\ufeff" + CUBE + FACES,
+        "line ends of old Macs": (CUBE + FACES).replace("\n", "\r"),
     }
     assert {f: outcome(write("a.obj", text)) for f, text in texts.items()} == promised("OBJ")
 
@@ -148,12 +174,85 @@ def test_textures_beside_the_material_file_and_byte_order_marks(write, name):
     assert len(model.vertices) == 8
 
 
+def test_mtl_names_and_comments(write):
+    """Names that differ in bytes stay apart, and comments after names do not matter."""
+    for encoding, names in (
+        ("latin-1", ("tür", "töt")),
+        ("gbk", ("椅子", "桌子")),
+        ("utf-8", ("a", "ä")),
+    ):
+        write(
+            "m.mtl",
+            "".join(f"newmtl {n}\nKd {k} 0 {1 - k}\n" for k, n in enumerate(names)).encode(
+                encoding
+            ),
+        )
+        faces = "".join(f"usemtl {n}\nf {q}\n" for n, q in zip(names, QUADS, strict=False))
+        model = load_model(write("a.obj", ("mtllib m.mtl\n" + CUBE + faces).encode(encoding)))
+        assert [m.diffuse for m in model.materials] == [BLUE, RED]
+        assert model.warnings == ()
+        assert all(m.name.isprintable() for m in model.materials)
+    write("bild ü.png", png((255, 0, 0)))
+    write(
+        "m.mtl",
+        "newmtl a b  # 1\nmap_Kd bild ü.png # 2\nnewmtl M #2\nKd 0 0 1 # 3\n".encode("latin-1"),
+    )
+    faces = f"usemtl a b\nf {QUADS[0]}\nusemtl M #2\nf {QUADS[1]} # 4\n"
+    model = load_model(write("a.obj", f"mtllib m.mtl # 0\n{CUBE}{faces}"))
+    assert (colours(model), model.warnings) == ([RED] * 2 + [BLUE] * 2, ())
+
+
+@pytest.mark.parametrize(
+    ("statement", "shown"),
+    [
+        ("map_Kd x.png", RED), ("map_Kd -s 3 1 1 x.png", BLUE), ("map_Kd -o .5 0 0 x.png", BLUE),
+        ("map_Kd -clamp on -mm 0 1 -bm 1 -s 1 1 1 x.png", RED), ("map_Ka x.png", RED),
+        ("map_Kd -mm 0 .5 x.png", (0.5, 0, 0)), ("map_Kd \\\n x.png", RED),
+        ("map_Kd -blendu on -texres 9 -imfchan l -boost 1 -t 0 0 0 x.png", RED),
+    ],
+)  # fmt: skip
+def test_mtl_options_of_textures(write, statement, shown):
+    write("x.png", two_pixels())
+    write("m.mtl", f"newmtl a\n{statement}\n")
+    text = f"mtllib m.mtl\nvt .25 .5\n{CUBE}usemtl a\nf 1/1 2/1 3/1\nf 4/1 5/1 6/1\n"
+    model = load_model(write("a.obj", text))
+    np.testing.assert_allclose(colours(model), [shown] * 2, atol=0.01)
+    assert model.warnings == ()
+
+
+def two_pixels():
+    """A picture, red on the left and blue on the right."""
+    pixels = np.array([[(255, 0, 0), (0, 0, 255)]], np.uint8)
+    stream = io.BytesIO()
+    Image.fromarray(pixels).save(stream, "PNG")
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("colour", ["1 0 0", "255 0 0", "1.0 0 0 1"])
+def test_colours_at_vertices(write, colour):
+    painted = CUBE.replace("\n", f" {colour}\n")
+    assert set(colours(load_model(write("a.obj", painted + FACES)))) == {RED}
+    write("m.mtl", "newmtl a\nKd .5 1 1\n")
+    model = load_model(write("a.obj", f"mtllib m.mtl\n{painted}usemtl a\n{FACES}"))
+    assert set(colours(model)) == {(0.5, 0, 0)}
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-8-sig"])
+@pytest.mark.parametrize("end", ["\n", "\r", "\r\n"])
+def test_encodings_and_line_ends(write, encoding, end):
+    text = CUBE + "f 4 3 \\\n2 1\n" + FACES
+    data = text.replace("\n", end).encode(encoding)
+    assert len(load_model(write("a.obj", data)).faces) == 14
+
+
 def test_obj_files_that_are_refused(write):
     for match, texts in {
         "empty": ["", CUBE, CUBE + "f 1 2 99"],
+        "8 points and 1 lines, but no faces": [CUBE + "l 1 2"],
+        "index 0, but 1 is the first": [CUBE + "f 0 1 2", CUBE + "f 1//1 0//1 2//1"],
         "not finite": [CUBE.replace("v 1 1 1", "v nan 1 1") + FACES],
         "not readable": [CUBE + "f 1 2 x", "v 1 2 abc\n" + CUBE + FACES, CUBE + f"f 1 2 {10**23}"],
-        "limit of 1000 faces": [CUBE + FACES * 5000],
+        "limit of 1000": [CUBE + FACES * 5000],
     }.items():
         for text in texts:
             with pytest.raises(UnusableModelError, match=match):

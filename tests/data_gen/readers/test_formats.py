@@ -1,10 +1,8 @@
 import contextlib
 import struct
-import zipfile
 
 import numpy as np
 import pytest
-from helpers.obj_text import png
 
 from data_gen.mesh import UnusableModelError, face_normals, texels
 from data_gen.readers.load import load_model
@@ -71,47 +69,3 @@ def test_vertex_colours_become_a_palette(trimesh, write):
     colours = texels(model.materials[0].texture, model.uv[:, 0])
     assert {tuple(c[:3]) for c in colours.tolist()} <= {(255, 0, 0), (0, 255, 0)}
     assert not model.materials[0].has_alpha  # two of its four texels are not used
-
-
-def test_collada_and_its_archives(trimesh, write, tmp_path):
-    pytest.importorskip("collada")
-    text = trimesh.exchange.dae.export_collada(trimesh.creation.box((1, 2, 3))).decode()
-    extent = np.ptp(load_model(write("a.dae", text)).vertices, axis=0)
-    np.testing.assert_allclose(extent / extent[1], [3, 1, 2], rtol=1e-5)
-    # Files of Blender: z points up, -y to the front.
-    model = load_model(write("z.dae", text.replace("Y_UP", "Z_UP")))
-    extent = np.ptp(model.vertices, axis=0)
-    np.testing.assert_allclose(extent / extent[1], [2, 1, 3], rtol=1e-5)
-    assert ((model.corners() - model.vertices.mean(axis=0)) * model.normals).sum(axis=2).min() > 0
-    bomb = text.replace("<COLLADA", '<!DOCTYPE a [<!ENTITY b "bbbb">]><COLLADA', 1)
-    wide = bomb.replace("utf-8", "utf-16").encode("utf-16")
-    for content, message in (
-        (text[:-400], "not readable as dae"), (bomb, "entities"), (wide, "entities"),
-    ):  # fmt: skip
-        with pytest.raises(UnusableModelError, match=message):
-            load_model(write("a.dae", content))
-    for content, message in (
-        (b" " * (65 << 20), f"{65 << 20} bytes of zae, more than the limit"),
-        (b'<!DOCTYPE a [<!ENTITY b "bbbb">]>', "entities"),
-    ):
-        with zipfile.ZipFile(tmp_path / "a.zae", "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr("a.dae", content)
-        with pytest.raises(UnusableModelError, match=message):
-            load_model(tmp_path / "a.zae")
-
-
-def test_a_texture_that_is_no_file_of_the_folder_is_a_warning(trimesh, write, capfd):
-    box = trimesh.creation.box()
-    box.visual = trimesh.visual.TextureVisuals(uv=np.zeros((8, 2)))
-    data = trimesh.exchange.ply.export_ply(box, encoding="ascii", include_attributes=True)
-
-    def textured(name):
-        text = data.replace(b"comment", f"comment TextureFile {name}\ncomment".encode(), 1)
-        return load_model(write("a.ply", text))
-
-    assert "files missing: '/dev/zero'" in textured("/dev/zero").warnings
-    assert capfd.readouterr().err == ""
-    write("a b.png", png((1, 2, 3)))
-    material = textured("a%20b.png").materials[0]  # a name as in glTF files
-    assert material.texture[0, 0].tolist() == [1, 2, 3, 255]
-    assert (material.diffuse, material.specular) == ((1, 1, 1), (0, 0, 0))

@@ -1,0 +1,457 @@
+"""Reader of COLLADA files (1.4 and 1.5), with the XML parser of Python.
+
+We do not use pycollada. It leaves out a whole geometry with one unknown element, an instance with
+one missing material, and in silence all numbers of an array after one that it cannot read.
+"""
+
+import re
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from data_gen.mesh import Material, UnusableModelError, check_face_count
+from data_gen.parts import Part, picked, rgba
+from data_gen.polygons import fan, strip, with_holes
+from data_gen.readers.mtl import GREY
+from data_gen.readers.textures import MISSING_TEXTURE, NOT_REPEATED, Assets, with_alpha
+
+_MAX_BYTES = 64 << 20
+
+_MAX_NODES = 100_000  # a node may be in several places of the scene
+
+# Turn the axis that points up into +y, by its name.
+_TURNS = {
+    "Z_UP": ((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1)),
+    "X_UP": ((0, -1, 0, 0), (1, 0, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
+}
+
+# From the name of texture coordinates in an effect to their set in the geometry.
+_Sets = dict[str, str]
+
+
+class _BrokenError(Exception):
+    """A part of the file cannot be read; the text says why."""
+
+
+def read_collada(data: bytes, assets: Assets) -> dict[str, Any]:
+    """Arrays of a COLLADA file for `mesh.build_model`, turned to +y up."""
+    if len(data) > _MAX_BYTES:
+        raise UnusableModelError(f"{len(data)} bytes of dae, more than the limit {_MAX_BYTES}")
+    if b"<!ENTITY" in data.replace(b"\0", b""):  # UTF-16 has zeros
+        raise UnusableModelError("XML entities are refused")
+    try:
+        root = ElementTree.fromstring(data.lstrip())
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise UnusableModelError(f"not readable as COLLADA: XML, {error}"[:200]) from error
+    for element in root.iter():
+        element.tag = element.tag.rpartition("}")[2]  # some files have no namespace
+    if root.tag != "COLLADA":
+        raise UnusableModelError(f"not readable as COLLADA: it is XML with <{root.tag[:40]}>")
+    return assets.arrays(_Document(root, assets).parts())
+
+
+def _numbers(element: Element | None, count: int = 0) -> np.ndarray:
+    """The numbers in an element: at least `count`, of which we take the first; 0 = all."""
+    words = (element.text or "").split() if element is not None else []
+    try:
+        values = np.array(words, np.float64)
+    except ValueError:
+        raise _BrokenError(f"a word in <{element.tag}> that is not a number") from None  # type: ignore[union-attr]
+    if len(values) < count:
+        raise _BrokenError(f"{len(values)} numbers, expected {count}")
+    return values[:count] if count else values
+
+
+def _integer(text: str | None, default: int) -> int:
+    if text is None or not text.strip():
+        return default
+    if not text.strip().isdecimal():
+        raise _BrokenError(f"{text[:20]!r}, expected a number")
+    return int(text)
+
+
+def _transform(node: Element) -> np.ndarray:
+    """The product [4, 4] of the transforms of a node."""
+    result = np.eye(4)
+    for element in node:
+        matrix = np.eye(4)
+        if element.tag == "matrix":
+            matrix = _numbers(element, 16).reshape(4, 4)
+        elif element.tag == "translate":
+            matrix[:3, 3] = _numbers(element, 3)
+        elif element.tag == "scale":
+            matrix[range(3), range(3)] = _numbers(element, 3)
+        elif element.tag == "rotate":
+            *axis, degrees = _numbers(element, 4)
+            length = np.linalg.norm(axis)
+            x, y, z = np.array(axis) / (length or 1)
+            cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+            angle = np.radians(degrees)
+            turn = np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+            matrix[:3, :3] += turn
+        elif element.tag in ("skew", "lookat"):
+            raise _BrokenError(f"<{element.tag}>")
+        result = result @ matrix
+    return result
+
+
+class _Document:
+    """The elements of a file by their identifiers, and what was read of them."""
+
+    def __init__(self, root: Element, assets: Assets) -> None:
+        self.root, self.assets = root, assets
+        self.ids = {(e.tag, name): e for e in root.iter() if (name := e.get("id"))}
+        self.materials: dict[Element, tuple[Material, str]] = {}
+        self.sources: dict[Element, np.ndarray] = {}
+        self.faces = 0
+
+    def find(self, url: str | None, *tags: str) -> Element:
+        """The element with one of these tags at a URL of this file."""
+        name = (url or "").strip().removeprefix("#")
+        found = [e for tag in tags if (e := self.ids.get((tag, name))) is not None]
+        if not found:
+            raise _BrokenError(f"{tags[0]} {url!r} is not in the file")
+        return found[0]
+
+    def parts(self) -> list[Part]:
+        """All geometries of the scene, in its axes."""
+        axis = (self.root.findtext("asset/up_axis") or "").strip().upper()
+        turn = np.array(_TURNS.get(axis, np.eye(4)), np.float64)
+        stack: list[tuple[Element, np.ndarray]] = []
+        instance = self.root.find("scene/instance_visual_scene")
+        try:
+            if instance is None:
+                raise _BrokenError("no scene")
+            stack = [(self.find(instance.get("url"), "visual_scene"), turn)]
+        except _BrokenError:
+            scene = self.root.find("library_visual_scenes/visual_scene")
+            self.assets.warn(
+                f"no scene, {'all geometries are' if scene is None else 'the first is'} read"
+            )
+            places = self.root.findall("library_geometries") if scene is None else [scene]
+            stack = [(place, turn) for place in places]
+        parts: list[Part] = []
+        visited = 0
+        while stack:
+            node, matrix = stack.pop()
+            visited += 1
+            if visited > _MAX_NODES:
+                raise UnusableModelError(
+                    f"more than {_MAX_NODES} nodes, or nodes that contain themselves"
+                )
+            try:
+                matrix = matrix @ _transform(node)
+            except _BrokenError as error:
+                self.leave_out("nodes", node, error)
+                continue
+            for child in reversed(node):
+                try:
+                    if child.tag == "node":
+                        stack.append((child, matrix))
+                    elif child.tag == "instance_node":
+                        stack.append((self.find(child.get("url"), "node"), matrix))
+                    elif child.tag == "instance_geometry":
+                        geometry = self.find(child.get("url"), "geometry")
+                        parts += self.instance(geometry, child, matrix)
+                    elif child.tag == "instance_controller":
+                        geometry, shape = self.controlled(self.find(child.get("url"), "controller"))
+                        parts += self.instance(geometry, child, turn @ shape)
+                    elif child.tag == "geometry" and node.tag == "library_geometries":
+                        parts += self.instance(child, child, matrix)
+                except _BrokenError as error:
+                    self.leave_out("parts of the scene", child, error)
+        return parts
+
+    def leave_out(self, what: str, element: Element, error: _BrokenError) -> None:
+        """Warns that an element is not read."""
+        name = element.get("id") or element.get("url") or element.get("name") or element.tag
+        self.assets.warn(f"{what} not readable, left out", f"{name} ({error})")
+
+    def controlled(self, controller: Element) -> tuple[Element, np.ndarray]:
+        """The geometry of a controller, and its matrix in bind pose, when joints do not move it."""
+        shape = np.eye(4)
+        for _ in range(3):  # a skin of a morph of a geometry
+            if (skin := controller.find("skin")) is not None:
+                given = skin.find("bind_shape_matrix")
+                shape = shape if given is None else shape @ _numbers(given, 16).reshape(4, 4)
+                self.assets.warn("skins are read in bind pose", controller.get("id"))
+            elif (skin := controller.find("morph")) is not None:
+                self.assets.warn(
+                    "morph targets not read, the base shape is used", controller.get("id")
+                )
+            else:
+                raise _BrokenError("a controller without skin and morph")
+            controller = self.find(skin.get("source"), "geometry", "controller")
+            if controller.tag == "geometry":
+                return controller, shape
+        raise _BrokenError("controllers of controllers")
+
+    def instance(self, geometry: Element, place: Element, matrix: np.ndarray) -> list[Part]:
+        """The polygons of a geometry with the materials of its instance."""
+        mesh = geometry.find("mesh")
+        if mesh is None:
+            kinds = [child.tag for child in geometry if child.tag not in ("asset", "extra")]
+            raise _BrokenError(f"geometry {geometry.get('id')!r} is a {(kinds or ['void'])[0]}")
+        bound = {
+            b.get("symbol"): b
+            for b in place.iterfind("bind_material/technique_common/instance_material")
+        }
+        parts = []
+        for primitive in mesh:
+            if primitive.tag in ("lines", "linestrips"):
+                self.assets.warn("lines not read", geometry.get("id"))
+            elif primitive.tag in ("triangles", "polylist", "polygons", "tristrips", "trifans"):
+                try:
+                    part = self.part(primitive, bound, matrix)
+                except _BrokenError as error:
+                    raise _BrokenError(f"geometry {geometry.get('id')!r}: {error}") from None
+                if len(part.counts):
+                    parts.append(part)
+        return parts
+
+    def part(
+        self, primitive: Element, bound: dict[str | None, Element], matrix: np.ndarray
+    ) -> Part:
+        """The polygons of a primitive."""
+        inputs: dict[tuple[str, str], tuple[int, Element]] = {}
+        for element in primitive.iterfind("input"):
+            offset = _integer(element.get("offset"), 0)
+            semantic, number = element.get("semantic") or "", element.get("set") or "0"
+            if semantic == "VERTEX":
+                for inner in self.find(element.get("source"), "vertices").iterfind("input"):
+                    source = self.find(inner.get("source"), "source")
+                    inputs[inner.get("semantic") or "", inner.get("set") or "0"] = offset, source
+            elif semantic in ("NORMAL", "TEXCOORD", "COLOR"):
+                inputs[semantic, number] = offset, self.find(element.get("source"), "source")
+        if ("POSITION", "0") not in inputs:
+            raise _BrokenError("no positions")
+        offsets = [_integer(e.get("offset"), 0) for e in primitive.iterfind("input")]
+        at, source = inputs["POSITION", "0"]
+        positions = self.source(source, 3)[:, :3]
+        counts, rows = _polygons(primitive, max(offsets) + 1, at, positions)
+        self.faces += int(np.maximum(counts - 2, 0).sum())
+        check_face_count(self.faces, self.assets.max_faces)
+
+        def of_corners(semantic: str, number: str, least: int) -> np.ndarray | None:
+            at, source = inputs.get((semantic, number), (0, None))
+            return None if source is None else picked(self.source(source, least), rows[:, at])
+
+        material, chosen = self.bound_material(primitive.get("material"), bound)
+        sets = sorted(
+            {number for semantic, number in inputs if semantic == "TEXCOORD"},
+            key=lambda n: (len(n), n),
+        )
+        if material is not None and material.texture is not None and chosen and chosen not in sets:
+            self.assets.warn(
+                "texture coordinates that a material names missing, others are used", chosen
+            )
+        uv = of_corners("TEXCOORD", chosen if chosen in sets else (sets or ["0"])[0], 2)
+        colours = of_corners("COLOR", min((n for s, n in inputs if s == "COLOR"), default="0"), 3)
+        if colours is not None:
+            colours = rgba(colours)
+        normals = of_corners("NORMAL", "0", 3)
+        linear = matrix[:3, :3]
+        determinant = np.linalg.det(linear)
+        if normals is not None:
+            normals = normals[:, :3] @ np.linalg.inv(linear) if determinant else None
+        turn = slice(None, None, -1 if determinant < 0 else 1)  # a mirror reverses all polygons
+
+        def turned(values: np.ndarray | None) -> np.ndarray | None:
+            return None if values is None else values[turn]
+
+        # Only the vertices of this primitive: others of the mesh may have the rest of millions.
+        corners = rows[turn, at]
+        used = np.unique(corners[(corners >= 0) & (corners < len(positions))])
+        place = np.searchsorted(used, corners)
+        found = np.append(used, -1)[place] == corners
+        return Part(
+            positions[used] @ linear.T + matrix[:3, 3], counts[turn], np.where(found, place, -1),
+            (material,), uv=None if uv is None else uv[turn, :2],
+            normals=turned(normals), colours=turned(colours),
+        )  # fmt: skip
+
+    def source(self, element: Element, least: int) -> np.ndarray:
+        """The numbers [n, c] of a source, at least `least` of them in a row."""
+        if element not in self.sources:
+            accessor = element.find("technique_common/accessor")
+            accessor = Element("accessor") if accessor is None else accessor
+            array = element.find("float_array")
+            if array is None:
+                array = self.find(accessor.get("source"), "float_array")
+            values = _numbers(array)
+            stride = _integer(accessor.get("stride"), 1)
+            skipped = _integer(accessor.get("offset"), 0)
+            count = _integer(accessor.get("count"), (len(values) - skipped) // (stride or 1))
+            if not stride or skipped + count * stride > len(values):
+                raise _BrokenError(f"{len(values)} numbers, expected {count} x {stride}")
+            params = accessor.findall("param")
+            named = [k for k, param in enumerate(params[:stride]) if param.get("name")]
+            table = values[skipped : skipped + count * stride].reshape(count, stride)
+            self.sources[element] = table[:, named] if len(named) >= least else table
+        if self.sources[element].shape[1] < least:
+            raise _BrokenError(
+                f"rows of {self.sources[element].shape[1]} numbers, expected {least}"
+            )
+        return self.sources[element]
+
+    def bound_material(
+        self, symbol: str | None, bound: dict[str | None, Element]
+    ) -> tuple[Material | None, str]:
+        """The material of a symbol, and the set of texture coordinates that it uses, or ""."""
+        if symbol is None:
+            return None, ""
+        instance = bound.get(symbol)
+        try:
+            element = self.find(symbol if instance is None else instance.get("target"), "material")
+            if element not in self.materials:
+                self.materials[element] = self.material(element)
+        except _BrokenError as error:
+            self.assets.warn("materials missing, grey is used", f"{symbol!r} ({error})")
+            return None, ""
+        material, name = self.materials[element]
+        inputs = () if instance is None else instance.iterfind("bind_vertex_input")
+        sets = [e.get("input_set") or "0" for e in inputs if e.get("semantic") == name]
+        return material, (sets or [""])[0]
+
+    def material(self, element: Element) -> tuple[Material, str]:
+        """A material, and the name of the texture coordinates of its texture."""
+        instance = element.find("instance_effect")
+        effect = self.find(None if instance is None else instance.get("url"), "effect")
+        profile = effect.find("profile_COMMON")
+        technique = None if profile is None else profile.find("technique")
+        if profile is None or technique is None:
+            raise _BrokenError("an effect without profile_COMMON")
+        shader = next((e for e in technique if e.tag in _SHADERS), None)
+        if shader is None:
+            raise _BrokenError(f"an effect with none of {', '.join(_SHADERS)}")
+        places = (effect, profile, technique)
+        params = {e.get("sid"): e for place in places for e in place.iterfind("newparam")}
+        if instance is not None and instance.find("setparam") is not None:
+            self.assets.warn("parameters that a material sets not read", element.get("id"))
+
+        def given(name: str) -> tuple[list[float] | None, np.ndarray | None, str]:
+            value = shader.find(name)
+            if value is None or not len(value):
+                return None, None, ""
+            if value[0].tag == "texture":
+                return None, self.texture(value[0], params), value[0].get("texcoord") or ""
+            inner = value[0]
+            if inner.tag == "param" and len(params.get(inner.get("ref"), ())):
+                inner = params[inner.get("ref")][0]
+            return _numbers(inner).tolist(), None, ""
+
+        def rgb(values: list[float] | None, default: tuple[float, ...]) -> Any:
+            clipped = [min(max(v, 0.0), 1.0) for v in values or ()]
+            return tuple(clipped[:3]) if len(clipped) >= 3 else default
+
+        source = "emission" if shader.tag == "constant" else "diffuse"
+        colour, texture, name = given(source)
+        diffuse = rgb(colour, (1.0, 1.0, 1.0) if texture is not None else GREY)
+        if source == "diffuse" and max(rgb(given("emission")[0], (0,))) > 0.02:
+            self.assets.warn("emission not read", element.get("id"))
+        shiny = shader.tag in ("phong", "blinn")
+        specular = rgb(given("specular")[0], (0.0, 0.0, 0.0)) if shiny else (0.0, 0.0, 0.0)
+        gloss = (given("shininess")[0] or [20.0])[0]
+
+        mode = "A_ONE"
+        if (transparent := shader.find("transparent")) is not None:
+            mode = transparent.get("opaque") or mode
+        factor = (given("transparency")[0] or [1.0])[0]
+        values, picture, _ = given("transparent")
+        opacity = 1.0
+        if picture is not None:
+            level = picture[..., 3] if mode[0] == "A" else picture[..., :3].mean(axis=2)
+            level = (255 - factor * level if mode.endswith("ZERO") else factor * level).clip(0, 255)
+            texture = with_alpha(texture, level.round().astype(np.uint8))
+        elif transparent is not None or shader.find("transparency") is not None:
+            clear = [*(values or ()), 1.0, 1.0, 1.0, 1.0][:4] if values else [1.0] * 4
+            level = factor * (clear[3] if mode[0] == "A" else sum(clear[:3]) / 3)
+            opacity = min(max(1 - level if mode.endswith("ZERO") else level, 0.0), 1.0)
+        elif texture is not None and (texture[..., 3] < 255).any():
+            self.assets.warn("alpha of textures without <transparent> not used", element.get("id"))
+            texture = with_alpha(texture, np.full(texture.shape[:2], 255, np.uint8))
+        gloss = min(max(gloss, 1.0), 1000.0) if gloss >= 1 else 20.0  # some write 0 to 1
+        title = element.get("name") or element.get("id") or ""
+        return Material(diffuse, specular, gloss, opacity, texture, title), name
+
+    def texture(self, element: Element, params: dict[str | None, Element]) -> np.ndarray | None:
+        """The texture of an element <texture>; None and a warning if it is missing."""
+        image = element.get("texture") or ""
+        sampler = params[image].find("sampler2D") if image in params else None
+        if sampler is not None:
+            for axis in ("wrap_s", "wrap_t"):
+                if (wrap := (sampler.findtext(axis) or "WRAP").strip()) != "WRAP":
+                    self.assets.warn(NOT_REPEATED, wrap)
+            instance = sampler.find("instance_image")
+            surface = params.get((sampler.findtext("source") or "").strip())
+            if instance is not None:
+                image = instance.get("url") or ""
+            elif surface is not None:
+                image = surface.findtext("surface/init_from") or ""
+        placed = {
+            "repeatU": 1,
+            "repeatV": 1,
+            "offsetU": 0,
+            "offsetV": 0,
+            "rotateUV": 0,
+            "rotateFrame": 0,
+        }
+        for inner in element.iter():
+            if inner.tag in placed and _numbers(inner, 1)[0] != placed[inner.tag]:
+                self.assets.warn("placement of textures not read", inner.tag)
+        found = self.ids.get(("image", image.strip().removeprefix("#")))
+        file = (
+            ""
+            if found is None
+            else found.findtext("init_from/ref") or found.findtext("init_from") or ""
+        )
+        if not file.strip():
+            self.assets.warn(MISSING_TEXTURE, repr(image))
+            return None
+        return self.assets.texture(re.sub(r"^file:/*", "", file.strip()))
+
+
+_SHADERS = ("phong", "blinn", "lambert", "constant")
+
+
+def _polygons(
+    primitive: Element, stride: int, at: int, positions: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The number of corners of each polygon, and the indices [C, stride] of all corners."""
+
+    def rows(element: Element) -> np.ndarray:
+        values = _numbers(element)
+        if len(values) % stride or (values != np.rint(values)).any():
+            raise _BrokenError(
+                f"{len(values)} indices in <{element.tag}>, expected {stride} a corner"
+            )
+        return values.astype(np.int64).reshape(-1, stride)
+
+    blocks = [rows(element) for element in primitive.findall("p")]
+    empty = np.zeros((0, stride), np.int64)
+    if primitive.tag in ("tristrips", "trifans"):
+        order = strip if primitive.tag == "tristrips" else fan
+        blocks = [block[order(len(block)).ravel()] for block in blocks]
+    if primitive.tag == "polygons":
+        for element in primitive.iterfind("ph"):
+            outline, *holes = [rows(child) for child in element if child.tag in ("p", "h")] or [
+                empty
+            ]
+            corners = np.concatenate([outline, *holes])
+            sizes = [len(outline), *map(len, holes)]
+            where = np.clip(corners[:, at], 0, max(len(positions) - 1, 0))
+            blocks.append(corners[with_holes(positions[where], sizes)])
+        return np.array([len(block) for block in blocks], np.int64), np.concatenate(
+            [empty, *blocks]
+        )
+    corners = np.concatenate([empty, *blocks])
+    if primitive.tag == "polylist":
+        counts = _numbers(primitive.find("vcount")).astype(np.int64)
+        if (counts < 0).any() or counts.sum() != len(corners):
+            raise _BrokenError(f"{len(corners)} corners, expected {counts.sum()}")
+        return counts, corners
+    if len(corners) % 3:
+        raise _BrokenError(f"{len(corners)} corners of triangles")
+    return np.full(len(corners) // 3, 3), corners

@@ -1,0 +1,86 @@
+"""Reader of STL files, text and binary, with the colours of Magics and VisCAM."""
+
+import re
+from typing import Any
+
+import numpy as np
+
+from data_gen.mesh import UnusableModelError, check_face_count
+from data_gen.parts import Part
+from data_gen.readers.model_files import UTF_16_MARKS, as_utf8
+from data_gen.readers.mtl import GREY
+from data_gen.readers.textures import TRAILING, Assets
+
+_HEAD = 84  # bytes of a binary file before the facets: 80 of any content, and their number
+_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("word", "<u2")])
+
+
+def read_stl(data: bytes, assets: Assets) -> dict[str, Any]:
+    """Arrays of an STL file for `mesh.build_model`."""
+    # Both kinds may begin with "solid", but the number of facets of a binary file has a zero byte.
+    count = int.from_bytes(data[80:_HEAD], "little")
+    exact = len(data) == _HEAD + _FACET.itemsize * count
+    if not exact and (data[:2] in UTF_16_MARKS or b"\0" not in data[:_HEAD]):
+        corners, colours = (
+            _from_text(as_utf8(data).decode("utf-8", "replace").lower(), assets),
+            None,
+        )
+    else:
+        corners, colours = _from_binary(data, count, assets)
+    counts, index = np.full(len(corners), 3), np.arange(3 * len(corners))
+    return assets.arrays([Part(corners.reshape(-1, 3), counts, index, colours=colours)])
+
+
+def _from_text(text: str, assets: Assets) -> np.ndarray:
+    """The corners [F, 3, 3] of the facets of a text in small letters."""
+    end = text.rfind("endsolid")
+    if end < 0:
+        assets.warn("no line 'endsolid', the file may be cut off")
+    else:
+        text = text[:end]
+    # Without the names of solids, which may contain anything.
+    text = re.sub(r"(?m)^[ \t]*(?:end)?solid\b.*?(?=\bfacet\s+normal\b|$)", "", text)
+    facets = len(re.findall(r"\bfacet\b", text))
+    check_face_count(facets, assets.max_faces)
+    if not facets:
+        raise UnusableModelError("not readable as STL: neither binary data nor a text with facets")
+    words = re.findall(r"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", text)
+    if len(words) != 3 * facets or text.count("endloop") != facets:
+        what = f"{facets} facets begin, but it has {len(words)} corners"
+        raise UnusableModelError(f"the file is cut off or damaged: {what}")
+    try:
+        return np.array(words, np.float64).reshape(-1, 3, 3)
+    except ValueError as error:
+        raise UnusableModelError(
+            "not readable as STL: a corner that is not three numbers"
+        ) from error
+
+
+def _from_binary(data: bytes, count: int, assets: Assets) -> tuple[np.ndarray, np.ndarray | None]:
+    """The corners [F, 3, 3] of the facets, and display RGBA [3 F, 4] or None."""
+    there, left = divmod(len(data) - _HEAD, _FACET.itemsize)
+    if count == 0 and there > 0 and left == 0:
+        assets.warn("0 facets announced, those after the header are read", there)
+        count = there
+    check_face_count(count, assets.max_faces)
+    if count > there:
+        raise UnusableModelError(
+            f"the file is cut off: {count} facets announced, {max(there, 0)} there"
+        )
+    if over := len(data) - _HEAD - _FACET.itemsize * count:
+        assets.warn(TRAILING, over)
+    facets = np.frombuffer(data, _FACET, count, _HEAD)
+    word = facets["word"]
+    own = word >= 1 << 15  # VisCAM marks a facet with a colour, Magics one without
+    mark = data[:70].find(b"COLOR=")
+    base, shifts = np.array([*GREY, 1.0]), (10, 5, 0)
+    if mark >= 0:
+        base, shifts = np.frombuffer(data, np.uint8, 4, mark + 6) / 255, (0, 5, 10)
+        own = ~own & word.any()
+    elif not own.any():
+        if word.any():
+            assets.warn("attributes of facets without the mark of colours not read")
+        return facets["corners"].astype(np.float64), None
+    levels = [(word >> shift & 31) / 31 for shift in shifts]
+    colours = np.where(own[:, None], np.stack([*levels, np.ones(count)], axis=1), base)
+    return facets["corners"].astype(np.float64), colours.repeat(3, axis=0)

@@ -1,0 +1,85 @@
+import pytest
+from helpers.features import outcome, promised
+from helpers.looks import BLUE, GREY, RED, area, colours
+
+from data_gen.mesh import UnusableModelError
+from data_gen.readers.load import load_model
+
+POINTS = ["0 0 0", "1 0 0", "1 1 0", "0 1 0"]
+FACES = ["3 0 1 2", "3 0 2 3"]
+U = [(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]
+
+
+def off(points=POINTS, faces=FACES, head="OFF\n", after=("", "")):
+    lines = [f"{p} {after[0]}" for p in points]
+    lines += [f"{face} {after[1]}" for face in faces]
+    return head + f"{len(points)} {len(faces)} 0\n" + "\n".join([*lines, ""])
+
+
+def test_features_are_read_as_the_table_says(write):
+    texts = {
+        "concave polygons": off([f"{x} {y} 0" for x, y in U], ["8 0 1 2 3 4 5 6 7"]),
+        "faces with missing vertices": off(faces=[*FACES, "3 0 1 4"]),
+        "coordinates that are not finite": off([*POINTS[:3], "0 nan 0"]),
+        "colours of vertices": off(head="COFF\n", after=("255 0 0 255", "")),
+        "colours of faces": off(after=("", "255 0 0")),
+        "colours of faces beside those of vertices": off(
+            head="COFF\n", after=("255 0 0 255", "0 0 1")
+        ),
+        "alpha 0 in all colours": off(head="COFF\n", after=("255 0 0 0", "")),
+        "indices of a colour map": off(after=("", "3")),
+        "bytes after the end": off() + "1 2\n",
+        "points with other than three coordinates": off(head="4OFF\n", after=("1", "")),
+        "binary OFF": "OFF BINARY\n\0\0\0\4",
+        "cut-off files": off()[:-10],
+        "a byte-order mark": "\ufeff" + off(),
+        "line ends of old Macs": off().replace("\n", "\r"),
+    }
+    assert {f: outcome(write("a.off", text)) for f, text in texts.items()} == promised("OFF")
+
+
+@pytest.mark.parametrize(
+    ("head", "after", "shown"),
+    [
+        ("OFF\n", ("", ""), GREY),
+        ("COFF\n", ("1 0 0 1", ""), RED),
+        ("COFF\n", ("0 0 255", ""), BLUE),
+        ("NOFF\n", ("0 0 1", ""), GREY),
+        ("NCOFF\n", ("0 0 1 255 0 0 255", ""), RED),
+        ("CNOFF\n", ("0 0 1 1.0 0 0 1", "3 0 1"), RED),
+        ("STOFF\n", ("0.5 0.5", ""), GREY),
+        ("STCNOFF\n", ("0 0 1 0 0 1 1 0.5 0.5", ""), BLUE),
+        ("OFF\n", ("", "255 0 0"), RED),
+        ("OFF\n", ("", "0 0 1.0 0.5"), BLUE),
+        ("OFF ", ("", ""), GREY),
+        ("OFF", ("", ""), GREY),  # as in some files of ModelNet
+        ("", ("", ""), GREY),
+        ("# a\n\n OFF # b\n# c\n", ("# d", "# e"), GREY),
+        ("\ufeffOFF\r\n", ("", ""), GREY),
+    ],
+)
+def test_off_headers_and_colours(write, head, after, shown):
+    model = load_model(write("a.off", off(head=head, after=after)))
+    assert (area(model), colours(model)) == (1, [shown] * 2)
+
+
+def test_off_polygons_free_form_and_refusals(write):
+    model = load_model(write("a.off", off([f"{x} {y} 0" for x, y in U], ["8 0 1 2 3 4 5 6 7"])))
+    assert area(model) == pytest.approx(7 / 9)
+    assert len(load_model(write("a.off", off(faces=["4 0 1 2 3", "3 0 1 2"]))).faces) == 3
+    assert area(load_model(write("a.off", " ".join(off().split())))) == 1
+    assert area(load_model(write("a.off", off().replace("4 2 0\n", "4\n2\n0\n")))) == 1
+    for words, text in {
+        "4OFF is not read": off(head="4OFF\n"),
+        "nOFF is not read": off(head="nOFF\n3\n"),
+        "binary OFF is not read": "OFF BINARY\n",
+        "cut off: 2 faces announced, 1 there": off().rpartition("3 0")[0],
+        "cut off: 4 vertices announced, 3 there": off(faces=[]).replace("0 1 0", ""),
+        "more than the limit": off().replace("4 2 0", "4 999999999 0"),
+        "a word that is not a number": off(faces=["3 0 1 x"]),
+        "not a number": off(faces=["-3 0 1 2"]),
+        "the numbers of vertices": "OFF\nabc\n",
+        "does not begin with a line 'OFF'": "abc\n",
+    }.items():
+        with pytest.raises(UnusableModelError, match=words):
+            load_model(write("a.off", text))

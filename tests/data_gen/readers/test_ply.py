@@ -1,0 +1,171 @@
+import numpy as np
+import pytest
+from helpers.features import outcome, promised
+from helpers.looks import BLUE, GREY, RED, area, colours
+from helpers.obj_text import png
+
+from data_gen.mesh import UnusableModelError
+from data_gen.readers.load import load_model
+
+SQUARE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+HALVES = [(0, 1, 2), (0, 2, 3)]
+U = [(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]
+RGB = "uchar red,uchar green,uchar blue"
+
+
+def rows(*columns):
+    return [" ".join(map(str, row)) for row in columns]
+
+
+def ply(vertices=(), faces=(), properties="", of_faces="", head="", more="", form="ascii"):
+    """A file of lines of numbers; other properties follow x, y, z and the corners of faces."""
+    vertices = vertices or rows(*SQUARE)
+    faces = rows(*((3, *f) for f in HALVES)) if faces == () else faces
+    lines = ["ply", f"format {form} 1.0", *head.split("|"), f"element vertex {len(vertices)}"]
+    lines += [f"property float {c}" for c in "xyz"]
+    lines += [f"property {p}" for p in properties.split(",")] if properties else []
+    if faces:
+        lines += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+    lines += [f"property {p}" for p in of_faces.split(",")] if of_faces else []
+    text = "\n".join([*filter(None, lines), *filter(None, more.split("|")), "end_header", ""])
+    return text + ("\n".join([*vertices, *faces, ""]) if form == "ascii" else "")
+
+
+def with_each(lines, text):
+    return [f"{line} {text}" for line in lines]
+
+
+STRIPS = "element tristrips 1|property list int int vertex_indices"
+PLAIN, TRIANGLES = rows(*SQUARE), rows(*((3, *f) for f in HALVES))
+
+
+def test_features_are_read_as_the_table_says(write):
+    write("x.png", png((255, 0, 0)))
+    st, red = with_each(PLAIN, "0 0"), with_each(PLAIN, "255 0 0")
+    uv, image = "float s,float t", "comment TextureFile x.png"
+    texts = {
+        "concave polygons": ply(rows(*((*p, 0) for p in U)), ["8 0 1 2 3 4 5 6 7"]),
+        "faces with missing vertices": ply(faces=["3 0 1 2", "3 0 2 9"]),
+        "missing textures": ply(st, properties=uv, head="comment TextureFile gone.png"),
+        "coordinates that are not finite": ply([*PLAIN[:3], "nan 1 0"]),
+        "colours of vertices": ply(red, properties=RGB),
+        "colours of faces": ply(faces=with_each(TRIANGLES, "255 0 0"), of_faces=RGB),
+        "colours of faces beside those of vertices": ply(
+            red, with_each(TRIANGLES, "255 0 0"), RGB, RGB
+        ),
+        "colours of faces with a texture": ply(
+            with_each(st, "255 0 0"), properties=f"{uv},{RGB}", head=image
+        ),
+        "alpha 0 in all colours": ply(with_each(red, "0"), properties=f"{RGB},uchar alpha"),
+        "several textures": ply(
+            faces=with_each(TRIANGLES, "6 0 0 1 0 1 1 1"), head=f"{image}|{image}",
+            of_faces="list uchar float texcoord,int texnumber",
+        ),
+        "lines and points": ply(more="element edge 1|property int vertex1") + "0\n",
+        "strips and fans of triangles": ply(faces=[], more=STRIPS) + "4 0 1 3 2\n",
+        "bytes after the end": ply() + "more\n",
+        "cut-off files": ply()[:-12],
+        "a byte-order mark": "\ufeff" + ply(),
+        "line ends of old Macs": ply().replace("\n", "\r"),
+    }  # fmt: skip
+    assert {f: outcome(write("a.ply", text)) for f, text in texts.items()} == promised("PLY")
+
+
+@pytest.mark.parametrize("form", ["binary_little_endian", "binary_big_endian"])
+@pytest.mark.parametrize("mixed", [False, True])
+def test_ply_binary(write, form, mixed):
+    order = "<" if "little" in form else ">"
+    faces = [(0, 1, 2, 3)] if mixed else []
+    data = ply(faces=["-"] * (2 + mixed), of_faces="list uchar float texcoord", form=form).encode()
+    data += np.array(SQUARE, f"{order}f4").tobytes()
+    for face in HALVES + faces:
+        data += bytes([len(face)]) + np.array(face, f"{order}i4").tobytes() + b"\6"
+        data += np.arange(6, dtype=f"{order}f4").tobytes()
+    model = load_model(write("a.ply", data))
+    assert len(model.faces) == 2 + 2 * mixed
+    assert area(model) == pytest.approx(1 + mixed)
+    assert any("texcoord" in w for w in model.warnings) == mixed  # 6 numbers for 4 corners
+    more = load_model(write("a.ply", data + b"abc")).warnings
+    assert "lines or bytes after the data not read: 3" in more
+    for cut in (len(data) - 3, len(data) - 60):
+        with pytest.raises(UnusableModelError, match=r"cut off: element '\w+': \d announced"):
+            load_model(write("a.ply", data[:cut]))
+    # After a carriage return, the first byte of the data may be that of a line feed.
+    head, _, body = data.partition(b"end_header\n")
+    for first in (b"\x0a\x0a\x0a\x0a", b"\0\0\0\0"):
+        old_mac = head.replace(b"\n", b"\r") + b"end_header\r" + first + body[4:]
+        assert len(load_model(write("a.ply", old_mac)).faces) == 2 + 2 * mixed
+
+
+@pytest.mark.parametrize(
+    ("properties", "more", "shown"),
+    [
+        (RGB, "255 0 0", RED),
+        ("float red,float green,float blue", "1 0 0", RED),
+        ("float red,float green,float blue", "255.0 0 0", RED),
+        ("double r,double g,double b", "0 0 1", BLUE),
+        ("ushort red,ushort green,ushort blue", "65535 0 0", RED),
+        ("uchar diffuse_red,uchar diffuse_green,uchar diffuse_blue", "0 0 255", BLUE),
+        (f"float s,float t,{RGB}", "0 0 255 0 0", RED),
+        ("float s,float t", "0 0", GREY),
+    ],
+)
+def test_ply_colours(write, properties, more, shown):
+    path = write("a.ply", ply(with_each(PLAIN, more), properties=properties))
+    assert colours(load_model(path)) == [shown] * 2
+
+
+def test_ply_textures_are_files_of_the_folder(write):
+    def textured(name):
+        text = ply(
+            with_each(PLAIN, "0 0"),
+            properties="float s,float t",
+            head=f"comment TextureFile {name}",
+        )
+        return load_model(write("a.ply", text))
+
+    missing = "textures missing, the plain colour is used: '/dev/zero'"
+    assert textured("/dev/zero").warnings == (missing,)
+    write("a b.png", png((255, 0, 0)))
+    assert colours(textured("a%20b.png")) == [RED] * 2  # a name as in glTF files
+
+
+def test_ply_several_textures(write):
+    write("red.png", png((255, 0, 0)))
+    write("blue one.png", png((0, 0, 255)))
+    head = "comment TextureFile red.png|comment TextureFile blue one.png"
+    wedges, number = "list uchar float texcoord", ",int texnumber"
+    faces = [f"{face} 6 0 0 1 0 1 1 {k}" for k, face in enumerate(TRIANGLES)]
+    text = ply(faces=faces, head=head, of_faces=wedges + number)
+    assert colours(load_model(write("a.ply", text))) == [RED, BLUE]
+    text = ply(faces=[face[:-2] for face in faces], head=head, of_faces=wedges)
+    model = load_model(write("a.ply", text))
+    assert colours(model) == [RED, RED]
+    assert "texnumber" in model.warnings[0]
+
+
+def test_ply_headers_and_strips(write):
+    text = (
+        ply(head="comment Jürgen|obj_info a|").replace("element", "\n  element ").encode("latin-1")
+    )
+    blank = text.replace(b"0 1 0\n", b"0 1 0\n\n \n")
+    other = text.replace(b"indices", b"index")
+    for data in (text, b"\xef\xbb\xbf" + text, text.replace(b"\n", b"\r\n"), blank, other):
+        model = load_model(write("a.ply", data))
+        assert (area(model), model.warnings) == (1, ())
+    points = rows(*((k // 2, k % 2, 0) for k in range(8)))
+    strips = ply(points, faces=[], more=STRIPS) + "9 0 1 2 3 4 -1 4 5 7\n"
+    model = load_model(write("a.ply", strips))
+    assert len(model.faces) == 4
+    assert len({tuple(n) for n in model.normals[:3, 0].round(3)}) == 1  # the same side of a strip
+    for words, text in {
+        "it has 4 points, but no faces": ply(faces=[]),
+        "no x, y and z": ply().replace("float z", "float w"),
+        "does not begin with a line 'ply'": "x" + ply(),
+        "no line 'end_header'": ply().replace("end_header", ""),
+        "more than the limit": ply().replace("face 2", "face 999999999"),
+        "cut off or damaged": ply().replace("vertex 4", "vertex 999999999"),
+        "'vertex': 4 announced, row 0: malformed": ply().replace("0 0 0", "a 0 0"),
+    }.items():
+        with pytest.raises(UnusableModelError, match=words):
+            load_model(write("a.ply", text))

@@ -1,0 +1,60 @@
+import bz2
+import gzip
+import io
+import lzma
+import re
+import zipfile
+
+import pytest
+from helpers.obj_text import CUBE, FACES
+
+from data_gen.mesh import UnusableModelError
+from data_gen.readers import load
+from data_gen.readers.load import READERS, load_model
+
+OBJ = CUBE + FACES
+
+
+def zipped(text):
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr("a.obj", text)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("kind", sorted(READERS))
+def test_reasons(write, kind):
+    for words, content in {
+        "it is a Git LFS pointer": b"version https://git-lfs.github.com/spec/v1\noid sha256:00\n",
+        "it is a web page": b"\n <!DOCTYPE HTML><html>",
+        "it is empty": b"",
+        "contains only zeros": bytes(1000),
+        "compressed by gzip": gzip.compress(OBJ.encode()),
+        "compressed by bzip2": bz2.compress(OBJ.encode()),
+        "compressed by xz": lzma.compress(OBJ.encode()),
+        "compressed by zip|no .dae file|not readable as 3MF": zipped(OBJ),
+    }.items():
+        with pytest.raises(UnusableModelError, match=words):
+            load_model(write(f"a.{kind}", content))
+
+
+def test_reasons_have_no_words_of_python(write, monkeypatch):
+    def broken(data, assets):
+        raise UnboundLocalError("cannot access local variable 'access'")
+
+    monkeypatch.setitem(load.READERS, "obj", broken)
+    with pytest.raises(UnusableModelError) as caught:
+        load_model(write("a.obj", OBJ))
+    assert str(caught.value) == "not readable as OBJ: the file is damaged"
+    assert not re.search(r"\w+Error", str(caught.value))
+
+
+def test_reasons_of_compressed_files(write):
+    assert len(load_model(write("a.obj.gz", gzip.compress(OBJ.encode()))).faces) == 12
+    for words, content in {
+        "cut off": gzip.compress(OBJ.encode())[:-20],
+        "not readable as gzip": b"abc",
+        "limit of 268435456 bytes": gzip.compress(b" " * ((256 << 20) + 1), 1),
+    }.items():
+        with pytest.raises(UnusableModelError, match=words):
+            load_model(write("a.obj.gz", content))
