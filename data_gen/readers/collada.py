@@ -157,7 +157,9 @@ class _Document:
                         parts += self.instance(geometry, child, matrix)
                     elif child.tag == "instance_controller":
                         geometry, shape = self.controlled(self.find(child.get("url"), "controller"))
-                        parts += self.instance(geometry, child, turn @ shape)
+                        # Joints move a skin, the node in which it is does not.
+                        here = matrix if shape is None else turn @ shape
+                        parts += self.instance(geometry, child, here)
                     elif child.tag == "geometry" and node.tag == "library_geometries":
                         parts += self.instance(child, child, matrix)
                 except _BrokenError as error:
@@ -169,21 +171,20 @@ class _Document:
         name = element.get("id") or element.get("url") or element.get("name") or element.tag
         self.assets.warn(f"{what} not readable, left out", f"{name} ({error})")
 
-    def controlled(self, controller: Element) -> tuple[Element, np.ndarray]:
-        """The geometry of a controller, and its matrix in bind pose, when joints do not move it."""
-        shape = np.eye(4)
+    def controlled(self, controller: Element) -> tuple[Element, np.ndarray | None]:
+        """The geometry of a controller, and the matrix of a skin in bind pose."""
+        shape = None
         for _ in range(3):  # a skin of a morph of a geometry
-            if (skin := controller.find("skin")) is not None:
-                given = skin.find("bind_shape_matrix")
-                shape = shape if given is None else shape @ _numbers(given, 16).reshape(4, 4)
+            kind = controller.find("skin")
+            if kind is not None:
+                given = kind.find("bind_shape_matrix")
+                shape = np.eye(4) if given is None else _numbers(given, 16).reshape(4, 4)
                 self.assets.warn("skins are read in bind pose", controller.get("id"))
-            elif (skin := controller.find("morph")) is not None:
-                self.assets.warn(
-                    "morph targets not read, the base shape is used", controller.get("id")
-                )
+            elif (kind := controller.find("morph")) is not None:
+                self.assets.warn("morph targets not read, base shapes are", controller.get("id"))
             else:
                 raise _BrokenError("a controller without skin and morph")
-            controller = self.find(skin.get("source"), "geometry", "controller")
+            controller = self.find(kind.get("source"), "geometry", "controller")
             if controller.tag == "geometry":
                 return controller, shape
         raise _BrokenError("controllers of controllers")
@@ -201,14 +202,12 @@ class _Document:
         parts = []
         for primitive in mesh:
             if primitive.tag in ("lines", "linestrips"):
-                self.assets.warn("lines not read", geometry.get("id"))
+                self.assets.warn("lines and points not read", geometry.get("id"))
             elif primitive.tag in ("triangles", "polylist", "polygons", "tristrips", "trifans"):
                 try:
-                    part = self.part(primitive, bound, matrix)
+                    parts.append(self.part(primitive, bound, matrix))
                 except _BrokenError as error:
-                    raise _BrokenError(f"geometry {geometry.get('id')!r}: {error}") from None
-                if len(part.counts):
-                    parts.append(part)
+                    self.leave_out("parts of geometries", geometry, error)
         return parts
 
     def part(

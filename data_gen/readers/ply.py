@@ -59,9 +59,11 @@ def read_ply(data: bytes, assets: Assets) -> dict[str, Any]:
         materials = [None if t is None else Material(white, texture=t) for t in textures]
         number = _columns(faces, ("texnumber",))
         if number is not None:
-            owner[: len(own)] = np.clip(number[:, 0], 0, len(materials) - 1)
-            if (owner[: len(own)] != number[:, 0]).any():
-                assets.warn("texnumber of missing textures, another one is used", len(materials))
+            inside = (number[:, 0] >= 0) & (number[:, 0] < len(materials))
+            owner[: len(own)] = np.where(inside, number[:, 0], len(materials))
+            if (number[~inside, 0] != -1).any():  # which means none
+                assets.warn("texnumber of missing textures, the plain colour is used")
+            materials.append(None)
         elif len(materials) > 1:
             assets.warn("no texnumber, only the first texture is used", len(materials))
 

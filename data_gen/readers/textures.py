@@ -13,7 +13,7 @@ from PIL import Image, UnidentifiedImageError
 
 from data_gen.mesh import MAX_FACES, Material
 from data_gen.parts import Part, joined
-from data_gen.readers.model_files import Files
+from data_gen.readers.model_files import Files, reason
 from psgn_jax.system.untrusted import one_line
 
 MAX_DECODED_PIXELS = 40_000_000
@@ -73,8 +73,11 @@ def decode_texture(data: bytes | Image.Image, side: int = TEXTURE_SIDE) -> np.nd
                 top = 65535 if picture.mode != "F" else max(values.max(), 1e-30)
                 picture = Image.fromarray((255 * np.clip(values / top, 0, 1)).astype(np.uint8))
             return np.asarray(picture.convert("RGBA"))
-        except (UnidentifiedImageError, OSError, SyntaxError, struct.error, EOFError) as error:
-            raise ValueError(f"not readable as an image ({error})"[:200]) from error
+        except UnidentifiedImageError as error:
+            why = reason(data) if isinstance(data, bytes) else None
+            raise ValueError(why or "not an image of a known format") from error
+        except (OSError, SyntaxError, struct.error, EOFError) as error:
+            raise ValueError("the image is damaged or cut off") from error
 
 
 def _small(picture: Image.Image, side: int) -> Image.Image:

@@ -206,7 +206,7 @@ def test_collada_nothing_vanishes(write):
     broken = one.replace("'v'", "'w'").replace("#v", "#w").replace("'p'", "'q'").replace("#p", "#q")
     broken = broken.replace("'g'", "'g2'").replace("1 0 0", "1,5 0 0")
     model = load_model(write("a.dae", dae(one + broken, TWO.format("g2"))))
-    assert "geometry 'g2': a word in <float_array> that is not a number" in model.warnings[0]
+    assert "g2 (a word in <float_array> that is not a number" in model.warnings[0]
     matrix = "<bind_shape_matrix>2 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</bind_shape_matrix>"
     skin = f"<skin source='#g'>{matrix}</skin>"
     moved = CONTROLLED.replace("<instance", "<translate>5 0 0</translate><instance")

@@ -138,6 +138,9 @@ def test_ply_several_textures(write):
     faces = [f"{face} 6 0 0 1 0 1 1 {k}" for k, face in enumerate(TRIANGLES)]
     text = ply(faces=faces, head=head, of_faces=wedges + number)
     assert colours(load_model(write("a.ply", text))) == [RED, BLUE]
+    none = [faces[0], faces[1][:-1] + "-1"]
+    model = load_model(write("a.ply", ply(faces=none, head=head, of_faces=wedges + number)))
+    assert (colours(model), model.warnings) == ([RED, GREY], ())
     text = ply(faces=[face[:-2] for face in faces], head=head, of_faces=wedges)
     model = load_model(write("a.ply", text))
     assert colours(model) == [RED, RED]

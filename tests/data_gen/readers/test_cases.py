@@ -1,0 +1,75 @@
+"""Files that other readers have read wrongly, if they are there; the other tests make their own."""
+
+import os
+import pathlib
+
+import pytest
+from helpers.looks import BLUE, GREY, RED, area, colours
+
+from data_gen.mesh import UnusableModelError
+from data_gen.readers.load import load_model
+
+CASES = pathlib.Path(os.environ.get("PSGN_CASES", "/work/shared/cases"))
+pytestmark = pytest.mark.skipif(not CASES.is_dir(), reason="the files are not here")
+
+# Faces, the area, the colours, and a word of a warning.
+READ = {
+    "ply/concave.ply": (6, 7 / 9, {GREY}, ""),
+    "ply/concave_quad.ply": (2, 1 / 4, {GREY}, ""),
+    "ply/tri_and_quad_binary.ply": (12, 26 / 9, {GREY}, ""),
+    "ply/tri_and_quad_ascii.ply": (12, 26 / 9, {GREY}, ""),
+    "ply/uv_and_vertex_colours.ply": (2, 1, {RED}, ""),
+    "ply/uv_without_image.ply": (2, 1, {GREY}, ""),
+    "ply/blank_line_before_faces.ply": (2, 1, {GREY}, ""),
+    "ply/ascii_cr_line_ends.ply": (2, 1, {GREY}, ""),
+    "ply/latin1_comment.ply": (2, 1, {GREY}, ""),
+    "ply/tri_and_quad_texcoord.ply": (3, 3 / 8, {GREY}, "halves.png"),
+    "ply/vertex_alpha_0.ply": (2, 1, {RED}, "alpha 0"),
+    "ply/two_textures.ply": (2, 1, {RED, BLUE}, ""),
+    "off/concave.off": (6, 7 / 9, {GREY}, ""),
+    "off/poly_35.off": (4, 2 / 3, {GREY}, ""),
+    "collada/concave.dae": (6, 7 / 9, {GREY}, ""),
+    "collada/half.dae": (12, 22 / 9, {RED}, ""),
+    "collada/xup.dae": (12, 22 / 9, {RED}, ""),
+    "collada/missing_material.dae": (4, 2 / 9, {RED, GREY}, "#gone"),
+    "collada/skinned_part.dae": (4, 2, {RED, GREY}, "bind pose: c"),
+    "collada/broken_second_geometry.dae": (2, 1, {RED}, "g2"),
+    "collada/second_uv_set.dae": (2, 1, {GREY}, "halves.png"),
+    "collada/no_namespace.dae": (2, 1, {RED}, ""),
+    "colours/coff.off": (12, 22 / 9, {RED}, ""),
+    "colours/diffuse_red.ply": (12, 22 / 9, {RED}, ""),
+    "colours/reference.ply": (12, 22 / 9, {RED}, ""),
+    "colours/vcol.obj": (12, 22 / 9, {RED}, ""),
+    "mtl/plain.obj": (12, 22 / 9, {RED}, ""),
+    "mtl/scale.obj": (12, 22 / 9, {BLUE}, ""),
+    "mtl/latin1_names.obj": (2, 1, {RED, BLUE}, ""),
+    "stl/plain.stl": (12, 22 / 9, {GREY}, ""),
+    "stl/bom.stl": (12, 22 / 9, {GREY}, ""),
+    "stl/ascup.stl": (12, 22 / 9, {GREY}, ""),
+    "stl/cr.stl": (2, 1, {GREY}, ""),
+    "stl/long_name.stl": (2, 1, {GREY}, ""),
+    "reasons/cr.obj": (12, 22 / 9, {GREY}, ""),
+}
+
+REFUSED = {
+    "ply/truncated.ply": "4 announced, 1 there",
+    "reasons/lfs.obj": "Git LFS pointer",
+    "reasons/zeroidx.obj": "index 0, but 1 is the first",
+    "reasons/tr1.obj": "all faces are transparent, opacity 0 of material 'a'",
+}
+
+
+@pytest.mark.parametrize("name", READ)
+def test_cases_that_are_read(name):
+    faces, size, shown, word = READ[name]
+    model = load_model(CASES / name)
+    assert (len(model.faces), set(colours(model))) == (faces, shown)
+    assert area(model) == pytest.approx(size, abs=1e-3)
+    assert word in " ".join(model.warnings)
+    assert word or model.warnings == ()
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_cases_that_are_refused(name):
+    with pytest.raises(UnusableModelError, match=REFUSED[name]):
+        load_model(CASES / name)
