@@ -33,8 +33,9 @@ def read_3mf(data: bytes, assets: Assets) -> dict[str, Any]:
     finally:
         log.disabled = before
     parts = []
-    for matrix, name in (scene.graph[node] for node in scene.graph.nodes_geometry):
-        mesh = scene.geometry[name]
+    for node in scene.graph.nodes_geometry:
+        matrix, geometry = scene.graph[node]
+        mesh = scene.geometry[geometry]
         corners = np.asarray(mesh.faces, np.int64)
         if np.linalg.det(matrix[:3, :3]) < 0:
             corners = corners[:, ::-1]
