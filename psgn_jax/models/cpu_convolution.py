@@ -1,8 +1,9 @@
-"""Convolutions on a CPU by oneDNN, with their gradients; elsewhere and otherwise XLA's.
+"""Convolutions on a CPU: by oneDNN, or by XLA without dilation, with their gradients.
 
 XLA is up to a hundred times slower than PyTorch where a dilation appears: in transposed
 convolutions and in the input gradients of strided ones. With oneDNN, whose kernels PyTorch uses, a
-training step takes about half as long.
+training step takes about half as long. Where it is missing, XLA convolves blocks of pixels with
+stride 1, whose gradients have no dilation either.
 
 The environment variable `PSGN_CONVOLUTIONS` selects `onednn` (an error where it is missing) or
 `xla`; it is read when a function is traced. With oneDNN there is no forward-mode derivative.
@@ -30,7 +31,7 @@ _plain: contextvars.ContextVar[bool] = contextvars.ContextVar("plain_convolution
 
 @contextlib.contextmanager
 def plain_convolutions() -> Iterator[None]:
-    """Context in which XLA's own convolutions are traced: with oneDNN, nothing can be exported."""
+    """Context in which XLA's own convolutions are traced, for exports."""
     token = _plain.set(True)
     try:
         yield
@@ -38,26 +39,46 @@ def plain_convolutions() -> Iterator[None]:
         _plain.reset(token)
 
 
-def convolve(x: Array, kernel: Array, stride: int, groups: int) -> Array | None:
-    """`layers.convolve` if there is a faster way than XLA's; `groups` is 1 or the channels of x."""
-    if groups > 1:
-        return _convolve_depthwise(x, kernel, stride) if _on_cpu() else None
-    if not _uses_onednn():
-        return None
-    return (_convolve_images if x.ndim == 4 else _convolve_volumes)(x, kernel, stride)
-
-
 def _on_cpu() -> bool:
     return not _plain.get() and jax.default_backend() == "cpu"
 
 
-def _uses_onednn() -> bool:
+def convolve(x: Array, kernel: Array, stride: int, groups: int) -> Array | None:
+    """`layers.convolve` on a CPU; `groups` is 1 or the channels of x."""
+    if not _on_cpu():
+        return None
+    if groups > 1:
+        return _convolve_depthwise(x, kernel, stride)
+    return (_convolve_images if x.ndim == 4 else _convolve_volumes)(x, kernel, stride)
+
+
+def convolve_transposed(x: Array, kernel: Array, stride: int) -> Array | None:
+    """`layers.convolve_transposed` on a CPU: the input gradient of a strided convolution."""
+    if not _on_cpu():
+        return None
+
+    def padding(k: int) -> tuple[int, int]:
+        # `jax.lax.conv_transpose` pads the dilated input by `before`; this is the corresponding
+        # padding of the output.
+        before = k - 1 if stride > k - 1 else -(-(k + stride - 2) // 2)
+        low = k - 1 - before
+        return low, k - stride - low
+
+    kernel = jnp.flip(kernel, (0, 1)).swapaxes(2, 3)
+    both = padding(kernel.shape[0]), padding(kernel.shape[1])
+    larger = x.shape[0], stride * x.shape[1], stride * x.shape[2], kernel.shape[2]
+    convolution = Convolution(larger, kernel.shape, x.shape, stride, both, x.dtype.name)
+    if _uses_onednn(convolution):
+        return _by_onednn("input_gradient", x, kernel, convolution)
+    result = jax.ShapeDtypeStruct(larger, x.dtype)
+    return jax.linear_transpose(lambda y: _by_xla(y, kernel, convolution), result)(x)[0]
+
+
+def _uses_onednn(convolution: Convolution) -> bool:
     """Whether oneDNN computes: on one device, or on each device's share under `jax.shard_map`.
 
     Otherwise, if XLA may split a batch over several devices, it would have to collect it on each.
     """
-    if not _on_cpu():
-        return False
     asked = os.environ.get("PSGN_CONVOLUTIONS", "")
     if asked not in ("", "onednn", "xla"):
         raise ValueError(f"PSGN_CONVOLUTIONS={asked!r}: accepted: onednn, xla, or unset")
@@ -68,7 +89,36 @@ def _uses_onednn() -> bool:
         raise ValueError(f"PSGN_CONVOLUTIONS=onednn: it was not found: {why_not}")
     if library is None:
         return False
-    return jax.device_count() == 1 or bool(jax.sharding.get_abstract_mesh().manual_axes)
+    one = jax.device_count() == 1 or bool(jax.sharding.get_abstract_mesh().manual_axes)
+    return one and onednn.computes(convolution)
+
+
+def _same_padding(n: int, k: int, stride: int) -> tuple[int, int]:
+    total = max(0, (-(-n // stride) - 1) * stride + k - n)
+    return total // 2, total - total // 2
+
+
+def _convolve_images(x: Array, kernel: Array, stride: int) -> Array:
+    (h, w), (kh, kw) = x.shape[1:3], kernel.shape[:2]
+    padding = _same_padding(h, kh, stride), _same_padding(w, kw, stride)
+    y = x.shape[0], -(-h // stride), -(-w // stride), kernel.shape[3]
+    convolution = Convolution(x.shape, kernel.shape, y, stride, padding, x.dtype.name)
+    if _uses_onednn(convolution):
+        return _by_onednn("forward", x, kernel, convolution)
+    return _by_xla(x, kernel, convolution)
+
+
+def _convolve_volumes(x: Array, kernel: Array, stride: int) -> Array:
+    """A volume as a batch of slices: the neighbours of a slice are channels of one convolution."""
+    _, depth, height, width, c_in = x.shape
+    kd, kh, kw, _, c_out = kernel.shape
+    planes = -(-depth // stride)
+    x = jnp.pad(x, ((0, 0), _same_padding(depth, kd, stride), (0, 0), (0, 0), (0, 0)))
+    shifted = [x[:, tap : tap + (planes - 1) * stride + 1 : stride] for tap in range(kd)]
+    slices = jnp.concatenate(shifted, axis=-1).reshape(-1, height, width, kd * c_in)
+    flat = kernel.transpose(1, 2, 0, 3, 4).reshape(kh, kw, kd * c_in, c_out)
+    y = _convolve_images(slices, flat, stride)
+    return y.reshape(-1, planes, *y.shape[1:])
 
 
 def _convolve_depthwise(x: Array, kernel: Array, stride: int) -> Array:
@@ -84,77 +134,34 @@ def _convolve_depthwise(x: Array, kernel: Array, stride: int) -> Array:
     return total
 
 
-def _same_padding(n: int, k: int, stride: int) -> tuple[int, int]:
-    total = (-(-n // stride) - 1) * stride + k - n
-    low = max(0, total) // 2
-    return low, total - low
-
-
-def _convolve_images(x: Array, kernel: Array, stride: int) -> Array:
-    (h, w), (kh, kw) = x.shape[1:3], kernel.shape[:2]
-    padding = _same_padding(h, kh, stride), _same_padding(w, kw, stride)
-    y = x.shape[0], -(-h // stride), -(-w // stride), kernel.shape[3]
-    described = Convolution(x.shape, kernel.shape, y, stride, padding, x.dtype.name)
-    return _part("forward", x, kernel, described)
-
-
-def convolve_transposed(x: Array, kernel: Array, stride: int) -> Array | None:
-    """`layers.convolve_transposed`, if there is a faster way than XLA's."""
-    if not _uses_onednn():
-        return None
-
-    def padding(k: int) -> tuple[int, int]:
-        # `jax.lax.conv_transpose` pads the dilated input by `before`; this is the corresponding
-        # padding of the output.
-        before = k - 1 if stride > k - 1 else -(-(k + stride - 2) // 2)
-        low = k - 1 - before
-        return low, k - stride - low
-
-    kernel = jnp.flip(kernel, (0, 1)).swapaxes(2, 3)
-    both = padding(kernel.shape[0]), padding(kernel.shape[1])
-    larger = x.shape[0], stride * x.shape[1], stride * x.shape[2], kernel.shape[2]
-    described = Convolution(larger, kernel.shape, x.shape, stride, both, x.dtype.name)
-    return _part("input_gradient", x, kernel, described)
-
-
-def _convolve_volumes(x: Array, kernel: Array, stride: int) -> Array:
-    """A volume as a batch of slices: the neighbours of a slice are channels of one convolution."""
-    _, depth, height, width, c_in = x.shape
-    kd, kh, kw, _, c_out = kernel.shape
-    planes = -(-depth // stride)
-    total = max(0, (planes - 1) * stride + kd - depth)
-    low = total // 2
-    x = jnp.pad(x, ((0, 0), (low, total - low), (0, 0), (0, 0), (0, 0)))
-    shifted = [x[:, tap : tap + (planes - 1) * stride + 1 : stride] for tap in range(kd)]
-    slices = jnp.concatenate(shifted, axis=-1).reshape(-1, height, width, kd * c_in)
-    flat = kernel.transpose(1, 2, 0, 3, 4).reshape(kh, kw, kd * c_in, c_out)
-    y = _convolve_images(slices, flat, stride)
-    return y.reshape(-1, planes, *y.shape[1:])
+def _by_xla(x: Array, kernel: Array, convolution: Convolution) -> Array:
+    """Stride s is stride 1 over blocks: s x s pixels become channels (space to depth)."""
+    s, padding, layout = convolution.stride, convolution.padding, ("NHWC", "HWIO", "NHWC")
+    if s > 1:
+        (b, *size, c), (*taps, _, c_out) = x.shape, kernel.shape
+        many = [-(-k // s) for k in taps]  # blocks that the kernel covers
+        high, wide = (o - 1 + m for o, m in zip(convolution.y[1:3], many, strict=True))
+        pads = [
+            (low, s * m - n - low, 0)
+            for (low, _), m, n in zip(padding, (high, wide), size, strict=True)
+        ]
+        x = lax.pad(x, jnp.zeros((), x.dtype), [(0, 0, 0), *pads, (0, 0, 0)])
+        x = x.reshape(b, high, s, wide, s, c).transpose(0, 1, 3, 2, 4, 5)
+        x = x.reshape(b, high, wide, s * s * c)
+        more = [(0, s * m - k) for m, k in zip(many, taps, strict=True)]
+        kernel = jnp.pad(kernel, [*more, (0, 0), (0, 0)])
+        kernel = kernel.reshape(many[0], s, many[1], s, c, c_out).transpose(0, 2, 1, 3, 4, 5)
+        kernel, padding = kernel.reshape(*many, s * s * c, c_out), ((0, 0), (0, 0))
+    return lax.conv_general_dilated(x, kernel, (1, 1), padding, dimension_numbers=layout)
 
 
 @functools.partial(jax.custom_vjp, nondiff_argnums=(0, 3))
-def _part(part: onednn.Part, first: Array, second: Array, convolution: Convolution) -> Array:
-    """`onednn.compute`, or XLA where oneDNN has no fast routine."""
-    result = onednn.compute(part, first, second, convolution)
-    if result is not None:
-        return result
-
-    def forward(x: Array, kernel: Array) -> Array:
-        strides, layout = (convolution.stride,) * 2, ("NHWC", "HWIO", "NHWC")
-        padding = convolution.padding
-        return lax.conv_general_dilated(x, kernel, strides, padding, dimension_numbers=layout)
-
-    if part == "forward":
-        return forward(first, second)
-    if part == "input_gradient":
-        x = jax.ShapeDtypeStruct(convolution.x, first.dtype)
-        return jax.linear_transpose(lambda x: forward(x, second), x)(first)[0]
-    kernel = jax.ShapeDtypeStruct(convolution.kernel, first.dtype)
-    return jax.linear_transpose(lambda kernel: forward(first, kernel), kernel)(second)[0]
+def _by_onednn(part: onednn.Part, first: Array, second: Array, convolution: Convolution) -> Array:
+    return onednn.compute(part, first, second, convolution)
 
 
 def _forward(part: onednn.Part, first: Array, second: Array, convolution: Convolution) -> Any:
-    return _part(part, first, second, convolution), (first, second)
+    return _by_onednn(part, first, second, convolution), (first, second)
 
 
 def _backward(
@@ -164,7 +171,7 @@ def _backward(
     first, second = saved
 
     def other(part: onednn.Part, first: Array, second: Array) -> Array:
-        return _part(part, first, second, convolution)
+        return _by_onednn(part, first, second, convolution)
 
     if part == "forward":
         return other("input_gradient", change, second), other("kernel_gradient", first, change)
@@ -173,4 +180,4 @@ def _backward(
     return other("input_gradient", second, change), other("forward", first, change)
 
 
-_part.defvjp(_forward, _backward)
+_by_onednn.defvjp(_forward, _backward)

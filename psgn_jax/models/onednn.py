@@ -21,7 +21,7 @@ import importlib.metadata
 import os
 import threading
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import jax
 import numpy as np
@@ -102,17 +102,19 @@ def library() -> tuple[Any, str]:
     return loaded, ""
 
 
-def compute(part: Part, first: Array, second: Array, convolution: Convolution) -> Array | None:
-    """A part of a convolution, or None if oneDNN has no fast routine for it.
+def computes(convolution: Convolution) -> bool:
+    """Whether oneDNN has fast routines for the three parts of a convolution."""
+    return all(_primitive(part, convolution) is not None for part in get_args(Part))
+
+
+def compute(part: Part, first: Array, second: Array, convolution: Convolution) -> Array:
+    """A part of a convolution that oneDNN `computes`.
 
     The arguments are (x, kernel) for "forward", (dy, kernel) for "input_gradient" and (x, dy) for
     "kernel_gradient".
     """
-    if {first.dtype.name, second.dtype.name} != {convolution.dtype}:
-        return None
     primitive = _primitive(part, convolution)
-    if primitive is None:
-        return None
+    assert primitive is not None
     # The API is experimental, so it is imported only where it is used.
     from jax.experimental.buffer_callback import buffer_callback
 

@@ -1,9 +1,10 @@
-"""Convolutions by oneDNN, and depthwise ones, have the values and gradients of XLA in float64.
+"""Convolutions by oneDNN, by blocks and depthwise have the values and gradients of XLA in float64.
 
 Those of XLA are compared with NumPy.
 """
 
 import concurrent.futures
+import re
 
 import jax
 import jax.numpy as jnp
@@ -75,10 +76,12 @@ CASES = {
     "narrow output": ((6, 8), 64, 3, 3, 1, False),
     "strided": ((8, 12), 16, 32, 3, 2, False),
     "strided, kernel of 5, odd size": ((5, 7), 24, 16, 5, 2, False),
+    "strided by 3, kernel of 4": ((7, 10), 8, 8, 4, 3, False),
     "strided, one pixel": ((1, 1), 8, 8, 3, 2, False),
     "kernel smaller than the stride": ((7, 8), 8, 8, 1, 2, False),
     "transposed": ((3, 4), 64, 32, 5, 2, True),
     "transposed, kernel of 2": ((3, 3), 8, 16, 2, 2, True),
+    "transposed, kernel smaller than the stride": ((3, 4), 8, 16, 2, 3, True),
     "volume": ((5, 6, 7), 3, 4, 3, 1, False),
     "volume, strided": ((8, 7, 10), 3, 4, 5, 2, False),
 }
@@ -100,6 +103,18 @@ def test_xla_is_numpys_sum_over_the_taps(case):
 def test_onednn_is_xla(case):
     arrays = make(*case)
     assert_close(run(*arrays, *case[-2:]), reference(*arrays, *case[-2:]))
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+def test_blocks_are_xlas_without_dilation(case, monkeypatch):
+    monkeypatch.setenv("PSGN_CONVOLUTIONS", "xla")
+    arrays = make(*case)
+    with jax.enable_x64(True):
+        wide = [np.float64(a) for a in arrays]
+        assert_close(run(*wide, *case[-2:]), reference(*arrays, *case[-2:]), relative=1e-13)
+        program = str(jax.make_jaxpr(run, static_argnums=(3, 4))(*wide, *case[-2:]))
+    dilations = re.findall(r"[lr]hs_dilation=(\(.*?\))", program)
+    assert set(dilations) == {"(1, 1)"}
 
 
 @NEEDS_ONEDNN
