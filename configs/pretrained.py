@@ -48,7 +48,7 @@ not used to choose any setting:
     EMD + 5 CD      .0138 / .158     .01062 / .132    .0119 / .131
     EMD             .018  / .156     (600 steps)
 
-`psgn study cd_factor` compares the factors 1, 5 and 20 (docs/experiments.md).
+docs/experiments.md compares the factors 1, 5 and 20.
 """
 
 import ml_collections

@@ -3,11 +3,10 @@
 mean_shape: mean shapes under CD and EMD. networks: vanilla, two-branch and hourglass networks.
 branches: the points of each branch. losses: training by CD against training by EMD. completion: RGB
 against RGB-D input. ambiguity: several predictions for one image by Mo2, Mo4, Mo8, the cVAE.
-comparison: predicted volumes, compared with 3D-R2N2. cd_factor: the factor of the CD in the sum of
-EMD and CD.
+comparison: predicted volumes, compared with 3D-R2N2.
 
 The trainings are ordinary runs in `DIR/CONFIG-SEED`. The same command continues a stopped study.
-`branches`, `losses` and `cd_factor` use the runs of `networks` if they get its folder.
+`branches` and `losses` use the runs of `networks` if they get its folder.
 """
 
 import importlib
@@ -68,7 +67,6 @@ STUDIES: dict[str, Callable[[str], str]] = {
     "networks": _usual,
     "branches": _usual,
     "losses": _usual,
-    "cd_factor": _usual,
     "completion": _usual,
     "ambiguity": _cabinets,
     "comparison": _views,
