@@ -1,7 +1,7 @@
 """The recipe of the weights that come with the package.
 
-Command: python data_gen/free_set.py --packages FOLDER --out records/free
-         python data_gen/free_set.py --packages FOLDER --out records/others --photo=0.2
+Command: python recipes/free_set.py --packages FOLDER --out records/free
+         python recipes/free_set.py --packages FOLDER --out records/others --photo=0.2
              --angles=0.5 --level=0.3 --sources=furniture,collections
          psgn convert authors SRC records/authors
          python data_gen/render.py --catalogue=records --source=records/authors

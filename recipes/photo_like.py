@@ -2,7 +2,7 @@
 
     python recipes/photo_like.py --packages FOLDER --work FOLDER [--weights NAME|FILE]
 
-Renders the test models of the sources `furniture` and `collections` of `psgn free-set` twice: with
+Renders the test models of the sources `furniture` and `collections` of `free_set.py` twice: with
 the preset `authors`, and with the preset `photo`, whose cameras, light and surroundings vary more.
 The photo-like images are disturbed by `data.photo_effects`: noise, blur, JPEG compression,
 occluders, and masks that are eroded or dilated, ragged, and sometimes incomplete. Images of both
@@ -18,15 +18,16 @@ import dataclasses
 import pathlib
 import sys
 
+import free_set
 import jax
 import numpy as np
 from absl import logging
+from free_set import select
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import psgn_jax
-from data_gen import free_set, job
+from data_gen import job
 from data_gen.catalogues.entry import Catalogue
-from data_gen.free_set import select
 from psgn_jax.config.data import PhotoEffects
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.framing import normal_form
@@ -93,7 +94,7 @@ def compare(pred, gt):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--packages", required=True, help="folder of `psgn free-set --packages`")
+    parser.add_argument("--packages", required=True, help="folder of `free_set.py --packages`")
     parser.add_argument("--work", required=True, type=pathlib.Path, help="folder of the renders")
     parser.add_argument("--weights", default="", help="file or name; default: the package's")
     parser.add_argument("--views", type=int, default=2, help="images of each model")

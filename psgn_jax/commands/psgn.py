@@ -27,7 +27,6 @@ COMMANDS: Mapping[str, str] = {
     "convert": "convert published data sets to records",
     "inspect": "check a folder of records and show some samples",
     "render": "render meshes or procedural models to records",
-    "free-set": "render a training set from free packages of meshes",
     "view": "show predictions on a web page, with clouds that can be rotated",
     "spheres": "draw predictions as pictures or turntable films",
     "study": "run an experiment of the paper",
@@ -38,7 +37,6 @@ _ELSEWHERE = {
     "train": "psgn_jax.main",
     "inspect": "psgn_jax.commands.inspect_records",
     "render": "data_gen.render",
-    "free-set": "data_gen.free_set",
 }
 
 

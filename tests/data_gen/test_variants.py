@@ -2,12 +2,12 @@ import itertools
 
 import numpy as np
 import pytest
+from free_set import Licence, Source, select
 from helpers.obj_text import CUBE, FACES
 
 from data_gen.catalogues import proportions
 from data_gen.catalogues.entry import original_name
 from data_gen.catalogues.open_catalogue import open_catalogue, parse_options
-from data_gen.free_set import Licence, Source, select
 from data_gen.mesh import face_normals
 
 

@@ -81,5 +81,6 @@ def test_render_executes_no_file_of_the_current_folder(hostile, script):
 
 
 def test_free_set_executes_no_file_of_the_current_folder(hostile):
-    done = run(hostile, "free-set", "--packages=.", "--sources=procedural", "--check")
+    script = ROOT / "recipes/free_set.py"
+    done = run(hostile, "--packages=.", "--sources=procedural", "--check", script=script)
     assert done.returncode == 0, done.stderr

@@ -1,6 +1,6 @@
 """Renders a training set from free packages only.
 
-    python data_gen/free_set.py --packages FOLDER --out records/free
+    python recipes/free_set.py --packages FOLDER --out records/free
 
 FOLDER contains Debian packages, each unpacked in a folder with its name, and a folder `meshes` with
 a file `index.csv` (`data_gen.catalogues.indexed`). The source `collections` has the models of the
@@ -37,11 +37,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-if __package__ in (None, ""):  # run as a file: `data_gen` is one folder above
-    sys.path[0] = str(pathlib.Path(__file__).resolve().parents[1])
-
 from absl import logging
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 from data_gen import config, job, settings
 from data_gen.catalogues.entry import Catalogue, family_of, original_name, printable, split_of
 from data_gen.catalogues.indexed import INDEX, fits, read_index
@@ -396,7 +394,7 @@ def write_table(
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command; returns its exit code."""
-    flags = Flags("psgn free-set --packages=FOLDER", __doc__)
+    flags = Flags("python recipes/free_set.py --packages=FOLDER", __doc__)
     flags.string("packages", None, "Folder of the unpacked packages.")
     flags.string("out", None, "Folder of the set.")
     flags.list("sources", [], f"Names of sources, of {', '.join(SOURCES)}; empty = all.")
