@@ -68,10 +68,8 @@ def convolve_transposed(x: Array, kernel: Array, stride: int) -> Array | None:
     both = padding(kernel.shape[0]), padding(kernel.shape[1])
     larger = x.shape[0], stride * x.shape[1], stride * x.shape[2], kernel.shape[2]
     convolution = Convolution(larger, kernel.shape, x.shape, stride, both, x.dtype.name)
-    if _uses_onednn(convolution):
-        return _by_onednn("input_gradient", x, kernel, convolution)
-    result = jax.ShapeDtypeStruct(larger, x.dtype)
-    return jax.linear_transpose(lambda y: _by_xla(y, kernel, convolution), result)(x)[0]
+    compute = _by_onednn if _uses_onednn(convolution) else _by_xla
+    return compute("input_gradient", x, kernel, convolution)
 
 
 def _uses_onednn(convolution: Convolution) -> bool:
@@ -103,9 +101,8 @@ def _convolve_images(x: Array, kernel: Array, stride: int) -> Array:
     padding = _same_padding(h, kh, stride), _same_padding(w, kw, stride)
     y = x.shape[0], -(-h // stride), -(-w // stride), kernel.shape[3]
     convolution = Convolution(x.shape, kernel.shape, y, stride, padding, x.dtype.name)
-    if _uses_onednn(convolution):
-        return _by_onednn("forward", x, kernel, convolution)
-    return _by_xla(x, kernel, convolution)
+    compute = _by_onednn if _uses_onednn(convolution) else _by_xla
+    return compute("forward", x, kernel, convolution)
 
 
 def _convolve_volumes(x: Array, kernel: Array, stride: int) -> Array:
@@ -134,25 +131,31 @@ def _convolve_depthwise(x: Array, kernel: Array, stride: int) -> Array:
     return total
 
 
-def _by_xla(x: Array, kernel: Array, convolution: Convolution) -> Array:
-    """Stride s is stride 1 over blocks: s x s pixels become channels (space to depth)."""
-    s, padding, layout = convolution.stride, convolution.padding, ("NHWC", "HWIO", "NHWC")
-    if s > 1:
-        (b, *size, c), (*taps, _, c_out) = x.shape, kernel.shape
-        many = [-(-k // s) for k in taps]  # blocks that the kernel covers
-        high, wide = (o - 1 + m for o, m in zip(convolution.y[1:3], many, strict=True))
-        pads = [
-            (low, s * m - n - low, 0)
-            for (low, _), m, n in zip(padding, (high, wide), size, strict=True)
-        ]
-        x = lax.pad(x, jnp.zeros((), x.dtype), [(0, 0, 0), *pads, (0, 0, 0)])
-        x = x.reshape(b, high, s, wide, s, c).transpose(0, 1, 3, 2, 4, 5)
-        x = x.reshape(b, high, wide, s * s * c)
-        more = [(0, s * m - k) for m, k in zip(many, taps, strict=True)]
-        kernel = jnp.pad(kernel, [*more, (0, 0), (0, 0)])
-        kernel = kernel.reshape(many[0], s, many[1], s, c, c_out).transpose(0, 2, 1, 3, 4, 5)
-        kernel, padding = kernel.reshape(*many, s * s * c, c_out), ((0, 0), (0, 0))
-    return lax.conv_general_dilated(x, kernel, (1, 1), padding, dimension_numbers=layout)
+def _by_xla(part: onednn.Part, first: Array, kernel: Array, convolution: Convolution) -> Array:
+    """Stride s is stride 1 over blocks, whose s x s pixels are channels (space to depth)."""
+    s, (b, *size, c), (*taps, _, c_out) = convolution.stride, convolution.x, kernel.shape
+    m, n = (-(-k // s) for k in taps)  # blocks under the kernel
+    high, wide = convolution.y[1] + m - 1, convolution.y[2] + n - 1
+    kernel = jnp.pad(kernel, [(0, s * m - taps[0]), (0, s * n - taps[1]), (0, 0), (0, 0)])
+    kernel = kernel.reshape(m, s, n, s, c, c_out).transpose(0, 2, 1, 3, 4, 5)
+    kernel = kernel.reshape(m, n, s * s * c, c_out)
+    (top, _), (left, _) = convolution.padding
+    added = [(0, 0), (top, s * high - size[0] - top), (left, s * wide - size[1] - left), (0, 0)]
+
+    def padded(x: Array, sign: int) -> Array:
+        return lax.pad(x, jnp.zeros((), x.dtype), [(sign * i, sign * j, 0) for i, j in added])
+
+    def convolved(x: Array, kernel: Array, *around: tuple[int, int]) -> Array:
+        layout = ("NHWC", "HWIO", "NHWC")
+        return lax.conv_general_dilated(x, kernel, (1, 1), around, dimension_numbers=layout)
+
+    if part == "forward":
+        x = padded(first, 1).reshape(b, high, s, wide, s, c).transpose(0, 1, 3, 2, 4, 5)
+        return convolved(x.reshape(b, high, wide, s * s * c), kernel, (0, 0), (0, 0))
+    kernel = jnp.flip(kernel, (0, 1)).swapaxes(2, 3)
+    x = convolved(first, kernel, (m - 1, m - 1), (n - 1, n - 1))
+    x = x.reshape(b, high, wide, s, s, c).transpose(0, 1, 3, 2, 4, 5)
+    return padded(x.reshape(b, s * high, s * wide, c), -1)
 
 
 @functools.partial(jax.custom_vjp, nondiff_argnums=(0, 3))
