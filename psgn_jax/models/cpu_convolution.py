@@ -133,30 +133,30 @@ def _convolve_depthwise(x: Array, kernel: Array, stride: int) -> Array:
 
 def _by_xla(part: onednn.Part, first: Array, kernel: Array, convolution: Convolution) -> Array:
     """Stride s is stride 1 over blocks, whose s x s pixels are channels (space to depth)."""
-    s, (b, *size, c), (*taps, _, c_out) = convolution.stride, convolution.x, kernel.shape
-    m, n = (-(-k // s) for k in taps)  # blocks under the kernel
-    high, wide = convolution.y[1] + m - 1, convolution.y[2] + n - 1
-    kernel = jnp.pad(kernel, [(0, s * m - taps[0]), (0, s * n - taps[1]), (0, 0), (0, 0)])
-    kernel = kernel.reshape(m, s, n, s, c, c_out).transpose(0, 2, 1, 3, 4, 5)
-    kernel = kernel.reshape(m, n, s * s * c, c_out)
-    (top, _), (left, _) = convolution.padding
-    added = [(0, 0), (top, s * high - size[0] - top), (left, s * wide - size[1] - left), (0, 0)]
+    s, (b, *size, c), (_, *out, c_out) = convolution.stride, convolution.x, convolution.y
+    low = [-(-before // s) for before, _ in convolution.padding]  # blocks of padding
+    first_tap = [s * i - before for i, (before, _) in zip(low, convolution.padding, strict=True)]
+    (m, n) = many = [-(-(i + k) // s) for i, k in zip(first_tap, kernel.shape, strict=False)]
+    (h, w) = blocks = [-(-i // s) for i in size]
+    taps = [(i, s * k - i - j) for i, j, k in zip(first_tap, kernel.shape, many, strict=False)]
+    kernel = jnp.pad(kernel, [*taps, (0, 0), (0, 0)]).reshape(m, s, n, s, c, c_out)
+    kernel = kernel.transpose(0, 2, 1, 3, 4, 5).reshape(m, n, s * s * c, c_out)
 
-    def padded(x: Array, sign: int) -> Array:
-        return lax.pad(x, jnp.zeros((), x.dtype), [(sign * i, sign * j, 0) for i, j in added])
-
-    def convolved(x: Array, kernel: Array) -> Array:
+    def convolved(x: Array, kernel: Array, low: list[int], sizes: list[int]) -> Array:
+        """Stride 1; the result has these sizes."""
+        rest = zip(low, sizes, x.shape[1:], many, strict=False)
+        around = [(i, o - 1 + k - i - n) for i, o, n, k in rest]
         layout = ("NHWC", "HWIO", "NHWC")
-        return lax.conv_general_dilated(x, kernel, (1, 1), "VALID", dimension_numbers=layout)
+        return lax.conv_general_dilated(x, kernel, (1, 1), around, dimension_numbers=layout)
 
     if part == "forward":
-        x = padded(first, 1).reshape(b, high, s, wide, s, c).transpose(0, 1, 3, 2, 4, 5)
-        return convolved(x.reshape(b, high, wide, s * s * c), kernel)
-    # XLA computes the kernel's gradient 100 times slower if the convolution itself pads so far.
-    x = jnp.pad(first, ((0, 0), (m - 1, m - 1), (n - 1, n - 1), (0, 0)))
-    x = convolved(x, jnp.flip(kernel, (0, 1)).swapaxes(2, 3))
-    x = x.reshape(b, high, wide, s, s, c).transpose(0, 1, 3, 2, 4, 5)
-    return padded(x.reshape(b, s * high, s * wide, c), -1)
+        x = jnp.pad(first, ((0, 0), (0, s * h - size[0]), (0, s * w - size[1]), (0, 0)))
+        x = x.reshape(b, h, s, w, s, c).transpose(0, 1, 3, 2, 4, 5).reshape(b, h, w, s * s * c)
+        return convolved(x, kernel, low, out)
+    kernel = jnp.flip(kernel, (0, 1)).swapaxes(2, 3)
+    x = convolved(first, kernel, [k - 1 - i for i, k in zip(low, many, strict=True)], blocks)
+    x = x.reshape(b, h, w, s, s, c).transpose(0, 1, 3, 2, 4, 5)
+    return x.reshape(b, s * h, s * w, c)[:, : size[0], : size[1]]
 
 
 @functools.partial(jax.custom_vjp, nondiff_argnums=(0, 3))
