@@ -84,7 +84,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _main(flags: Flags) -> int:
     exit_on_signals()
     values = flags.values
-    options = settings.parse(values.config)
+    options = settings.parse(flags.settings)
     if flags.given("seed") and not values.sample:
         raise ValueError(f"--seed={values.seed}: it has no effect without --sample")
     if values.scheduler and options.job.workers:

@@ -42,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _main(flags: Flags) -> int:
     values = flags.values
-    given = parse(values.config)
+    given = parse(flags.settings)
     stem = pathlib.Path(flags.config_file.partition(":")[0]).stem
     workdir = values.workdir or str(pathlib.Path("runs", stem))
     check_paths(given)

@@ -6,6 +6,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return flags.run(_main, argv)
 """
 
+import ast
 import functools
 import logging as python_logging
 import os
@@ -20,7 +21,7 @@ from typing import Any
 from absl import flags as absl_flags
 from absl import logging
 
-from psgn_jax.config.structured import ConfigError, build, suggestion, unknown_setting
+from psgn_jax.config.structured import ConfigError, flatten, suggestion
 from psgn_jax.system.files import exit_code_of
 from psgn_jax.system.processes import ROOT
 from psgn_jax.system.untrusted import message_line, one_line
@@ -50,10 +51,11 @@ class Flags:
           details: what it shows below them.
         """
         self._usage, self._doc, self._details = usage, doc, details
-        self._config: tuple[Any, Callable[[str], str], str] | None = None
+        self._config: tuple[Any, Callable[[str], str]] | None = None
         self.values: Any = absl_flags.FlagValues()  # by name; set by `run`
         self.arguments: list[str] = []  # that are not flags
         self.config_file = ""  # given as `--config`
+        self.settings: Any = None  # the `ConfigDict` of this file, with the given fields
         own = {"flag_values": self.values}
         self.string = functools.partial(absl_flags.DEFINE_string, **own)
         self.integer = functools.partial(absl_flags.DEFINE_integer, **own)
@@ -68,7 +70,11 @@ class Flags:
 
         `defaults` is a dataclass with all fields; `path_of` maps the value of `--config` to a path.
         """
-        self._config = defaults, path_of, file
+        self._config = defaults, path_of
+        self.string("config", file, "A configuration; --config.FIELD=VALUE changes a field of it.")
+        for name, value in flatten(defaults).items():
+            self.string(f"config.{name}", None, "")
+            self.values[f"config.{name}"].boolean = isinstance(value, bool)
 
     def given(self, *names: str) -> list[str]:
         """Those of the flags that are on the command line, as `--name`."""
@@ -107,12 +113,10 @@ class Flags:
             return 130  # as in shells
 
     def _parse(self, argv: Sequence[str]) -> None:
-        if self._config is not None:
-            argv = self._with_config(argv, *self._config)
         try:
             self.arguments = self.values(["psgn", *argv])[1:]
         except (absl_flags.Error, TypeError, ValueError) as error:
-            raise self._wrong_value(str(error)) from error
+            raise ConfigError(str(error)) from error
         _, _, *needed = self._usage.split()
         for flag in re.findall(r"--(\w+)=", self._usage):
             if not self.values[flag].value:
@@ -126,51 +130,26 @@ class Flags:
         if len(self.arguments) < fewest:
             missing = names[len(self.arguments)].rstrip(".")
             raise ConfigError(f"{missing} is missing; usage: {self._usage}")
+        if self._config is not None:
+            self._load(*self._config)
 
-    def _wrong_value(self, message: str) -> ConfigError:
-        """The error for absl's message; for a field, as for a wrong value in a configuration."""
-        found = re.match(r"flag --config\.([\w.]+)=(.*?): ", message, re.DOTALL)
-        if found and self._config:
-            node: Any = found[2]
-            for name in reversed(found[1].split(".")):
-                node = {name: node}
-            try:
-                build(type(self._config[0]), node)
-            except ConfigError as error:
-                return error
-        return ConfigError(message)
-
-    def _with_config(
-        self, argv: Sequence[str], defaults: Any, path_of: Callable[[str], str], file: str
-    ) -> list[str]:
-        """Loads the configuration, defines flags for its fields; the arguments without the file."""
-        from ml_collections import config_flags
-
-        rest, files, arguments = [], [], iter(argv)
-        for argument in arguments:
-            name, equals, value = argument.partition("=")
-            if name in ("--config", "-config"):
-                files.append(value if equals else next(arguments, ""))
-            else:
-                rest.append(argument)
-        if len(files) > 1:
-            raise ConfigError(f"--config={files[1]}: --config is given twice")
-        self.config_file = path_of(files[0]) if files else file
-        try:
-            config_flags.DEFINE_config_dict(
-                "config", load_file(self.config_file), flag_values=self.values, sys_argv=rest
-            )
-        except (AttributeError, KeyError) as error:
-            raise unknown_setting(rest, defaults) from error
-        except (absl_flags.Error, TypeError, ValueError) as error:
-            raise ConfigError(str(error)) from error
-        return rest
+    def _load(self, defaults: Any, path_of: Callable[[str], str]) -> None:
+        """Loads the configuration and changes the given fields."""
+        self.config_file = path_of(self.values.config)
+        self.settings = load_file(self.config_file)
+        with self.settings.unlocked(), self.settings.ignore_type():
+            for name, default in flatten(defaults).items():
+                if (flag := self.values[f"config.{name}"]).present:
+                    value = _parsed(flag.value, default)
+                    for section in reversed(name.split(".")):
+                        value = {section: value}
+                    self.settings.update(value)
 
     def _help(self) -> str:
         lines = [f"usage: {self._usage}", "", (self._doc or "").strip(), "", "Flags"]
-        if self._config is not None:
-            lines.append("  --config: a configuration; --config.FIELD=VALUE changes a field of it.")
         for name in self.values:
+            if name.startswith("config."):
+                continue
             flag = self.values[name]
             shown = f"[no]{name}" if flag.boolean else name
             text = " ".join(str(flag.help).split())
@@ -182,6 +161,24 @@ class Flags:
                 )
             )
         return "\n".join([*lines, self._details()]).rstrip() + "\n"
+
+
+_BOOLEANS = {"true": True, "t": True, "1": True, "false": False, "f": False, "0": False}
+
+
+def _parsed(text: str, default: Any) -> Any:
+    """The value of a field, of the type of its default; a text that is none is refused later."""
+    try:
+        if isinstance(default, bool):
+            return _BOOLEANS[text.lower()]
+        if isinstance(default, int | float):
+            return type(default)(text)
+        if isinstance(default, tuple):
+            value = ast.literal_eval(text)
+            return value if isinstance(value, tuple | list) else (value,)
+    except (KeyError, ValueError, SyntaxError):
+        return tuple(text.split(",")) if isinstance(default, tuple) else text
+    return text
 
 
 def named_file(value: str, files: Mapping[str, str]) -> str:

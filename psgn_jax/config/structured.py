@@ -125,17 +125,6 @@ def suggestion(name: str, choices: typing.Iterable[str]) -> str:
     return f"did you mean {near[0]!r}? " if near else ""
 
 
-def unknown_setting(arguments: typing.Iterable[str], config: Any) -> ConfigError:
-    """The error for the first `--config.NAME` of a command line that is no field of `config`."""
-    known = flatten(config)
-    for argument in arguments:
-        flag, _, name = argument.partition("=")[0].lstrip("-").partition(".")
-        if flag in ("config", "noconfig") and name and name not in known:
-            found = suggestion(name, known)
-            return ConfigError(f"{argument}: no such setting; {found}".rstrip("; "))
-    return ConfigError("--config: no such setting")
-
-
 def wrong(path: str, value: Any, accepted: str, hint: str = "") -> ConfigError:
     """The error for a wrong field, with its path, its value and the accepted values."""
     shown = " ".join(repr(value).split())

@@ -289,7 +289,7 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
     no_effect = "it has no effect without"
     cases = (
         ("--shard=2/2", "--shard=2/2: expected i/n"),
-        ("--config.vews=3", "--config.vews=3: no such setting; did you mean 'views'?"),
+        ("--config.vews=3", "Unknown command line flag 'config.vews'. Did you mean: config.views"),
         ("--config.views=abc", "abc"),
         ("--config=nowhere.py", "--config=nowhere.py: no such file and no such name; expected"),
         ("--config=fotos", "did you mean 'photo'? expected the path of a configuration or one of"),
