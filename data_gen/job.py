@@ -1,8 +1,8 @@
 """The rendering job: renders the models of a catalogue to a data set, in several processes.
 
 The samples of a model file depend only on the settings and the model's name. So the data set is
-identical, byte for byte, for any number of workers, restarts, parts and extensions, on a cluster
-too. `psgn_jax.data.shards` describes the folder of a job.
+identical, byte for byte, for any number of workers, restarts and parts, on a cluster too.
+`psgn_jax.data.shards` describes the folder of a job.
 """
 
 import contextlib
@@ -19,7 +19,7 @@ from absl import logging
 from data_gen import lights, pool
 from data_gen.catalogues import choosing
 from data_gen.catalogues.choosing import Choice
-from data_gen.catalogues.entry import SPLITS, Catalogue, Entry, moved_to_empty_splits, original_name
+from data_gen.catalogues.entry import SPLITS, Catalogue, moved_to_empty_splits, original_name
 from data_gen.engine import choose_variant
 from data_gen.environment_maps import fingerprint, load_maps
 from data_gen.mesh import kind_of_warning
@@ -40,29 +40,6 @@ FEW_MODELS = 20
 """We warn of smaller sets."""
 
 _SHOWN = 40  # models whose warnings of a kind are logged, and reasons of refusals in a summary
-
-
-def _with_all_splits(
-    out: pathlib.Path, entries: Sequence[Entry], wanted: Sequence[str]
-) -> tuple[list[Entry], dict[str, str]]:
-    """The models with no empty split, and the objects that `moved_to_empty_splits` moves.
-
-    Models in the folder keep their splits. Those that were tried and have no samples do not count.
-    """
-    places = (out / shards.JOB, out / shards.WORK / shards.JOB)
-    stated = [s for s in map(shards.specification, places) if s is not None]
-    lines = shards.read_report(out) if (out / REPORT).exists() else []
-    tried = {original_name(line["model_id"]) for line in lines}
-    there = tried.union(original_name(tag.model_id) for s in stated for tag in s[1])
-    moved = {n: x for s in stated for n, x in s[0].get("moved", {}).items() if x in SPLITS}
-    splits = {original_name(e.model_id): e.split for e in entries}
-    splits |= {name: split for name, split in moved.items() if name in splits}
-    without = tried.difference(_with_samples(lines))
-    counted = {name: split for name, split in splits.items() if name not in without}
-    moved |= moved_to_empty_splits(counted, wanted, there)
-    splits |= moved
-    entries = [dataclasses.replace(e, split=splits[original_name(e.model_id)]) for e in entries]
-    return entries, moved
 
 
 def _with_samples(lines: Sequence[shards.Line]) -> dict[str, str]:
@@ -125,10 +102,11 @@ def render_catalogue(
     limit: int = 0,
     render: pool.Pool = pool.render_local,
 ) -> shards.Progress:
-    """Renders a catalogue to a data set; continues an incomplete one or extends a complete one.
+    """Renders a catalogue to a data set, or continues one.
 
-    Readers see the old state until the new one is complete. If the catalogue divides its models by
-    `split_of` and a split would be empty, we move a model.
+    If models of a complete one are tried again, readers see the old state until the new one is
+    complete. If the catalogue divides its models by `split_of` and a split would be empty, we move
+    a model.
 
     Args:
       catalogue: source of the models.
@@ -140,8 +118,8 @@ def render_catalogue(
       render: `pool.render_local`, or `cluster.render_on` with an address.
 
     Raises:
-      ValueError: `out` contains something else, or models that are not in this call; another
-        process renders the same part; or a setting is wrong.
+      ValueError: `out` contains something else, or other models; another process renders the same
+        part; or a setting is wrong.
       RuntimeError: Mitsuba is missing or does not run, on this machine or on the workers.
     """
     out = pathlib.Path(out)
@@ -153,7 +131,9 @@ def render_catalogue(
     if message:
         logging.warning("%s", message)
     wanted = [s for s, share in zip(SPLITS, catalogue.fractions or (), strict=False) if share]
-    entries, moved = _with_all_splits(out, entries, wanted) if wanted else (entries, {})
+    splits = {original_name(e.model_id): e.split for e in entries}
+    splits |= moved_to_empty_splits(splits, wanted)
+    entries = [dataclasses.replace(e, split=splits[original_name(e.model_id)]) for e in entries]
     values = structured.to_dict(options)
     del values["job"]
     if options.light.folder:
@@ -163,7 +143,6 @@ def render_catalogue(
         "format": _FORMAT, "source": catalogue.name, "settings": values, "variant": variant.name,
     }  # fmt: skip
     about = {"choice": {**dataclasses.asdict(choice), "limit": limit}}
-    about |= {"moved": moved} if moved else {}
     inputs = [(shards.Tag(e.model_id, e.category, e.split), e) for e in entries]
     statement, about = json.loads(json.dumps([statement, about]))
     finders = {e.model_id: e.find_file for e in entries}

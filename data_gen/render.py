@@ -13,8 +13,7 @@ restarts or parts. The parts of `--shard=i/n` share the folder; the one that fin
 the data set. `data_gen/cluster.py` describes what the workers of `--scheduler=tcp://host:8786`
 need.
 
-A complete data set can be extended: the same command with a larger `--limit`, `--sample` or source
-renders only the new models. Training reads the old state until the new one is complete.
+To add models, render them into another folder: training reads several, `--config.data.path=a,b`.
 
 Exit codes: 0 done, all models have samples; 1 done, some models were refused (normal for
 collections); 2 wrong arguments, or no samples; 3 this part is finished, other parts are not; 5 the

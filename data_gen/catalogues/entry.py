@@ -6,7 +6,7 @@ import hashlib
 import pathlib
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from data_gen.catalogues.proportions import vary
 from data_gen.mesh import Model
@@ -139,14 +139,11 @@ def family_of(model_id: str) -> str:
         stem = shorter
 
 
-def moved_to_empty_splits(
-    splits: Mapping[str, str], wanted: Sequence[str], fixed: Collection[str] = ()
-) -> dict[str, str]:
+def moved_to_empty_splits(splits: Mapping[str, str], wanted: Sequence[str]) -> dict[str, str]:
     """New splits of objects of a small set, so that none of the `wanted` splits is empty.
 
     An empty split gets one object of the largest split; a hash of its name chooses it. If no split
     has two objects, a later split gives its own: two objects are for training and validation.
-    Those named in `fixed` keep their split.
     """
     moved: dict[str, str] = {}
     for place, empty in enumerate(wanted):
@@ -155,10 +152,9 @@ def moved_to_empty_splits(
         if counts[empty] or not counts:
             continue
         givers = [s for s in wanted if counts[s] > 1] or [s for s in wanted[place:] if counts[s]]
-        for giver in sorted(givers, key=lambda s: -counts[s]):
-            if free := [name for name in now if now[name] == giver and name not in fixed]:
-                moved[min(free, key=hashed)] = empty
-                break
+        if givers:
+            giver = max(givers, key=lambda s: counts[s])
+            moved[min((name for name in now if now[name] == giver), key=hashed)] = empty
     return moved
 
 

@@ -14,8 +14,9 @@
 A file, a model or a view of a model that cannot be read is reported and left out, and so is a
 sample without an object (its mask or its volume is empty, or all its points are in one place). The
 exit code is then 1. With `--strict` the command stops at the first such file, model or view. If the
-command is started again, it keeps the complete shards and continues after them. Shards from which
-something was left out are converted again. A complete conversion is not changed. If the disk is
+command is started again, it keeps the complete shards and continues after them. Files and models
+from which something was left out are converted again, and shards whose files have changed. A
+complete conversion is not changed. If the disk is
 full, the exit code is 5.
 """
 

@@ -2,7 +2,7 @@
 
 A data set is a folder with a `manifest.json` (`data.manifest`) and shards
 `<split>-<number>.arrayrecord`: ArrayRecord files with one record (`data.codec`) per group. In data
-sets written by `data.shards`, a digest follows the number.
+sets written by `data.shards`, the checksum of the file follows the number.
 
 Shards are written under a temporary name, fsynced and renamed. Last, the field `complete` of the
 manifest becomes true. ArrayRecord detects damaged blocks by its own hashes; the CRC-32 of a record
@@ -64,13 +64,13 @@ def shard_name(split: str, number: int, tag: str = "") -> str:
 class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
     """Context that writes one shard; the file gets its name when the block ends without error.
 
-    After the block, `shard` describes the file. `digest` identifies its inputs and gives the name
-    its tag; `name_by` changes this tag. If the file cannot be written, `write` or the end of the
-    block raises `OSError`, and no file is left.
+    After the block, `shard` describes the file. If a `digest` identifies its inputs, its checksum
+    is part of the name. If the file cannot be written, `write` or the end of the block raises
+    `OSError`, and no file is left.
     """
 
     def __init__(self, folder: pathlib.Path, split: str, number: int, digest: str = "") -> None:
-        self._path, self._number = folder / shard_name(split, number, digest[:8]), number
+        self._path, self._number = folder / shard_name(split, number), number
         self._temporary = temporary_for(self._path)
         self._split, self._inputs = split, (digest,) if digest else ()
         self._categories: collections.Counter[str] = collections.Counter()
@@ -78,9 +78,6 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
         self._writer = array_record_module.ArrayRecordWriter(str(self._temporary), _WRITER_OPTIONS)
         self.count = 0
         self.shard: Shard  # set at the end of the block
-
-    def name_by(self, digest: str) -> None:
-        self._path = self._path.with_name(shard_name(self._split, self._number, digest[:8]))
 
     def write(self, record: bytes) -> dict[str, Any]:
         """Writes a record, and returns its `codec.unpack`."""
@@ -105,6 +102,10 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
             with self._os_errors():
                 self._writer.close()
             if kind is None:
+                crc32 = file_crc32(self._temporary)
+                if self._inputs:
+                    name = shard_name(self._split, self._number, f"{crc32:08x}")
+                    self._path = self._path.with_name(name)
                 install(self._temporary, self._path)
         except OSError:
             if kind is None:  # otherwise the first error is reported
@@ -118,7 +119,7 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
             split=self._split,
             count=self.count,
             size=self._path.stat().st_size,
-            crc32=file_crc32(self._path),
+            crc32=crc32,
             categories=dict(sorted(self._categories.items())),
             fields=tuple(f for f in schema.FIELDS if f in self._fields),
             inputs=self._inputs,

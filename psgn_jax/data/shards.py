@@ -1,23 +1,22 @@
-"""Writes data sets that can be stopped, resumed, divided among processes and extended.
+"""Writes data sets that can be stopped, resumed and divided among processes.
 
 A function makes the samples of each input of a `Job`, in any order and in any process. Inputs are
-divided into blocks of one split. When all inputs of a block are done, its samples go into a shard
-for each split, and later calls skip the block. Conversion, variants and rendering use this.
+divided into blocks of one split. When all inputs of a block are made, its samples go into a shard
+for each split, and later calls skip the block. A block that was stopped is begun again. Conversion,
+variants and rendering use this.
 
 The folder of a job:
 
-    <split>-<number>-<digest>.arrayrecord   shard: samples of a block
+    <split>-<number>-<CRC-32>.arrayrecord   shard: samples of a block
     manifest.json                           the shards that readers see
     models.jsonl                            a line for each input, in the order of the inputs
     job.json                                what determines the samples besides the inputs
     .work/job.json                          the same of the job under way, with its inputs
-    .work/<hash>.input                      line and samples of an input
     .work/<digest>.block                    lines and shards of a block
 
-The digest of a block follows from the statement of the job and the tags of its inputs; in the names
-of shards, also from the inputs whose status is not "ok". To extend a data set, we write new shards
-next to the old ones and then replace the manifest, so readers see either the old or the new state.
-Samples that exist are kept or copied, not made again.
+The digest of a block follows from the statement of the job and the tags of its inputs. If inputs of
+a complete data set are tried again, or converted files have changed, we write new shards next to
+the old ones and then replace the manifest, so readers see either the old or the new state.
 """
 
 import contextlib
@@ -29,18 +28,16 @@ import pathlib
 import re
 import time
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-import msgpack
 from absl import logging
 
 from psgn_jax.config import structured
 from psgn_jax.data.dataset import ShardWriter, read_shard
 from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
-from psgn_jax.data.schema import RecordError
 from psgn_jax.system.claims import ClaimedError, claim
-from psgn_jax.system.files import remove_temporaries, write_atomic
+from psgn_jax.system.files import file_crc32, remove_temporaries, write_atomic
 from psgn_jax.system.untrusted import one_line, parse_json, read_json
 
 REPORT = "models.jsonl"
@@ -107,7 +104,7 @@ class Job:
       inputs: tag of each input, and the argument of the function that makes its samples.
       per_shard: largest number of inputs of a shard.
       about: how the inputs were chosen, for `job.json` and for messages.
-      converts: published data are converted, so inputs may vanish.
+      converts: published data are converted, so inputs may change.
       tries_again: whether the next call tries a line's input again; False for the status "ok".
     """
 
@@ -172,7 +169,7 @@ def write(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int] = (0
       part: (i, n): the i-th of n parts of the work, i from 0.
 
     Raises:
-      OtherSettingsError: the folder contains a data set that the job cannot continue or extend.
+      OtherSettingsError: the folder contains the data set of another job.
       ClaimedError: another process does the same part.
       ValueError: the folder contains something else.
     """
@@ -185,53 +182,83 @@ def write(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int] = (0
                 _make_part(folder, job, make, part)
                 complete = _complete(folder, job)
     if complete and (folder / WORK).exists():
-        # Not while another process extends the data set or tries inputs again.
+        # Not while another process tries inputs again.
         with contextlib.suppress(ClaimedError), claim(folder / WORK, part):
-            _tidy_up(folder, job)
+            _tidy_up(folder)
     lines = read_report(folder) if complete else _lines(job, _finished(folder, job))
     return Progress(len(job.inputs), tuple(lines), complete)
 
 
 def _make_part(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int]) -> None:
-    """Makes what is missing of a part."""
-    started = time.monotonic()
-    if part == (0, 1):
-        remove_temporaries(folder / WORK)  # left by a process that was killed
-    tags, finished = job.tags(), _finished(folder, job)
-    blocks = job.blocks()[part[0] :: part[1]]
-    fresh = [block for block in blocks if block.digest not in finished]
-    _take_over(folder, job, [tags[i] for block in fresh for i in block.indices], finished)
-    owner = {i: block for block in fresh for i in block.indices}
-    todo = [i for i in owner if _read_result(folder, tags[i]) is None]
-    missing = Counter(owner[i] for i in todo)
-    for block in fresh:
-        if not missing[block]:
-            _write_block(folder, job, block)
-    logging.info("%d of %d inputs to do", len(todo), len(tags))
+    """Makes the blocks of a part that are not finished."""
+    started = reported = time.monotonic()
+    finished, old = _finished(folder, job), {}
+    for digest, done in _kept(folder, job, again=True).items():
+        if all(file_crc32(folder / shard.file) == shard.crc32 for shard in done.shards):
+            old[digest] = done  # its other samples are copied
+    owner = {
+        i: block
+        for block in job.blocks()[part[0] :: part[1]]
+        if block.digest not in finished
+        for i in _to_make(job, block, old.get(block.digest))
+    }
+    missing = Counter(owner.values())
+    results: dict[str, dict[int, Result]] = {}
+    logging.info("%d of %d inputs to do", len(owner), len(job.inputs))
     made = refused = 0
-    reported = time.monotonic()
-    with contextlib.closing(make([(i, job.inputs[i][1]) for i in todo])) as results:
-        for done, (index, line, records) in enumerate(results if todo else (), 1):
-            _write_result(folder, line, records)
-            made += len(records)
+    with contextlib.closing(make([(i, job.inputs[i][1]) for i in owner])) as all_results:
+        for number, result in enumerate(all_results if owner else (), 1):
+            block, line = owner[result.number], result.line
+            made += len(result.records)
             if line["status"] != "ok":
                 refused += 1
                 for what in line["reason"].split("\n"):
                     text = f"{line['status']}: {line['model_id']}: {what}"
                     logging.warning("%s", one_line(text))
-            block = owner[index]
-            missing[block] -= 1
-            if not missing[block]:
-                _write_block(folder, job, block)
+            results.setdefault(block.digest, {})[result.number] = result
+            if len(results[block.digest]) == missing[block]:
+                _write_block(folder, block, results.pop(block.digest), old.get(block.digest))
             now = time.monotonic()
-            if now - reported > _SECONDS_BETWEEN_REPORTS or done == len(todo):
+            if now - reported > _SECONDS_BETWEEN_REPORTS or number == len(owner):
                 reported = now
-                seconds = (now - started) / done * (len(todo) - done)
+                seconds = (now - started) / number * (len(owner) - number)
                 logging.info(
                     "%d of %d inputs, %d samples, %.2f samples/s, %d refused, %d:%02d:%02d left",
-                    done, len(todo), made, made / (now - started), refused,
+                    number, len(owner), made, made / (now - started), refused,
                     seconds // 3600, seconds % 3600 // 60, seconds % 60,
                 )  # fmt: skip
+
+
+def _to_make(job: Job, block: _Block, old: _Done | None) -> list[int]:
+    """The inputs of a block that are made: all, or those that are tried again."""
+    pairs = zip(block.indices, old.lines if old else itertools.repeat({}), strict=old is not None)
+    return [i for i, line in pairs if not line or job.tries_again(line)]
+
+
+def _write_block(
+    folder: pathlib.Path, block: _Block, results: Mapping[int, Result], old: _Done | None
+) -> None:
+    """Writes the shards of a block from the results of its inputs, others from its old shards."""
+    made = dict(results)
+    if old:
+        records = {shard.split: iter(read_shard(folder / shard.file)) for shard in old.shards}
+        for i, line in zip(block.indices, old.lines, strict=True):
+            counts = _counts(line).items()
+            own = [x for split, n in counts for x in itertools.islice(records[split], n)]
+            made.setdefault(i, Result(i, dict(line), own))
+    writers: dict[str, ShardWriter] = {}
+    with contextlib.ExitStack() as stack:
+        for i in block.indices:
+            left = iter(made[i].records)
+            for split, count in _counts(made[i].line).items():
+                if split not in writers:
+                    writer = ShardWriter(folder, split, block.number, block.digest)
+                    writers[split] = stack.enter_context(writer)
+                for record in itertools.islice(left, count):
+                    writers[split].write(record)
+    shards = [dataclasses.asdict(writers[split].shard) for split in sorted(writers)]
+    stated = {"lines": [made[i].line for i in block.indices], "shards": shards}
+    write_atomic(folder / WORK / f"{block.digest}.block", json.dumps(stated))
 
 
 def _lines(job: Job, finished: Mapping[str, _Done]) -> list[Line]:
@@ -247,7 +274,7 @@ def is_complete(folder: pathlib.Path, job: Job) -> bool:
     """Whether the data set of a job is complete in a folder; nothing is written.
 
     Raises:
-      OtherSettingsError: the folder holds a data set that the job cannot continue or extend.
+      OtherSettingsError: the folder holds the data set of another job.
       ValueError: the folder holds something else.
     """
     if not folder.exists():
@@ -268,7 +295,7 @@ def is_complete(folder: pathlib.Path, job: Job) -> bool:
             )
         there = list(map(tag_of, read_report(folder)))
         _check_same(folder, stated[0], there, job, "contains a complete data set made with")
-        kept = _kept(folder, job, manifest)
+        kept = _kept(folder, job)
         if there == job.tags() and all(block.digest in kept for block in job.blocks()):
             return True
     unfinished = specification(folder / WORK / JOB)
@@ -282,7 +309,7 @@ def specification(path: pathlib.Path) -> tuple[dict[str, Any], list[Tag]] | None
     try:
         stated = read_json(path)
         tags = [Tag(*map(str, tag)) for tag in stated.get("inputs", [])]
-        sections = (stated["job"], stated.get("choice", {}), stated.get("moved", {}))
+        sections = (stated["job"], stated.get("choice", {}))
         return (stated, tags) if all(isinstance(s, dict) for s in sections) else None
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
@@ -291,22 +318,22 @@ def specification(path: pathlib.Path) -> tuple[dict[str, Any], list[Tag]] | None
 def _check_same(
     folder: pathlib.Path, stated: Mapping[str, Any], there: Sequence[Tag], job: Job, what: str
 ) -> None:
-    """Raises `OtherSettingsError` if a job cannot continue or extend the data set of a folder."""
+    """Raises `OtherSettingsError` if the data set of a folder is not that of a job."""
     difference = _difference(stated["job"], job.statement).removeprefix("settings.")
     if difference:
         raise OtherSettingsError(
             f"folder {str(folder)!r}: {what} other settings ({difference}); give another folder, "
             "or remove it"
         )
-    lost = [] if job.converts else sorted(set(there) - set(job.tags()), key=there.index)
-    if lost:
+    if not job.converts and there != job.tags():
+        lost = sorted(set(there).difference(job.tags()), key=there.index)
+        more = sorted(set(job.tags()).difference(there), key=job.tags().index)
         choice = _difference(stated.get("choice", {}), job.about.get("choice", {}))
         raise OtherSettingsError(
             f"folder {str(folder)!r}: {what} other models: {len(lost)} of its {len(there)} models "
             f"are not among the {len(job.inputs)} of this command, with the same category and "
-            f"split ({'; '.join(map(str, lost[:3]))}{'; ...' * (len(lost) > 3)})"
-            f"{choice and f'; --{choice}'}; a data set can get more models, but cannot lose any: "
-            "give another folder, or remove it"
+            f"split, and {len(more)} are new ({'; '.join(map(str, [*lost, *more][:3]))})"
+            f"{choice and f'; --{choice}'}; give another folder: data.path=a,b reads two"
         )
 
 
@@ -332,12 +359,6 @@ def _complete(folder: pathlib.Path, job: Job) -> bool:
     blocks, finished = job.blocks(), _finished(folder, job)
     if not all(block.digest in finished for block in blocks):
         return is_complete(folder, job)  # another part may have completed it
-    unfinished = specification(folder / WORK / JOB)
-    if unfinished is None or unfinished[1] != job.tags():
-        raise RuntimeError(
-            f"folder {str(folder)!r}: another command has started to add other models to it; the "
-            "samples made so far are kept for that command"
-        )
     lines = (json.dumps(line, ensure_ascii=False) for line in _lines(job, finished))
     text = "".join(f"{line}\n" for line in lines)
     # Characters that UTF-8 cannot encode are written as escapes of JSON.
@@ -350,11 +371,8 @@ def _complete(folder: pathlib.Path, job: Job) -> bool:
     return True
 
 
-def _tidy_up(folder: pathlib.Path, job: Job) -> None:
+def _tidy_up(folder: pathlib.Path) -> None:
     """Removes all other files from a complete data set; other parts may do so at once."""
-    unfinished = specification(folder / WORK / JOB)
-    if unfinished is not None and unfinished[1] != job.tags():
-        return  # the data set is being extended
     kept = {shard.file for shard in load_manifest(folder).shards}
     remove_temporaries(folder)
     for path in folder.iterdir():
@@ -366,24 +384,25 @@ def _tidy_up(folder: pathlib.Path, job: Job) -> None:
     (folder / WORK / JOB).unlink(missing_ok=True)  # last, so that cleaning resumes after a kill
 
 
-def _kept(folder: pathlib.Path, job: Job, manifest: Manifest) -> dict[str, _Done]:
-    """The blocks of a complete data set by digest, except damaged ones.
+def _kept(folder: pathlib.Path, job: Job, again: bool = False) -> dict[str, _Done]:
+    """The undamaged blocks of a complete data set by digest.
 
-    A block with inputs that are tried again is not finished: it has another key, for `_take_over`.
+    `again`: only those of which inputs are tried again; otherwise only the others.
     """
-    found: dict[str, _Done] = {}
+    manifest = load_manifest(folder, allow_incomplete=True)
     lines = read_report(folder) if manifest.complete else []
+    found: dict[str, _Done] = {}
     for block in job.blocks(list(map(tag_of, lines))):
-        own = [lines[i] for i in block.indices]
         shards = [shard for shard in manifest.shards if block.digest in shard.inputs]
-        key = f"{block.digest} again" if any(map(job.tries_again, own)) else block.digest
-        found[key] = _Done(own, shards)
-    return {digest: done for digest, done in found.items() if _is_whole(folder, done)}
+        done = _Done([lines[i] for i in block.indices], shards)
+        if any(map(job.tries_again, done.lines)) == again and _is_whole(folder, done):
+            found[block.digest] = done
+    return found
 
 
 def _finished(folder: pathlib.Path, job: Job) -> dict[str, _Done]:
     """The finished blocks by digest: those of the complete data set, and of the job under way."""
-    found = _kept(folder, job, load_manifest(folder, allow_incomplete=True))
+    found = _kept(folder, job)
     for path in (folder / WORK).glob("*.block"):
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError):  # made again
             stated = read_json(path)
@@ -401,79 +420,6 @@ def _is_whole(folder: pathlib.Path, done: _Done) -> bool:
     return counts == {shard.split: shard.count for shard in done.shards} and all(
         path.exists() and path.stat().st_size == size for path, size in paths
     )
-
-
-def _write_block(folder: pathlib.Path, job: Job, block: _Block) -> None:
-    """Writes the shards of a block from the results of its inputs, which it removes."""
-    tags = [job.inputs[i][0] for i in block.indices]
-    lines: list[Line] = []
-    writers: dict[str, ShardWriter] = {}
-    with contextlib.ExitStack() as stack:
-        for tag in tags:
-            result = _read_result(folder, tag)
-            if result is None:
-                what = "samples were damaged meanwhile; run the command again"
-                raise ValueError(f"{folder / WORK}: {what}")
-            lines.append(result[0])
-            left = iter(result[1])
-            for split, count in _counts(result[0]).items():
-                if split not in writers:
-                    writer = ShardWriter(folder, split, block.number, block.digest)
-                    writers[split] = stack.enter_context(writer)
-                for record in itertools.islice(left, count):
-                    writers[split].write(record)
-        # A later call may try these inputs again; the shards then need other names.
-        if missing := [line["model_id"] for line in lines if line["status"] != "ok"]:
-            digest = hashlib.sha256(json.dumps([block.digest, missing]).encode()).hexdigest()
-            for writer in writers.values():
-                writer.name_by(digest)
-    shards = [dataclasses.asdict(writers[split].shard) for split in sorted(writers)]
-    stated = {"lines": lines, "shards": shards}
-    write_atomic(folder / WORK / f"{block.digest}.block", json.dumps(stated))
-    for tag in tags:
-        _result_path(folder, tag).unlink(missing_ok=True)
-
-
-def _take_over(
-    folder: pathlib.Path, job: Job, tags: Iterable[Tag], finished: Mapping[str, _Done]
-) -> None:
-    """Writes the results of inputs that are in finished blocks, as if they had just been made."""
-    wanted = {tag for tag in tags if not _result_path(folder, tag).exists()}
-    for done in finished.values():
-        if wanted.isdisjoint(map(tag_of, done.lines)):
-            continue
-        try:
-            records = {s.split: iter(read_shard(folder / s.file)) for s in done.shards}
-        except RecordError:  # damaged: made again
-            continue
-        for line in done.lines:
-            own = [
-                record
-                for split, count in _counts(line).items()
-                for record in itertools.islice(records[split], count)
-            ]
-            same = tag_of(line) in wanted and len(own) == line["samples"]
-            if same and not job.tries_again(line):
-                _write_result(folder, line, own)
-
-
-def _result_path(folder: pathlib.Path, tag: Tag) -> pathlib.Path:
-    text = json.dumps(tag).encode()
-    return folder / WORK / f"{hashlib.sha256(text).hexdigest()[:24]}.input"
-
-
-def _write_result(folder: pathlib.Path, line: Line, records: Sequence[bytes]) -> None:
-    packed = msgpack.packb({"line": json.dumps(line), "records": list(records)})
-    write_atomic(_result_path(folder, tag_of(line)), packed, sync=False)
-
-
-def _read_result(folder: pathlib.Path, tag: Tag) -> tuple[Line, list[bytes]] | None:
-    """The line and the records of an input; None if they are missing or damaged."""
-    try:
-        content = msgpack.unpackb(_result_path(folder, tag).read_bytes())
-        return _checked(parse_json(content["line"])), list(content["records"])
-    except Exception:  # msgpack raises many types of errors
-        return None
 
 
 def read_report(folder: pathlib.Path) -> list[Line]:
