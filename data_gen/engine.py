@@ -7,6 +7,7 @@ it, so `choose_variant` tests it in separate processes, `python -m data_gen.engi
 
 import contextlib
 import functools
+import importlib.metadata
 import importlib.util
 import os
 import pathlib
@@ -34,9 +35,10 @@ _LLVM_FOLDERS = (
 )  # fmt: skip
 
 NO_LLVM = (
-    "no usable LLVM library: rendering in scalar mode, two to five times slower. "
-    "Run `apt-get install libllvm19` (Debian, Ubuntu) or `brew install llvm@19` (macOS), or set "
-    "the variable DRJIT_LIBLLVM_PATH to the path of a library"
+    "no usable LLVM library: rendering in scalar mode, two to five times slower. Run "
+    "`pip install 'psgn-jax[render]'` (Linux on x86-64), `apt-get install libllvm19` (Debian, "
+    "Ubuntu) or `brew install llvm@19` (macOS), or set the variable DRJIT_LIBLLVM_PATH to the path "
+    "of a library"
 )
 
 
@@ -106,19 +108,31 @@ def has_mitsuba() -> bool:
 
 
 def llvm_candidates() -> list[str]:
-    """Suitable LLVM libraries of this machine, best first."""
+    """Suitable LLVM libraries, best first: those of the wheel, then those of this machine."""
     named = os.environ.get("DRJIT_LIBLLVM_PATH", "")
-    libraries: dict[int, str] = {}
+    paths = _llvm_of_wheel()
     for folder in _LLVM_FOLDERS:
-        for path in sorted(pathlib.Path("/").glob(f"{folder[1:]}/libLLVM*")):
-            match = re.fullmatch(
-                r"libLLVM(?:-(\d+)(?:\.\d+)*)?(?:\.so(?:\.(\d+)(?:\.\d+)*)?|\.dylib)", path.name
-            )
-            version = int((match and (match[1] or match[2])) or 0)
-            if version in _LLVM_VERSIONS:
-                libraries.setdefault(version, str(path))
+        paths += sorted(pathlib.Path("/").glob(f"{folder[1:]}/libLLVM*"))
+    libraries: dict[int, str] = {}
+    for path in paths:
+        match = re.fullmatch(
+            r"libLLVM(?:-(\d+)(?:\.\d+)*)?(?:\.so(?:\.(\d+)(?:\.\d+)*)?|\.dylib)", path.name
+        )
+        version = int((match and (match[1] or match[2])) or 0)
+        if version in _LLVM_VERSIONS:
+            libraries.setdefault(version, str(path))
     rest = [libraries[v] for v in _LLVM_VERSIONS if v in libraries]
     return [named, *rest] if named else rest
+
+
+def _llvm_of_wheel() -> list[pathlib.Path]:
+    """The libraries of karellen-llvm-core, which pip puts in the environment's `lib` folder."""
+    try:
+        files = importlib.metadata.files("karellen-llvm-core") or []
+    except importlib.metadata.PackageNotFoundError:
+        return []
+    found = [file.locate() for file in files if file.name.startswith("libLLVM.so.")]
+    return [pathlib.Path(str(path)).resolve() for path in found]
 
 
 @functools.cache

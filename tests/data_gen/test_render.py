@@ -1,6 +1,7 @@
 import functools
 import json
 import os
+import platform
 import subprocess
 import sys
 import time
@@ -249,6 +250,17 @@ def test_a_wrong_light_marks_no_folder_and_a_wrong_library_is_no_variant(tmp_pat
     assert "libllvm19" in message
     with pytest.raises(RuntimeError, match="libllvm19"):
         choose_variant("llvm")
+
+
+@pytest.mark.skipif(
+    (sys.platform, platform.machine()) != ("linux", "x86_64"), reason="no wheel with LLVM"
+)
+def test_llvm_comes_with_the_extra_render_without_a_variable(monkeypatch):
+    monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
+    monkeypatch.setattr(engine, "_LLVM_FOLDERS", ())
+    variant, message = choose_variant("llvm")
+    assert (variant.name, message) == ("llvm_ad_rgb", "")
+    assert variant.libllvm.endswith("lib/libLLVM.so.19.1")
 
 
 # Executed in the worker: a loader must be importable there.
