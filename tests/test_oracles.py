@@ -73,9 +73,6 @@ def test_leaves_of_a_checkpoint_and_its_evaluation(run):
     leaves = {name: f"{a.dtype}{list(a.shape)}" for name, a in found.leaves.items()}
     assert leaves == GOLDEN["leaves"]
     result = evaluate_run(open_run(run, "last"), tasks.create)
-    # What was added since comes after what there was.
-    added = ["aligned_cd_sq_radius2", "aligned_scale"]
-    assert list(result.means) == [*sorted(GOLDEN["means"]), *added]
     for name, value in GOLDEN["means"].items():
         np.testing.assert_allclose(result.means[name], value, rtol=1e-4, atol=1e-6, err_msg=name)
     table = table_lib.text(result)

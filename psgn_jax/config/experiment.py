@@ -93,7 +93,7 @@ class ModelConfig:
 class LossConfig:
     """The loss."""
 
-    # An entry of `losses.by_name.LOSSES`, or a weighted sum of entries, each with its own number of
+    # An entry of `losses.LOSSES`, or a weighted sum of entries, each with its own number of
     # true points, such as "emd_mean@1024 + 5*chamfer_sq_mean".
     name: str = "chamfer_sq_mean"
     # "authors" adds `l2_scale` times the L2 terms of `tasks.points.l2_authors`.

@@ -162,8 +162,10 @@ def convert(
         for number, read in todo:
             records: dict[str, list[bytes]] = {}
             messages: list[str] = []
+            name = inputs[number][0].model_id
             for result in _readable(read):
                 if isinstance(result, str):
+                    result = result if name in result else f"{name}: {result}"
                     messages.append(result)
                     if strict:
                         raise ValueError(result)

@@ -6,13 +6,14 @@ hence the suffix `_radius`. The other metrics are fractions. Batch the functions
 `losses.map_pairs`. Metrics of several predictions of one image are in `prediction.sampling`.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from psgn_jax.array_types import Array, Bool, Float
-from psgn_jax.losses.chamfer import nearest_both
+from psgn_jax.losses.chamfer import Nearest, nearest_both
 from psgn_jax.losses.emd import matched_distances
 from psgn_jax.losses.numeric import check_points, safe_sqrt
 
@@ -70,6 +71,24 @@ def fscore(to_gt_sq: Array, to_pred_sq: Array, threshold: float | Array) -> Floa
     precision, recall = _near(to_gt_sq, threshold).mean(), _near(to_pred_sq, threshold).mean()
     total = precision + recall
     return 2 * precision * recall / jnp.where(total == 0, 1, total)
+
+
+def _cd_l1(to_gt: Nearest, to_pred: Nearest, _: float | Array) -> Array:
+    return (safe_sqrt(to_gt.distance_sq).mean() + safe_sqrt(to_pred.distance_sq).mean()) / 2
+
+
+METRICS: dict[str, Callable[[Nearest, Nearest, float | Array], Array]] = {
+    "cd_sq_radius2": lambda to_gt, to_pred, _: (
+        to_gt.distance_sq.mean() + to_pred.distance_sq.mean()
+    ),
+    "cd_sq_pred_to_gt_radius2": lambda to_gt, to_pred, _: to_gt.distance_sq.mean(),
+    "cd_sq_gt_to_pred_radius2": lambda to_gt, to_pred, _: to_pred.distance_sq.mean(),
+    "cd_l1_radius": _cd_l1,
+    "fscore": lambda to_gt, to_pred, at: fscore(to_gt.distance_sq, to_pred.distance_sq, at),
+    "precision": lambda to_gt, to_pred, at: _near(to_gt.distance_sq, at).mean(),
+    "recall": lambda to_gt, to_pred, at: _near(to_pred.distance_sq, at).mean(),
+}
+"""Metrics of the nearest neighbours of pred in gt and of gt in pred, and of the threshold."""
 
 
 def by_visibility(
@@ -137,17 +156,7 @@ def evaluate_pair(
     if isinstance(threshold, int | float) and not 0 < threshold < float("inf"):
         raise ValueError(f"threshold: got {threshold}, expected a finite distance > 0")
     to_gt, to_pred = nearest_both(pred, gt)
-    forth, back = to_gt.distance_sq.mean(), to_pred.distance_sq.mean()
-    metrics = {
-        "cd_sq_radius2": forth + back,
-        "cd_sq_pred_to_gt_radius2": forth,
-        "cd_sq_gt_to_pred_radius2": back,
-        "cd_l1_radius": 0.5
-        * (safe_sqrt(to_gt.distance_sq).mean() + safe_sqrt(to_pred.distance_sq).mean()),
-        "fscore": fscore(to_gt.distance_sq, to_pred.distance_sq, threshold),
-        "precision": _near(to_gt.distance_sq, threshold).mean(),
-        "recall": _near(to_pred.distance_sq, threshold).mean(),
-    }
+    metrics = {name: metric(to_gt, to_pred, threshold) for name, metric in METRICS.items()}
     if visible is not None:
         metrics |= by_visibility(to_pred.distance_sq, visible, threshold)
     if emd_tolerance is not None:

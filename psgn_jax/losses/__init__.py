@@ -1,5 +1,8 @@
 """Distances between point clouds: pure functions of one pair; batch with `map_pairs` or vmap."""
 
+from collections.abc import Callable
+from typing import Any
+
 from psgn_jax.losses.auction import Assignment, assign
 from psgn_jax.losses.chamfer import Nearest, chamfer_sq, chamfer_sq_mean, nearest_both
 from psgn_jax.losses.chamfer_forms import chamfer_authors, chamfer_l1_mean
@@ -16,8 +19,18 @@ from psgn_jax.losses.iou import iou, iou_sweep, soft_iou, soft_iou_loss
 from psgn_jax.losses.mapping import map_pairs
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n
 
+LOSSES: dict[str, Callable[..., Any]] = {
+    "chamfer_sq": chamfer_sq,
+    "chamfer_sq_mean": chamfer_sq_mean,
+    "chamfer_l1_mean": chamfer_l1_mean,
+    "chamfer_authors": chamfer_authors,
+    "emd_sum": emd_sum,
+    "emd_mean": emd_mean,
+}
+"""The losses of one pair `(pred [n,3], gt [m,3]) -> scalar` that a configuration can name."""
+
 __all__ = [
-    "Assignment", "ExactAssignment", "MatchedDistances", "MinOfN", "Nearest", "assign",
+    "LOSSES", "Assignment", "ExactAssignment", "MatchedDistances", "MinOfN", "Nearest", "assign",
     "chamfer_authors", "chamfer_l1_mean", "chamfer_sq", "chamfer_sq_mean", "emd_exact", "emd_mean",
     "emd_sum", "farthest_point_indices", "farthest_points", "iou", "iou_sweep", "map_pairs",
     "matched_distances", "min_of_n", "nearest_both", "soft_iou", "soft_iou_loss",

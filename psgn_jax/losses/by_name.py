@@ -1,4 +1,4 @@
-"""The losses that a configuration can name, alone or as a weighted sum.
+"""`LOSSES` by the text of a configuration, alone or as a weighted sum.
 
 The text of a loss is a name, `chamfer_sq_mean`, or a sum of terms,
 
@@ -19,17 +19,7 @@ import numpy as np
 
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import ConfigError, LossConfig, suggestion
-from psgn_jax.losses import chamfer, chamfer_forms, emd
-
-LOSSES: dict[str, Callable[..., Any]] = {
-    "chamfer_sq": chamfer.chamfer_sq,
-    "chamfer_sq_mean": chamfer.chamfer_sq_mean,
-    "chamfer_l1_mean": chamfer_forms.chamfer_l1_mean,
-    "chamfer_authors": chamfer_forms.chamfer_authors,
-    "emd_sum": emd.emd_sum,
-    "emd_mean": emd.emd_mean,
-}
-"""Losses of one pair `(pred [n,3], gt [m,3]) -> scalar`; callers use `map_pairs`."""
+from psgn_jax.losses import LOSSES
 
 _TERM = re.compile(
     r"(?:(?P<weight>(?:\d+\.?\d*|\.\d+)(?:[eE]-?\d+)?)\s*\*\s*)?(?P<name>\w+)(?:\s*@\s*(?P<points>\d+))?"

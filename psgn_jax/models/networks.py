@@ -16,7 +16,7 @@ from psgn_jax.array_types import Array, Bool, Float, PRNGKey, UInt8
 from psgn_jax.config.experiment import Config, ModelConfig, VoxelConfig
 from psgn_jax.models import posterior, recurrent, volumes
 from psgn_jax.models.efficientnet import PhotoEncoder
-from psgn_jax.models.point_out_net import PointOutNet
+from psgn_jax.models.point_out_net import CloudNetwork, PointOutNet
 
 DTYPES = {"float32": jnp.float32, "bfloat16": jnp.bfloat16}
 """The accepted values of `model.compute_dtype`."""
@@ -31,7 +31,7 @@ BACKGROUND = 191 / 255
 DEFAULT_DISTANCE = 3.6
 
 
-def build(config: ModelConfig) -> PointOutNet:
+def build(config: ModelConfig) -> CloudNetwork:
     """The network that predicts clouds."""
     return NETWORKS[config.name](config)
 
@@ -94,7 +94,7 @@ def _point_out_net(config: ModelConfig) -> PointOutNet:
     )
 
 
-NETWORKS: dict[str, Callable[[ModelConfig], PointOutNet]] = {
+NETWORKS: dict[str, Callable[[ModelConfig], CloudNetwork]] = {
     "vanilla": _point_out_net,
     "two_branch": _point_out_net,
     "hourglass": _point_out_net,

@@ -206,7 +206,21 @@ class FullyConnected(nn.Module):
         return x.reshape(x.shape[0], self.num_points, 3)
 
 
-class PointOutNet(nn.Module):
+class CloudNetwork(nn.Module):
+    """A network that predicts clouds; it is called like `PointOutNet`."""
+
+    @property
+    def num_points(self) -> int:
+        """Number of points of one prediction."""
+        raise NotImplementedError
+
+    @property
+    def branches(self) -> Branches:
+        """The points of each branch; by default they are all fc points."""
+        return Branches(range(self.num_points), range(self.num_points, self.num_points))
+
+
+class PointOutNet(CloudNetwork):
     """Maps one image, and optionally a random vector r, to a point cloud."""
 
     version: str  # "vanilla", "two_branch" or "hourglass"
