@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import pathlib
+import runpy
 import subprocess
 import sys
 
@@ -24,6 +25,7 @@ pytest.importorskip("onnxruntime")
 
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data.dataset import write_dataset
+from psgn_jax.data.resize import resize_image, resize_mask
 from psgn_jax.models.layers import convolve
 from psgn_jax.portable import folder, onnx_file
 from psgn_jax.portable.network import InputSpec, PortableNetwork
@@ -172,8 +174,18 @@ def test_the_python_example_predicts_as_this_package(size, random_size, tmp_path
     Image.fromarray(rgba).save(tmp_path / "photo.png")
     command = [sys.executable, "example.py", "photo.png", "cloud.xyz"]
     subprocess.run(command, check=True, cwd=tmp_path, env=without_this_package(), timeout=60)
-    expected = Predictor(run)(rgba).points[0]
-    np.testing.assert_allclose(np.loadtxt(tmp_path / "cloud.xyz"), expected, atol=1e-4)
+    expected = Predictor(run)(rgba)
+    np.testing.assert_allclose(np.loadtxt(tmp_path / "cloud.xyz"), expected.points[0], atol=1e-4)
+    framed = runpy.run_path(str(tmp_path / "example.py"))["framed"]
+    image, mask = framed(Image.fromarray(rgba))
+    rounding = 1 if 192 % size[0] else 0  # of means that are not over whole pixels
+    wanted = resize_image(expected.view.image, size)
+    np.testing.assert_allclose(image.astype(int), wanted, atol=rounding)
+    np.testing.assert_array_equal(mask, resize_mask(expected.view.mask, size))
+    done = subprocess.run(
+        command[:-1], capture_output=True, text=True, cwd=tmp_path, env=without_this_package()
+    )
+    assert (done.returncode, done.stderr) == (1, "usage: python example.py photo.png cloud.xyz\n")
 
 
 def test_stablehlo_is_called_with_jax_alone(exported, tmp_path):
