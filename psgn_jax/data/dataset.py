@@ -16,6 +16,7 @@ import itertools
 import os
 import pathlib
 import threading
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from typing import Any, TypeVar
 
@@ -123,6 +124,7 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
             categories=dict(sorted(self._categories.items())),
             fields=tuple(f for f in schema.FIELDS if f in self._fields),
             inputs=self._inputs,
+            ends=_ends(self._path),
         )
 
 
@@ -185,11 +187,12 @@ class RecordReader:
     """Random access to the records of one split of one or more data sets, concatenated.
 
     Folders without the split are skipped; a repeated folder counts again. A reader can be pickled
-    and shared between threads. The constructor checks that every shard exists and has its size.
+    and shared between threads. The constructor checks that every shard is the one of the manifest.
     Decoding a record checks its CRC-32; `read` does not.
 
     Raises:
-      RecordError: a folder has no complete data set, none has the split, or a shard is missing.
+      RecordError: a folder has no complete data set, none has the split, or a shard is missing or
+        another file.
     """
 
     def __init__(
@@ -208,12 +211,7 @@ class RecordReader:
             )
         parts = [(path / s.file, s) for path in paths for s in splits[path].get(split, ())]
         for path, shard in dict(parts).items():
-            _check_readable(path)
-            if (size := path.stat().st_size) != shard.size:
-                raise RecordError(
-                    f"shard {path} has {size} bytes, the manifest says {shard.size}; "
-                    + _remedy(path)
-                )
+            check_shard(path, shard)
         self.split = split
         self._paths, self.shards = [path for path, _ in parts], tuple(shard for _, shard in parts)
         self._ends = np.cumsum([shard.count for shard in self.shards])
@@ -309,6 +307,32 @@ def read_shard(path: str | os.PathLike[str]) -> list[bytes]:
     with _shard_errors(path, f"shard {path} is damaged"):
         reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
         return list(reader.read(list(range(reader.num_records()))))
+
+
+def check_shard(path: pathlib.Path, shard: Shard) -> None:
+    """Raises `RecordError` if a file is missing or is not this shard; reads only its ends."""
+    _check_readable(path)
+    if (size := path.stat().st_size) != shard.size:
+        raise RecordError(
+            f"shard {path} has {size} bytes, the manifest says {shard.size}; {_remedy(path)}"
+        )
+    if not shard.has_ends(_ends(path)):
+        raise RecordError(
+            f"shard {path} is not the one of the manifest: it is damaged, or another shard was "
+            f"copied there; {_remedy(path)}"
+        )
+
+
+def _ends(path: pathlib.Path) -> int:
+    """CRC-32 of what identifies a shard: the hash of its first record, the sizes of all records.
+
+    The first 104 bytes of an ArrayRecord file end with the header of the first record, which has
+    its hash; the last 64 KiB block has the positions of the records. Damage elsewhere spares these.
+    """
+    with path.open("rb") as file:
+        head = file.read(104)
+        file.seek(-min(path.stat().st_size, 1 << 16), os.SEEK_END)
+        return zlib.crc32(file.read(), zlib.crc32(head))
 
 
 @contextlib.contextmanager

@@ -29,6 +29,7 @@ DUPLICATES = "duplicate"
 _Count = Annotated[int, Bounds(0, (1 << 40) - 1)]
 _Size = Annotated[int, Bounds(0, (1 << 53) - 1)]
 _Crc32 = Annotated[int, Bounds(0, (1 << 32) - 1)]
+_NOT_STATED = -1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,6 +44,11 @@ class Shard:
     categories: Mapping[str, _Count]  # number of records of each
     fields: tuple[str, ...]  # that all records have
     inputs: tuple[str, ...]  # digest of what it was made of by `data.shards`, if it was
+    # Checksum of its ends, which tell one shard from another; older manifests do not state it.
+    ends: Annotated[int, Bounds(_NOT_STATED, (1 << 32) - 1)] = _NOT_STATED
+
+    def has_ends(self, ends: int) -> bool:
+        return self.ends in (ends, _NOT_STATED)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -34,7 +34,7 @@ from typing import Any, NamedTuple
 from absl import logging
 
 from psgn_jax.config import structured
-from psgn_jax.data.dataset import ShardWriter, read_shard
+from psgn_jax.data.dataset import ShardWriter, check_shard, read_shard
 from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
 from psgn_jax.system.claims import ClaimedError, claim
 from psgn_jax.system.files import file_crc32, remove_temporaries, write_atomic
@@ -416,10 +416,12 @@ def _finished(folder: pathlib.Path, job: Job) -> dict[str, _Done]:
 def _is_whole(folder: pathlib.Path, done: _Done) -> bool:
     """Whether the shards of a block exist with all samples."""
     counts = sum((Counter(_counts(line)) for line in done.lines), Counter())
-    paths = [(folder / shard.file, shard.size) for shard in done.shards]
-    return counts == {shard.split: shard.count for shard in done.shards} and all(
-        path.exists() and path.stat().st_size == size for path, size in paths
-    )
+    try:
+        for shard in done.shards:
+            check_shard(folder / shard.file, shard)
+    except RecordError:
+        return False
+    return counts == {shard.split: shard.count for shard in done.shards}
 
 
 def read_report(folder: pathlib.Path) -> list[Line]:

@@ -150,6 +150,31 @@ def test_folders_without_the_data_and_missing_shards_are_refused_by_name(dataset
             RecordReader(copied, "train")
 
 
+def test_another_shard_of_the_same_size_is_refused(make, copied, tmp_path, rng):
+    samples = [make.sample(rng, model_id=f"m{i}") for i in range(8)]
+    for name, last in (("one", 3), ("two", 4)):  # both begin with the same record
+        splits = {"train": [*samples[:3], samples[last]], "test": samples[5:]}
+        write_dataset(tmp_path / name, splits, source="test", records_per_shard=4)
+    own, other = (tmp_path / name / "train-00000.arrayrecord" for name in ("one", "two"))
+    foreign = {
+        "another set": (other, own),
+        "another split": (tmp_path / "one" / "test-00000.arrayrecord", own),
+        "another number": (copied / "train-00001.arrayrecord", copied / "train-00002.arrayrecord"),
+        "another manifest": (tmp_path / "two" / MANIFEST, tmp_path / "one" / MANIFEST),
+    }
+    for what, (source, target) in foreign.items():
+        if what != "another manifest":
+            assert source.stat().st_size == target.stat().st_size
+        before = target.read_bytes()
+        target.write_bytes(source.read_bytes())
+        with pytest.raises(RecordError, match=r"train-0000\d\.arrayrecord is not the one of"):
+            RecordReader(target.parent, "train")
+        target.write_bytes(before)
+        RecordReader(target.parent, "train")
+    edit(copied, lambda c: [shard.pop("ends") for shard in c["shards"]])  # an older set
+    assert RecordReader(copied, "train")[36].model_id == "cone-0-00036"
+
+
 def test_too_many_open_files_are_no_damage(dataset):
     reader, limit = RecordReader(dataset, "train"), resource.RLIMIT_NOFILE
     soft, hard = resource.getrlimit(limit)
@@ -188,9 +213,9 @@ def test_no_damage_goes_unseen_or_ends_the_process(copied):
         else:
             bad[at : at + 4096] = choose.randbytes(len(bad[at : at + 4096]))
         shard.write_bytes(bad)
-        reader = RecordReader(copied, "train")
         for i, record in enumerate(want, 30):
             try:
+                reader = RecordReader(copied, "train")
                 reader.stored(i)
                 good = reader.read(i) == record
             except RecordError as error:
