@@ -7,6 +7,7 @@ import ml_collections
 import pytest
 
 from psgn_jax.commands.default_data import with_default_data
+from psgn_jax.config.command_line import Flags
 from psgn_jax.config.experiment import (
     Config,
     ConfigError,
@@ -74,6 +75,24 @@ def test_mistakes_are_named():
             parse(tree)
         assert message in str(caught.value)
         assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "field", "value"),
+    [
+        (["--config.model.widths=(4,8)", "--config.model.widths=(8,16)"], "widths", (8, 16)),
+        (["-config.model.widths", "(4,8)", "--config.model.widths", "(8,16)"], "widths", (8, 16)),
+        (["--config.model.fc_widths=(4,8)", "--config.model.fc_widths=()"], "fc_widths", ()),
+        (["--config.model.fc_points=4", "--config.model.fc_points=8"], "fc_points", 8),
+        (["--config.model.posterior", "--noconfig.model.posterior"], "posterior", False),
+    ],
+)
+def test_the_last_one_of_repeated_flags_counts(arguments, field, value):
+    flags = Flags("psgn anything", "")
+    flags.config(Config(), file="configs/base.py")
+    assert flags.run(lambda _: None, [*arguments, "--config.seed=3"]) == 0
+    assert flags.values.config.seed == 3
+    assert flags.values.config.model[field] == value
 
 
 def test_missing_and_wrong_paths(tmp_path):
