@@ -54,10 +54,13 @@ def _main(flags: Flags) -> int:
     # Imported here so that wrong configurations and records are reported before JAX is loaded.
     keep_compiled()
     keep_freed_memory()
+    import jax
+
     from psgn_jax.commands.default_data import with_default_data
     from psgn_jax.training.loop import train
 
     with joined(values, given.train.batch_size):
+        jax.devices()  # fails before a data set is rendered
         outcome = train(with_default_data(given), workdir)
     return 128 + outcome.stopped_by if outcome.stopped_by else 0
 

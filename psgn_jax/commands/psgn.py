@@ -13,8 +13,10 @@ from collections.abc import Mapping, Sequence
 
 from psgn_jax import __version__
 from psgn_jax.config.structured import suggestion
+from psgn_jax.system.environment import explained
 from psgn_jax.system.files import exit_code_of
 from psgn_jax.system.processes import start_command
+from psgn_jax.system.untrusted import message_line
 
 COMMANDS: Mapping[str, str] = {
     "train": "train a network, or resume a run",
@@ -62,6 +64,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:  # stdout is a full disk, or a pipe that nothing reads
         sys.stderr.write(f"error: {error.strerror or error}\n")
         code = exit_code_of(error) or 2
+    except Exception as error:  # of the imports of a command's module
+        if (known := explained(error)) is None:
+            raise
+        sys.stderr.write(f"error: {message_line(known)}\n")
+        code = known.exit_code
     try:
         sys.stdout.flush()
     except OSError:  # without this, Python would try again at its end

@@ -22,6 +22,7 @@ from absl import flags as absl_flags
 from absl import logging
 
 from psgn_jax.config.structured import ConfigError, flatten, suggestion
+from psgn_jax.system.environment import check_environment, explained
 from psgn_jax.system.files import exit_code_of
 from psgn_jax.system.processes import ROOT
 from psgn_jax.system.untrusted import message_line, one_line
@@ -98,8 +99,10 @@ class Flags:
         log_to_terminal()
         try:
             self._parse(argv)
+            check_environment()
             return body(self) or 0
-        except Exception as error:
+        except Exception as caught:
+            error = explained(caught) or caught
             code = exit_code_of(error) or (2 if isinstance(error, wrong_input) else None)
             if code is None:
                 raise

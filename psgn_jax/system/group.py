@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from psgn_jax.system.environment import explained
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import exit_code_of
 from psgn_jax.system.untrusted import message_line
@@ -81,6 +82,7 @@ def joined(
 
 def _end_with(error: BaseException) -> None:
     """Ends this process without waiting for the others, as Python's exit would."""
+    error = explained(error) or error
     code = exit_code_of(error)
     if code is not None:
         sys.stderr.write(f"error: {message_line(error)}\n")

@@ -1,0 +1,50 @@
+"""Variables of the environment with which nothing can run end a command in one line."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from helpers.commands import PHOTOS, ROOT
+
+LIST = ["weights", "list", "free-1"]  # imports JAX before it parses flags
+PREDICT = ["predict", PHOTOS / "cup.jpg", f"--mask={PHOTOS / 'cup_mask.png'}"]
+TRAIN = ["train", "--config=debug", "--config.data.path="]
+
+
+def psgn_with(name, value, *arguments, cwd):
+    command = [sys.executable, "-m", "psgn_jax.commands.psgn", *map(str, arguments)]
+    others = {key: x for key, x in os.environ.items() if key not in ("JAX_PLATFORMS", "XLA_FLAGS")}
+    environment = {**others, "PYTHONPATH": str(ROOT), name: value}
+    return subprocess.run(
+        command, capture_output=True, text=True, cwd=cwd, env=environment, timeout=200
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "arguments", "why"),
+    [
+        ("JAX_PLATFORMS", "cuda", LIST, "JAX cannot start"),
+        ("JAX_PLATFORMS", "cuda", TRAIN, "JAX cannot start"),
+        ("JAX_PLATFORMS", "bogus", PREDICT, "JAX cannot start (Unable to initialize backend"),
+        ("JAX_PLATFORM_NAME", "gpu", LIST, "JAX cannot start"),
+        ("JAX_NUM_CPU_DEVICES", "x", LIST, 'Invalid value "x"'),
+        ("JAX_NUM_CPU_DEVICES", "0", LIST, "JAX cannot start"),
+        ("JAX_ENABLE_X64", "maybe", PREDICT, "invalid truth value"),
+        ("XLA_FLAGS", "--xla_bogus_flag=1", LIST, "Unknown flag in XLA_FLAGS"),
+        ("XLA_FLAGS", "no-such-file", LIST, "Could not open file"),
+        ("JAX_TRANSFER_GUARD", "disallow", PREDICT, "INVALID_ARGUMENT: Disallowed"),
+        ("JAX_NUMPY_DTYPE_PROMOTION", "strict", LIST[:2], "Input dtypes"),
+        ("PSGN_CONVOLUTIONS", "bogus", PREDICT, "accepted: onednn, xla, or unset"),
+    ],
+)
+def test_wrong_variables_are_named(name, value, arguments, why, tmp_path):
+    done = psgn_with(name, value, *arguments, cwd=tmp_path)
+    assert done.returncode == 2, done.stderr
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"error: {name}={value}: {why}")
+
+
+def test_right_variables_change_nothing(tmp_path):
+    done = psgn_with("XLA_FLAGS", "--xla_cpu_enable_fast_math=false", *LIST, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
