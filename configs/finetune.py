@@ -23,6 +23,7 @@ def get_config() -> ml_collections.ConfigDict:
     config = config_files.load("pretrained")
     config.data.path = ""
     config.data.eval_path = ""
+    config.train.init = "WEIGHTS"  # no such file: it must be given
     config.optim.learning_rate = 2e-4
     config.optim.warmup_steps = 50
     config.optim.ema_decay = 0.99

@@ -58,9 +58,13 @@ def _main(flags: Flags) -> int:
 
     from psgn_jax.commands.default_data import with_default_data
     from psgn_jax.training.loop import train
+    from psgn_jax.weights.opening import check_initial
 
+    # What is wrong is reported before the default data set is rendered.
+    if given.train.init and not pathlib.Path(workdir, "checkpoints").exists():
+        check_initial(given)
     with joined(values, given.train.batch_size):
-        jax.devices()  # fails before a data set is rendered
+        jax.devices()
         outcome = train(with_default_data(given), workdir)
     return 128 + outcome.stopped_by if outcome.stopped_by else 0
 

@@ -16,6 +16,7 @@ from psgn_jax.config.command_line import Flags
 from psgn_jax.portable.folder import require_packages, write_folder
 from psgn_jax.system.files import check_folder
 from psgn_jax.weights.opening import open_network
+from psgn_jax.weights.origin import sources_of
 from psgn_jax.weights.run_folder import Trained
 
 
@@ -37,7 +38,10 @@ def open_to_export(values: Any) -> Trained:
     require_packages()
     check_folder(values.out, "--out")
     keep_compiled()
-    return open_network(values.workdir, values.weights, values.checkpoint)
+    network = open_network(values.workdir, values.weights, values.checkpoint)
+    if network.source_kind == "workdir":
+        network = network._replace(sources=sources_of(network.config))
+    return network
 
 
 def _main(flags: Flags) -> None:

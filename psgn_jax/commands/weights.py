@@ -5,12 +5,12 @@
         [--checkpoint=best|last] [--ema|--noema] [--dtype=float16|float32]
         [--sources=sources.json,more.json] [--samples_before=N]
 
-`list` shows the network, metrics, data and licences of the weights in the package, or of the given
-ones. `export` writes a checkpoint of a run as a file, for `--weights=FILE` of the other commands
-and for `--config.train.init=FILE`. Exit codes: 0 done, 2 error, 5 disk full.
+`list` shows the network, data and licences of the weights in the package, or of the given ones; the
+model card compares their figures, and `psgn evaluate` measures them. `export` writes a checkpoint
+of a run as a file, for `--weights=FILE` of the other commands and for `--config.train.init=FILE`.
+Exit codes: 0 done, 2 error, 5 disk full.
 """
 
-import contextlib
 import pathlib
 import sys
 import textwrap
@@ -20,11 +20,8 @@ from typing import Any
 import jax
 
 from psgn_jax.config.command_line import Flags
-from psgn_jax.config.experiment import Config, ConfigError
-from psgn_jax.data.manifest import load_manifest
-from psgn_jax.data.schema import RecordError
+from psgn_jax.config.experiment import ConfigError
 from psgn_jax.models import networks
-from psgn_jax.system.errors import UserError
 from psgn_jax.system.untrusted import one_line
 from psgn_jax.weights.file import (
     DTYPES,
@@ -37,9 +34,8 @@ from psgn_jax.weights.file import (
 from psgn_jax.weights.mask import FILE as MASK_FILE
 from psgn_jax.weights.mask import read_mask_network
 from psgn_jax.weights.opening import DEFAULT, shipped, weights_path
-from psgn_jax.weights.run_folder import load_config, open_run
-
-_METRICS = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
+from psgn_jax.weights.origin import data_of, sources_of
+from psgn_jax.weights.run_folder import open_run
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -49,7 +45,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags.enum("checkpoint", "best", ["best", "last"], "export: checkpoint of the run.")
     flags.bool("ema", True, "export: the averaged parameters, if the run has them.")
     flags.enum("dtype", "float16", list(DTYPES), "export: type of the numbers.")
-    flags.list("sources", [], "export: JSON files that list data and licences.")
+    flags.list(
+        "sources", [], "export: JSON files that list data and licences; those of the networks that "
+        "the run started from are added.",
+    )  # fmt: skip
     flags.integer(
         "samples_before", 0, "export: training samples seen before the run, by the networks that "
         "it started from.", lower_bound=0,
@@ -95,52 +94,25 @@ def _export(values: Any) -> str:
         step=run.step,
         averaged=averaged,
         metrics=run.scores if averaged or not has_average else {},
-        data=_data_of(run.config),
+        data=data_of(run.config),
     )
     figures["samples_seen"] += values.samples_before
-    weights = Weights(run.config, run.params, figures, rows, values.dtype)
+    sources = sources_of(run.config, rows)
+    weights = Weights(run.config, run.params, figures, sources, values.dtype)
     write_weights(values.out, weights)
     return describe(weights, pathlib.Path(values.out))
-
-
-def _data_of(config: Config) -> list[dict[str, Any]]:
-    """The data sets of a training, then those of the networks that it started from.
-
-    A row has the name and, if the manifest can be read, the source and the number of training
-    samples. Folders with the same name are listed with their parents' names.
-    """
-    folders = [pathlib.Path(folder) for folder in dict.fromkeys(config.data.folders)]
-    names = [folder.name for folder in folders]
-    rows: list[dict[str, Any]] = [] if folders else [{"name": "default data set"}]
-    for folder in folders:
-        alone = names.count(folder.name) == 1
-        rows.append({"name": folder.name if alone else f"{folder.parent.name}/{folder.name}"})
-        with contextlib.suppress(RecordError, OSError):
-            manifest = load_manifest(folder)
-            shards = manifest.splits().get(config.data.train_split, ())
-            rows[-1] |= {"source": manifest.source, "samples": sum(shard.count for shard in shards)}
-    for init in filter(None, map(str.strip, config.train.init.split(","))):
-        with contextlib.suppress(UserError, OSError):
-            if pathlib.Path(init).is_dir():
-                rows += _data_of(load_config(init))
-            else:
-                rows += read_weights(weights_path(init)).figures["data"]
-    return [row for i, row in enumerate(rows) if row not in rows[:i]]
 
 
 def describe(weights: Weights, path: pathlib.Path, *, is_default: bool = False) -> str:
     config, figures = weights.config, weights.figures
     branches = networks.build(config.model).branches
     height, width = config.data.image_size
-    metrics = figures["metrics"]
-    shown = [f"{name} {metrics[name]:.5f}" for name in _METRICS if metrics.get(name) is not None]
     rows = {
         "network": f"{config.model.name}, {figures['parameters'] / 1e6:.2f} M parameters, "
         f"{weights.dtype}, {path.stat().st_size / 1e6:.1f} MB; {'+'.join(config.data.inputs)} of "
         f"{height}x{width} pixels to {len(branches.fc) + len(branches.deconv)} points",
-        "training": f"step {figures['step']}, {figures['samples_seen']} samples seen"
+        "training": f"{figures['samples_seen']:,} samples seen"
         + (", averaged parameters" if figures.get("averaged") else ""),
-        "figures": ", ".join(shown) or "none were measured",
         "data": ", ".join(map(_data, figures["data"])) or "not stated",
         "licences": "; ".join(map(_licences, weights.sources)) or "not stated",
     }

@@ -22,6 +22,7 @@ Computational Optimization and Applications 1, 1992 (epsilon scaling, reverse au
 
 import concurrent.futures
 import functools
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -45,6 +46,7 @@ from psgn_jax.losses.certificate import (
     vary_with,
 )
 from psgn_jax.losses.numeric import check_points
+from psgn_jax.losses.platforms import per_platform
 from psgn_jax.losses.sharded import on_each_device
 from psgn_jax.system.cores import num_cores
 
@@ -54,6 +56,7 @@ TOLERANCE = 0.01
 # per point for a gap of 1 %.
 BIDS_PER_POINT = 2000
 
+_MOST_BIDS = 2**31 - 1  # bids are counted in int32
 _START = 0.1  # first epsilon; the extent of the scaled clouds is 0.5 to 1
 _FACTOR = 8.0  # epsilon is divided by at most this from phase to phase
 _AIM = 0.8  # epsilon is chosen so that the next gap is about _AIM times the tolerance
@@ -231,8 +234,13 @@ def _solve_all(*pairs: Array) -> tuple[np.ndarray, ...]:
 
 
 def _on_host(*pair: Array) -> Any:
-    results = jax.eval_shape(_solve, *pair)
-    return jax.pure_callback(_solve_all, results, *pair, vmap_method="broadcast_all")
+    shapes = jax.eval_shape(_solve, *pair)
+    shapes = [jax.ShapeDtypeStruct(x.shape, x.dtype) for x in shapes]
+    results = jax.pure_callback(_solve_all, shapes, *pair, vmap_method="broadcast_all")
+    # In `jax.shard_map` both programs vary along the same axes of the mesh.
+    a, b, tolerance, budget = pair
+    varies = a[0, 0] + b[0, 0] + tolerance + budget
+    return tuple(vary_with(x, varies) for x in results)
 
 
 # An accelerator would launch several kernels for each of some ten thousand bids, so its host solves
@@ -241,14 +249,25 @@ def _on_host(*pair: Array) -> Any:
 # copy the state of all pairs.
 @custom_vmap
 def _solve_anywhere(*pair: Array) -> Any:
-    return (_solve if jax.default_backend() == "cpu" else _on_host)(*pair)
+    return per_platform(_solve, _on_host, *pair)
 
 
 @_solve_anywhere.def_vmap
 def _solve_batch(size: int, mapped: Sequence[bool], *arrays: Array) -> Any:
-    one = sequential_vmap(_solve_anywhere) if jax.default_backend() == "cpu" else _on_host
-    each = jax.vmap(one, [0 if has_axis else None for has_axis in mapped])
+    axes = [0 if has_axis else None for has_axis in mapped]
+    in_turn = jax.vmap(sequential_vmap(_solve_anywhere), axes)
+    each = functools.partial(per_platform, in_turn, jax.vmap(_on_host, axes))
     return on_each_device(each, arrays, mapped), (True,) * 4
+
+
+def _check_number(value: Any, name: str, expected: str, most_whole: float | int = math.inf) -> None:
+    """Raises ValueError for a known value that is no number >= 0, or no integer up to a limit."""
+    if isinstance(value, jax.core.Tracer):
+        return
+    number = np.asarray(value)
+    fits = not number.ndim and number.dtype.kind in "iuf" and 0 <= number <= most_whole
+    if not fits or (math.isfinite(most_whole) and number != np.floor(number)):
+        raise ValueError(f"{name}: got {value}, expected {expected}")
 
 
 class Assignment(NamedTuple):
@@ -285,10 +304,11 @@ def assign(
       pred: [n, 3], n >= 1, a floating dtype, any unit; solved in float32.
       gt: [n, 3].
       tolerance: >= 0, accepted (cost - OPT) / OPT. Float32 cannot prove gaps below about 1e-4.
-      max_bids: >= 0, the budget; None: 2000 n. One bid is a pass over the n distances of a point.
+      max_bids: an integer from 0 to 2**31 - 1, the budget; None: 2000 n. One bid is a pass over the
+        n distances of a point.
 
     Raises:
-      ValueError: wrong shape or dtype, unequal sizes, a negative tolerance or budget, or (called
+      ValueError: wrong shape or dtype, unequal sizes, a wrong tolerance or budget, or (called
         directly) a non-finite coordinate. Inside `jit`, `vmap` and `grad`, such a coordinate, or an
         extent in (0, 1e-38), gives the bijection i -> i, `converged` False and a NaN gap.
     """
@@ -300,9 +320,8 @@ def assign(
         )
     if max_bids is None:
         max_bids = min(BIDS_PER_POINT * len(a), 2**30)
-    for name, value in (("tolerance", tolerance), ("max_bids", max_bids)):
-        if not isinstance(value, jax.core.Tracer) and not float(value) >= 0:
-            raise ValueError(f"{name}: got {value}, expected >= 0")
+    _check_number(tolerance, "tolerance", "a number >= 0")
+    _check_number(max_bids, "max_bids", f"an integer from 0 to {_MOST_BIDS}", _MOST_BIDS)
     dtype = jnp.promote_types(a.dtype, b.dtype)
     a, b = (lax.stop_gradient(x.astype(dtype)) for x in (a, b))
     tolerance, budget = jnp.asarray(tolerance, jnp.float32), jnp.asarray(max_bids, jnp.int32)

@@ -12,6 +12,7 @@ from jax import lax
 
 from psgn_jax.array_types import Array, Float, Int
 from psgn_jax.losses.numeric import check_points
+from psgn_jax.losses.platforms import per_platform
 
 
 def chamfer_by_definition(pred: Array, gt: Array) -> Array:
@@ -42,7 +43,7 @@ def _first_min(x: Array) -> tuple[Array, Array]:
     return smallest, jnp.where(x == smallest[..., None], position, x.shape[-1] - 1).min(axis=-1)
 
 
-def _search(rows: Array, cols: Array, at_once: int | None) -> tuple[Nearest, Nearest]:
+def _search(rows: Array, cols: Array) -> tuple[Nearest, Nearest]:
     """The nearest column of every row and vice versa, from one pass over tiles of rows."""
     n, m = len(rows), len(cols)
     # Copies of the last point tie with it, and the lowest index wins: no copy is ever chosen.
@@ -58,7 +59,11 @@ def _search(rows: Array, cols: Array, at_once: int | None) -> tuple[Nearest, Nea
         winner = jnp.take_along_axis(blocks, block[:, None, None], axis=1)[:, 0]
         return row_min, block * _BLOCK + _first_min(winner)[1], d.min(axis=0)
 
-    row_min, row_index, col_mins = lax.map(minima, tiles, batch_size=at_once)
+    row_min, row_index, col_mins = per_platform(
+        lambda tiles: lax.map(minima, tiles),
+        lambda tiles: lax.map(minima, tiles, batch_size=_AT_ONCE),
+        tiles,
+    )
     # The row of a column's minimum: its best tile is computed once more.
     col_min, tile = _first_min(col_mins.T)
     _, offset = _first_min(jnp.sum(jnp.square(tiles[tile] - cols[:, None, :]), axis=-1))
@@ -66,25 +71,25 @@ def _search(rows: Array, cols: Array, at_once: int | None) -> tuple[Nearest, Nea
     return of_rows, Nearest(col_min[:m], jnp.minimum((tile * _TILE + offset)[:m], n - 1))
 
 
-def _forward(a: Array, b: Array, at_once: int | None) -> Any:
+def _forward(a: Array, b: Array) -> Any:
     # The longer cloud is cut into tiles.
-    both = _search(a, b, at_once) if len(a) >= len(b) else _search(b, a, at_once)[::-1]
+    both = _search(a, b) if len(a) >= len(b) else _search(b, a)[::-1]
     # XLA's minimum may ignore a NaN; a non-finite point would then go unnoticed.
     finite = jnp.isfinite(a).all() & jnp.isfinite(b).all()
     of_a, of_b = (Nearest(jnp.where(finite, x.distance_sq, jnp.nan), x.index) for x in both)
     return (of_a, of_b), (jnp.where(finite, a, jnp.nan), b, of_a.index, of_b.index)
 
 
-def _backward(_: Any, saved: tuple[Array, ...], weights: tuple[Nearest, Nearest]) -> Any:
+def _backward(saved: tuple[Array, ...], weights: tuple[Nearest, Nearest]) -> Any:
     a, b, index_a, index_b = saved
     pull_a = 2 * weights[0].distance_sq[:, None] * (a - b[index_a])
     pull_b = 2 * weights[1].distance_sq[:, None] * (b - a[index_b])
     return pull_a.at[index_b].add(-pull_b), pull_b.at[index_a].add(-pull_a)
 
 
-_nearest = jax.custom_vjp(lambda a, b, at_once: _forward(a, b, at_once)[0], nondiff_argnums=(2,))
+_nearest = jax.custom_vjp(lambda a, b: _forward(a, b)[0])
 _nearest.defvjp(_forward, _backward)
-_nearest_jit = jax.jit(_nearest, static_argnums=2)  # compiled once per size, without a jit too
+_nearest_jit = jax.jit(_nearest)  # compiled once per size, without a jit too
 
 
 def nearest_both(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> tuple[Nearest, Nearest]:
@@ -102,8 +107,7 @@ def nearest_both(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> tuple[Ne
     """
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
     dtype = jnp.promote_types(pred.dtype, gt.dtype)
-    at_once = None if jax.default_backend() == "cpu" else _AT_ONCE
-    both: tuple[Nearest, Nearest] = _nearest_jit(pred.astype(dtype), gt.astype(dtype), at_once)
+    both: tuple[Nearest, Nearest] = _nearest_jit(pred.astype(dtype), gt.astype(dtype))
     return both
 
 

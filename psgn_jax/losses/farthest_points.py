@@ -8,6 +8,7 @@ import functools
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from psgn_jax.array_types import Array, Float, Int
 from psgn_jax.losses.numeric import check_points
@@ -34,9 +35,11 @@ def farthest_point_indices(points: Float[Array, "n 3"], num_samples: int) -> Int
         non-finite coordinate.
     """
     points = check_points(points, "points")
-    if not 1 <= num_samples <= len(points):
+    is_count = isinstance(num_samples, int | np.integer)
+    if not is_count or not 1 <= num_samples <= len(points):
         raise ValueError(
-            f"num_samples: got {num_samples}, expected 1 to the number of points ({len(points)})"
+            f"num_samples: got {num_samples}, expected an integer from 1 to the number of points "
+            f"({len(points)})"
         )
     return _indices(points, num_samples)
 

@@ -6,6 +6,7 @@ from typing import Any
 import jax
 
 from psgn_jax.array_types import Array
+from psgn_jax.losses.platforms import per_platform
 from psgn_jax.losses.sharded import on_each_device
 
 
@@ -19,13 +20,15 @@ def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
 
     Args:
       function: (pred [n, 3], gt [m, 3]) -> any pytree of arrays, for one pair.
-      platform: "cpu", "gpu" or "tpu"; None: the default backend of JAX.
+      platform: "cpu", "gpu" or "tpu"; None: where the arrays are.
 
     Returns:
       (pred [B, n, 3], gt [B, m, 3]) -> the pytree with a leading axis B on every array. If the
       function takes further arrays, they need the same leading axis. It raises ValueError if the
       batches differ in size.
     """
+    if platform not in (None, "cpu", "gpu", "tpu"):
+        raise ValueError(f"platform: got {platform!r}, expected 'cpu', 'gpu', 'tpu' or None")
 
     # Defined here, not in `over_batch`, so that every call passes the same function to `scan`. JAX
     # then finds it in its cache and compiles it only once, even without an enclosing `jit`.
@@ -39,9 +42,12 @@ def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
             raise ValueError(f"map_pairs: got batches of {sizes} pairs, expected the same number")
         return on_each_device(over_part, arrays, (True,) * len(arrays))
 
-    def over_part(*arrays: Array) -> Any:
-        if (platform or jax.default_backend()) != "cpu":
-            return jax.vmap(function)(*arrays)
+    def in_turn(*arrays: Array) -> Any:
         return jax.lax.scan(one_pair, None, arrays)[1]
+
+    def over_part(*arrays: Array) -> Any:
+        if platform:
+            return (in_turn if platform == "cpu" else jax.vmap(function))(*arrays)
+        return per_platform(in_turn, jax.vmap(function), *arrays)
 
     return over_batch

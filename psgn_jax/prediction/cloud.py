@@ -195,12 +195,15 @@ class Prediction:
           sample: number of the cloud.
 
         Raises:
-          ValueError: no such sample, a length that is not positive, or a focal length so short
+          ValueError: no such sample, a length that is out of range, or a focal length so short
             that the camera would be inside the object.
         """
-        for name, value in (("focal", focal), ("height", height)):
-            if value is not None and not 0 < value < np.inf:
-                raise ValueError(f"{name}={value}: accepted: a positive number")
+        for name, value, most in (("focal", focal, 1e6), ("height", height, 1e6)):
+            is_number = isinstance(value, int | float | np.integer | np.floating)
+            if value is not None and not (is_number and 1 / most <= value <= most):
+                raise ValueError(
+                    f"{name}={value}: accepted: a number from {1 / most:g} to {most:g}"
+                )
         kept, _ = self._kept(sample)
         points, own = self.points[sample].astype(np.float64), self.photo_intrinsics
         given, focal = focal, float(focal or self.photo.focal or own[0, 0])

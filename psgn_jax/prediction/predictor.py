@@ -105,6 +105,12 @@ class Predictor:
             raise ConfigError(f"frame={frame!r}: accepted: auto, place, keep")
         if normal_form not in NORMAL_FORMS:
             raise ConfigError(f"normal_form={normal_form!r}: accepted: {', '.join(NORMAL_FORMS)}")
+        switches = {"refine": refine, "accept_mask": accept_mask}
+        if invert_mask is not None:
+            switches["invert_mask"] = invert_mask
+        for name, value in switches.items():
+            if not isinstance(value, bool | np.bool_):
+                raise ConfigError(f"{name}={value!r}: accepted: True or False")
         clock = Clock()
         read = photo.read_photo(image)
         found = mask
@@ -165,12 +171,12 @@ class Predictor:
     def _sample_latents(self, samples: int, seed: int) -> np.ndarray | None:
         size = self.config.model.random_size
         most = MOST_CLOUDS if size else 1
-        if not 1 <= samples <= most:
+        if not isinstance(samples, int | np.integer) or not 1 <= samples <= most:
             accepted = f"1 to {most}" if size else "1, as this network has no random input"
             raise ConfigError(f"samples={samples}: accepted: {accepted}")
         if not size:
             return None
-        if not -(2**31) <= seed < 2**31:
+        if not isinstance(seed, int | np.integer) or not -(2**31) <= seed < 2**31:
             raise ConfigError(f"seed={seed}: accepted: an integer of 32 bits")
         # Every image is sample 0, so that its clouds do not depend on other images.
         return np.asarray(sampling.sample_latents(self.config, 0, 1, samples, seed))

@@ -40,7 +40,8 @@ class TrainingLog:
     A line has the metrics of its last step and `loss`, the mean of `loss_step` since the line
     before. Between lines it reads the metrics two steps late: the device does not wait for the
     host, and the host is at most two steps ahead. `loss_sum` (float32) and `loss_count` are the
-    losses since the last line; `losses` has those before `start`.
+    losses since the last line; `losses` has those before `start`. `began` is when the compilation
+    has begun, in the seconds of `time.monotonic`.
     """
 
     def __init__(
@@ -49,12 +50,14 @@ class TrainingLog:
         writer: "MetricsWriter | None",
         start: int,
         losses: tuple[float, int] = (0.0, 0),
+        began: float | None = None,
     ):
         self._plan = plan
         self._writer = writer
         self._pending: collections.deque[tuple[int, dict[str, jax.Array]]] = collections.deque()
         self._start = start
         self._restart_clock(start)
+        self._began = self._last_time if began is None else began
         self.loss_sum, self.loss_count = np.float32(losses[0]), int(losses[1])
 
     def add(self, step: int, metrics: dict[str, jax.Array]) -> None:
@@ -64,7 +67,7 @@ class TrainingLog:
         line = due or step == self._plan.steps
         self._read(0 if first or line else 2)
         if first:
-            logging.info("first step after %.1f s", time.monotonic() - self._last_time)
+            logging.info("compiled; first step after %.1f s", time.monotonic() - self._began)
             self._restart_clock(step)
         if line:
             self._line(step, jax.device_get(metrics))

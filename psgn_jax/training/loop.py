@@ -8,8 +8,10 @@ the same machine, the final parameters are bit-identical to those of an uninterr
 import contextlib
 import dataclasses
 import functools
+import math
 import pathlib
 import signal
+import time
 import zlib
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -17,6 +19,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 from absl import logging
+from jax.sharding import Mesh
 
 from psgn_jax import tasks
 from psgn_jax.config.experiment import (
@@ -36,6 +39,7 @@ from psgn_jax.data.schema import RecordError
 from psgn_jax.data.workers import check_main_guard
 from psgn_jax.system import group
 from psgn_jax.system.files import check_folder, write_atomic
+from psgn_jax.system.memory import host_memory
 from psgn_jax.system.signals import Stopped, StopSignal
 from psgn_jax.system.untrusted import one_line
 from psgn_jax.training.from_config import create_training
@@ -44,7 +48,7 @@ from psgn_jax.training.step import TrainState, data_mesh, eval_params, put_batch
 from psgn_jax.weights.checkpoint import Checkpoint, Checkpoints
 from psgn_jax.weights.leaves import from_named_leaves, named_leaves
 from psgn_jax.weights.opening import initial_params, open_initial
-from psgn_jax.weights.run_folder import locked
+from psgn_jax.weights.run_folder import locked, trained_config
 
 MAY_CHANGE = frozenset((
     "data.path", "data.eval_path",  # folders can be moved
@@ -87,6 +91,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     sizes = _checked(config, workdir, mesh.size)
     task = tasks.create(config, workdir)
     create, train_step = create_training(config, task, mesh)
+    _check_memory(config, jax.eval_shape(create), mesh)
     initial, folder = functools.cache(lambda: _initial(config, task)), workdir / "checkpoints"
     if not folder.exists():  # what is wrong with a new run is reported before there is a folder
         check_new(config)
@@ -102,6 +107,9 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
             group.gather(None)
         stack.callback(checkpoints.close)
         init = None if stored else initial()
+        began = time.monotonic()
+        if not stored or stored.step < plan.steps:
+            logging.info("compiling, about %d s on two cores", 20 if stored else 30)
         state = _resumed(config, create, stored, workdir) if stored else _started(create, init)
         state = put_replicated(state, mesh)
         start = step = saved = stored.step if stored else 0
@@ -115,7 +123,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
 
         # Scores of something else cannot be compared with those that follow.
         if stored and not checkpoints.measured:  # an older file
-            checkpoints.measured = _measured_before(config, parse(stored.meta["config"]))
+            checkpoints.measured = _measured_before(config, trained_config(stored, workdir))
         other = plan.eval_every and checkpoints.measure(_measured(config))
         # A network from which the training starts is evaluated too.
         evaluate_first = due(plan.eval_every) and start not in checkpoints.scores
@@ -125,7 +133,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
             stack.callback(writer.close)
         since = stored.meta if stored and start % plan.log_every else {}
         losses = since.get("loss_sum", 0.0), since.get("loss_count", 0)
-        log = TrainingLog(plan, writer, start, losses)
+        log = TrainingLog(plan, writer, start, losses, began)
 
         def save() -> None:
             log.drain()
@@ -222,11 +230,32 @@ def _checked(config: Config, workdir: pathlib.Path, devices: int) -> dict[str, i
     return sizes
 
 
+def _check_memory(config: Config, state: TrainState, mesh: Mesh) -> None:
+    """Raises `ConfigError` if the state, of which we know the shapes, or a batch cannot fit."""
+    device, copies, limit = mesh.devices.flat[0], 1, None
+    if device.platform == "cpu":
+        copies, limit = mesh.size, host_memory()
+    elif stats := device.memory_stats():
+        limit = stats.get("bytes_limit")
+    sizes = [math.prod(x.shape) * x.dtype.itemsize for x in jax.tree.leaves(state)]
+    (height, width), channels = config.data.image_size, config.model.in_channels
+    batch = 4 * config.train.batch_size * height * width * channels
+    for what, size, remedy in (
+        ("the network with Adam's moments", copies * sum(sizes), "model.widths, model.fc_points"),
+        ("the images of a batch", batch, "data.image_size, train.batch_size"),
+    ):
+        if limit and size > limit:
+            raise ConfigError(
+                f"{remedy}: {what} would take {size / 1e9:,.0f} GB, and there are "
+                f"{limit / 1e9:,.0f} GB of memory; accepted: smaller values"
+            )
+
+
 def _resumed(
     config: Config, create: Callable[[], TrainState], checkpoint: Checkpoint, workdir: pathlib.Path
 ) -> TrainState:
     """The state in a checkpoint; raises `ConfigError` if its configuration or network differs."""
-    before, now = flatten(parse(checkpoint.meta["config"])), flatten(config)
+    before, now = flatten(trained_config(checkpoint, workdir)), flatten(config)
     changed = {key: (before[key], now[key]) for key in now if before[key] != now[key]}
     fatal = [f"{k}={changed[k][0]!r} (now {changed[k][1]!r})" for k in changed.keys() - MAY_CHANGE]
     if fatal:

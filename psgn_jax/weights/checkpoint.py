@@ -140,7 +140,8 @@ class Checkpoints:
 
         Raises:
           CheckpointError: none of the checkpoints can be read (nothing is moved, because the cause
-            is probably the disk or a permission), or a later version of this package wrote it.
+            is probably the disk or a permission), a later version of this package wrote it, or the
+            folder has the name of another step.
         """
         steps, best = self.steps()[::-1], self.best_step()
         if best_first:
@@ -149,7 +150,7 @@ class Checkpoints:
         for step in steps:
             try:
                 checkpoint = self._read(step)
-            except CheckpointError:  # of a later version
+            except CheckpointError:  # of a later version or another step
                 raise
             except Exception as error:  # orbax raises many types of errors for unreadable files
                 unreadable.append((step, error))
@@ -177,6 +178,13 @@ class Checkpoints:
                     f"{folder} was made by a later version of psgn_jax: its format is "
                     f"{document['format']}, this version reads {FORMAT}; use a newer psgn_jax"
                 )
+            if (stored := document["step"]) != step:
+                raise CheckpointError(
+                    f"{folder} has the checkpoint of step {stored}; rename the folder to {stored}, "
+                    "or remove it"
+                )
+            if not isinstance(document["meta"], dict):
+                raise ValueError("its meta is not an object")
             template = {
                 name: np.zeros(leaf["shape"], leaf["dtype"])
                 for name, leaf in document["leaves"].items()
@@ -250,10 +258,11 @@ def _read_scores(path: pathlib.Path) -> tuple[dict[int, dict[str, float]], dict[
         scores = {int(step): dict(metrics) for step, metrics in raw.items()}
         if not all(type(m) in (int, float) for one in scores.values() for m in one.values()):
             raise ValueError("a metric is not a number")
+        scores = {s: {name: float(m) for name, m in one.items()} for s, one in scores.items()}
         return scores, measured
     except FileNotFoundError:
         return {}, {}
-    except (ValueError, TypeError, AttributeError, RecursionError) as error:
+    except (ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         logging.warning("%s is damaged (%s): the best checkpoint is unknown", path, brief(error))
         return {}, {}
 

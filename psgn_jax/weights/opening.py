@@ -89,13 +89,10 @@ def open_initial(config: Config) -> Trained:
       ConfigError: there is no such network, its task differs, or the layers of several differ.
       CheckpointError, WeightsError: one of them cannot be read.
     """
-    init = config.train.init
-    names = [name.strip() for name in init.split(",")]
-    if len(names) == 1 or os.path.exists(init):  # False for a list that is too long for a name
-        return _open(config, init)
-    if "" in names:
-        raise ConfigError(f"train.init={init!r}: a name is empty; accepted: names between commas")
+    init, names = config.train.init, check_initial(config)
     runs = [_open(config, name) for name in names]
+    if len(names) == 1:
+        return runs[0]
     shapes = [jax.tree.map(np.shape, run.params) for run in runs]
     for name, own in zip(names, shapes, strict=True):
         if own != shapes[0]:
@@ -113,13 +110,25 @@ def open_initial(config: Config) -> Trained:
     return runs[0]._replace(params=params, source=source)
 
 
+def check_initial(config: Config) -> list[str]:
+    """The networks that `train.init` names; `ConfigError` if one does not exist."""
+    init = config.train.init
+    names = [name.strip() for name in init.split(",")]
+    if len(names) == 1 or os.path.exists(init):  # False for a list that is too long for a name
+        names = [init]
+    if "" in names:
+        raise ConfigError(f"train.init={init!r}: a name is empty; accepted: names between commas")
+    for name in names:
+        if not os.path.exists(name) and name not in shipped():
+            raise ConfigError(
+                f"train.init={name!r}: does not exist; accepted: the folder of a trained run, a "
+                f"file of weights, or the name of weights in the package ({', '.join(shipped())})"
+            )
+    return names
+
+
 def _open(config: Config, init: str) -> Trained:
     path = pathlib.Path(init)
-    if not os.path.exists(init) and init not in shipped():
-        raise ConfigError(
-            f"train.init={init!r}: does not exist; accepted: the folder of a trained run, a file "
-            f"of weights, or the name of weights in the package ({', '.join(shipped())})"
-        )
     folder = path if path.is_dir() else None
     run = open_network(folder, None if folder else init, name="train.init")
     if run.config.task != config.task:

@@ -16,7 +16,7 @@ from psgn_jax.config.experiment import Config, ConfigError, DamagedError, flatte
 from psgn_jax.system import claims
 from psgn_jax.system.files import remove_temporaries
 from psgn_jax.system.untrusted import refuse_special_files
-from psgn_jax.weights.checkpoint import CheckpointError, Checkpoints
+from psgn_jax.weights.checkpoint import Checkpoint, CheckpointError, Checkpoints
 from psgn_jax.weights.leaves import params_from_named_leaves
 
 
@@ -68,7 +68,7 @@ def open_run(
         raise CheckpointError(f"{name}={workdir}: no checkpoint there")
     if checkpoint == "best" and opened.step != checkpoints.best_step():
         logging.warning("no best checkpoint can be used; using the last one")
-    trained = parse(opened.meta["config"])
+    trained = trained_config(opened, workdir, name)
     if config is None:
         logging.warning("%s; using the configuration in the checkpoint", damaged)
         config = trained
@@ -76,6 +76,20 @@ def open_run(
     params = params_from_named_leaves(opened.leaves, averaged=averaged)
     scores = checkpoints.scores.get(opened.step, {})
     return Trained(config, opened.step, params, scores, str(workdir), checkpoint=checkpoint)
+
+
+def trained_config(
+    checkpoint: Checkpoint, workdir: str | os.PathLike[str], name: str = "workdir"
+) -> Config:
+    """The configuration in a checkpoint; `ConfigError` if it has none."""
+    try:
+        return parse(checkpoint.meta["config"])
+    except (ConfigError, KeyError) as error:
+        why = "it is missing" if isinstance(error, KeyError) else error
+        raise ConfigError(
+            f"{name}={workdir}: the configuration in the checkpoint of step {checkpoint.step} "
+            f"cannot be read ({why}); copy the checkpoint again, or give another folder"
+        ) from None
 
 
 _OF_THE_NETWORK = ("task", "model.", "data.image_size", "data.inputs", "voxels.")

@@ -67,6 +67,7 @@ def test_wrong_arguments_end_in_one_line_before_a_network_is_made(tmp_path):
     cases = (
         (["train", "--config=debug", "--config.data.path=tests", f"--workdir={file}"], file),
         ([*train, "--config.train.stps=3"], "train.stps"),
+        (["train", "--config=finetune"], "train.init='WEIGHTS': does not exist; accepted: the"),
         ([*train, "--config.data.path=/no/such"], "data.path='/no/such' does not exist"),
         ([*train, "--config.train.steps=1e5"], "train.steps='1e5': accepted: an integer"),
         ([*train, "--config.data.flip=yes"], "data.flip='yes': accepted: True or False"),

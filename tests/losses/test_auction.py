@@ -113,10 +113,15 @@ def test_wrong_arguments():
             call(good, good[:3])
         with pytest.raises(ValueError, match=r"pred: got float32\[0, 3\], expected an array"):
             call(good[:0], good)
-    for name in ("tolerance", "max_bids"):
-        for negative in (-5, np.int64(-5)):
-            with pytest.raises(ValueError, match=f"{name}: got -5, expected >= 0"):
-                losses.assign(good, good, **{name: negative})
+    bad = [
+        (name, value)
+        for name in ("tolerance", "max_bids")
+        for value in (-5, np.int64(-5), np.nan, "x", None if name == "tolerance" else [1], True)
+    ]
+    for name, value in [*bad, ("max_bids", 2.5), ("max_bids", 2**31), ("max_bids", np.inf)]:
+        with pytest.raises(ValueError, match=f"{name}: got .*, expected an? .*(0|>= 0)"):
+            losses.assign(good, good, **{name: value})
+    assert losses.assign(good, good, max_bids=np.float32(8), tolerance=np.inf).converged
 
 
 def test_memory_is_linear():

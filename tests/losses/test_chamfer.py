@@ -73,12 +73,12 @@ def test_is_the_definition_also_in_the_tiles_of_an_accelerator(rng, monkeypatch)
         for f in (losses.chamfer_sq_mean, chamfer.chamfer_by_definition)
     )
     jax.tree.map(lambda x, y: np.testing.assert_allclose(x, y, rtol=1e-6, atol=1e-8), fast, slow)
-    a, b = clouds(rng, 1100, 70)
-    want = losses.nearest_both(a, b)
-    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
-    for found, expected in zip(losses.nearest_both(a, b), want, strict=True):
-        np.testing.assert_allclose(found.distance_sq, expected.distance_sq, rtol=1e-6)
-        np.testing.assert_array_equal(found.index, expected.index)
+    a, b = clouds(rng, 1100, 71)  # no other test traces this size
+    monkeypatch.setattr(chamfer, "per_platform", lambda cpu, other, *arrays: other(*arrays))
+    distances = np.square(a[:, None] - b).sum(-1)
+    for axis, found in enumerate(losses.nearest_both(a, b)):
+        np.testing.assert_allclose(found.distance_sq, distances.min(1 - axis), rtol=1e-5)
+        np.testing.assert_array_equal(found.index, distances.argmin(1 - axis))
 
 
 def test_forward_mode_is_refused(rng):

@@ -23,6 +23,7 @@ def test_ties_go_to_the_lowest_index_and_no_index_repeats():
     assert sorted(losses.farthest_point_indices(points, 180).tolist()) == list(range(180))
 
 
+@pytest.mark.usefixtures("unchecked_annotations")
 def test_gradient_reaches_the_chosen_points_and_errors_are_named(rng):
     points = rng.normal(size=(50, 3)).astype(np.float32)
     index = np.asarray(losses.farthest_point_indices(points, 5))
@@ -30,7 +31,7 @@ def test_gradient_reaches_the_chosen_points_and_errors_are_named(rng):
     want = np.zeros((50, 3))
     want[index] = 1
     np.testing.assert_array_equal(pulled, want)
-    for count in (0, 51):
+    for count in (0, 51, 2.5, "2"):
         with pytest.raises(ValueError, match=f"num_samples: got {count}"):
             losses.farthest_point_indices(points, count)
     points[3, 1] = np.nan

@@ -27,6 +27,11 @@ def test_the_results_are_those_of_each_pair(platform, rng):
     np.testing.assert_allclose(*gradients, rtol=1e-5)
 
 
+def test_an_unknown_platform_is_refused():
+    with pytest.raises(ValueError, match="platform: got 'cup', expected 'cpu'"):
+        losses.map_pairs(losses.chamfer_sq_mean, platform="cup")
+
+
 def test_batches_of_two_sizes_are_refused_and_no_pairs_give_no_losses():
     mapped = losses.map_pairs(losses.chamfer_sq_mean)
     with pytest.raises(ValueError, match="got batches of 2, 3 pairs, expected the same number"):

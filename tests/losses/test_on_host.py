@@ -1,6 +1,6 @@
 """The EMD of clouds on an accelerator is solved on the host, with the bits of a CPU.
 
-No accelerator is needed: JAX is told that its default backend is a GPU, and computes on the CPU.
+No accelerator is needed: the programs for one are chosen, and compute on the CPU.
 """
 
 import socket
@@ -20,13 +20,17 @@ jax.config.update("jax_cpu_enable_async_dispatch", False)
 PAIRS = """
 from psgn_jax import losses
 from psgn_jax.config.experiment import LossConfig
-from psgn_jax.losses import auction
+from psgn_jax.losses import auction, chamfer, mapping
 from psgn_jax.losses.by_name import configured_loss
 a, b = np.random.default_rng(0).normal(size=(2, 4, 20, 3)).astype(np.float32)
 def same(found, want):
     jax.tree.map(np.testing.assert_array_equal, found, want)
 def value(a, b):
     return losses.emd_mean(a, b, tolerance=.1)
+def choose_the_accelerator():
+    jax.clear_caches()
+    for module in (auction, chamfer, mapping):
+        module.per_platform = lambda cpu, other, *arrays: other(*arrays)
 def gradient(a, b):
     return jax.grad(lambda a, b: losses.map_pairs(value)(a, b).sum(), (0, 1))(a, b)
 """
@@ -36,8 +40,7 @@ with_nan[1, 3] = np.nan
 direct = jax.jit(jax.vmap(losses.assign))(a, b)
 direct_nan = jax.jit(jax.vmap(losses.assign))(with_nan, b)
 direct_gradient = jax.jit(gradient)(a, b)
-jax.clear_caches()
-jax.default_backend = lambda: "gpu"
+choose_the_accelerator()
 assign = jax.jit(jax.vmap(losses.assign))
 same(assign(a, b), direct)
 same(jax.vmap(losses.assign)(a, b), direct)
@@ -80,8 +83,7 @@ def split(function):
     return jax.jit(jax.shard_map(function, mesh=mesh, in_specs=jax.P("d"), out_specs=jax.P("d")))
 functions = [losses.map_pairs(losses.assign), jax.vmap(losses.assign), gradient]
 direct = [split(f)(a, b) for f in functions]
-jax.clear_caches()
-jax.default_backend = lambda: "gpu"
+choose_the_accelerator()
 for f, wanted in zip(functions, direct):
     on_host = split(f)
     for _ in range(20):
@@ -120,8 +122,7 @@ TWO_PROCESSES = """
 jax.config.update("jax_cpu_collectives_implementation", "gloo")
 jax.distributed.initialize(sys.argv[1], 2, int(sys.argv[2]))
 direct = jax.jit(gradient)(a, b)
-jax.clear_caches()
-jax.default_backend = lambda: "gpu"
+choose_the_accelerator()
 mesh = jax.make_mesh((2,), ("d",), axis_types=(jax.sharding.AxisType.Auto,))
 mine = slice(2 * jax.process_index(), 2 * jax.process_index() + 2)
 where = jax.NamedSharding(mesh, jax.P("d"))
@@ -158,13 +159,18 @@ batches = standin.train_batches(config.data, batch_size=8, seed=0, start_step=0)
 batch = {k: v for k, v in next(batches).items() if k in networks.input_keys(config)}
 program = text(train_step, state, batch)
 assert program.count("custom_call @solve") == 1 and "while" not in program
+jax.default_backend = of_the_cpu
 
 both = losses.map_pairs(configured_loss(LossConfig("emd_mean@20 + 5*chamfer_sq_mean")))
 more = np.concatenate([b] * 60, 1)  # 1,200 points: two tiles for a GPU
 program = text(jax.grad(lambda pred, gt: both(pred, gt)[0].sum()), a, more)
 assert program.count("custom_call @solve") == 1
 assert program.count("stablehlo.while") <= 1, "one for the tiles of the Chamfer distance"
-jax.default_backend = of_the_cpu
+for solve in (losses.assign, jax.vmap(losses.assign), losses.map_pairs(losses.assign)):
+    pair = (a[0], b[0]) if solve is losses.assign else (a, b)
+    assert text(solve, *pair).count("custom_call @solve") == 1
+    on_a_cpu = jax.jit(solve).trace(*pair).lower(lowering_platforms=("cpu",)).as_text()
+    assert "stablehlo.while" in on_a_cpu and "callback" not in on_a_cpu
 jax.clear_caches()
 """
 

@@ -124,8 +124,11 @@ def test_the_photos_camera(rng, middle):
     np.testing.assert_allclose(metres.points, metres.unit * assumed.points)
     moved = camera.to_camera(metres.unit * points[0], metres.extrinsics)
     assert np.abs(moved - metres.points).max() < 0.1 * metres.unit
-    with pytest.raises(ValueError, match="accepted: a positive number"):
-        cloud.camera(focal=np.nan)
+    for wrong in (np.nan, 0, -1, 1e300, 1e-300, "300"):
+        for name in ("focal", "height"):
+            with pytest.raises(ValueError, match=f"{name}=.*accepted: a number from 1e-06 to 1e"):
+                cloud.camera(**{name: wrong})
+    assert np.isfinite(cloud.camera(focal=1e6, height=1e6).points).all()
 
 
 def test_the_focal_length_of_exif_is_used_if_it_can_be_true():

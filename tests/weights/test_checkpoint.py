@@ -83,12 +83,22 @@ def test_damaged_newest_falls_back(tmp_path, damage, caplog, capfd):
     assert Checkpoints(folder).restore_newest().step == 2
 
 
+def test_a_checkpoint_in_the_folder_of_another_step_is_refused(tmp_path):
+    fill(tmp_path, [10, 20])
+    (tmp_path / "20").rename(tmp_path / "30")
+    for read_only in (True, False):
+        with pytest.raises(CheckpointError, match=r"30 has the checkpoint of step 20; rename"):
+            Checkpoints(tmp_path, read_only=read_only).restore_newest()
+    (tmp_path / "30").rename(tmp_path / "20")
+    assert Checkpoints(tmp_path).restore_newest().step == 20
+
+
 def test_damaged_scores_are_none_with_a_warning(tmp_path, caplog):
     folder = tmp_path / "c"
     fill(folder, [1, 2], scores={1: 0.5})
     for content in (
         b"[]", b'{"a":{}}', b"\xff", b"[" * 100_000, b'{"1": {"iou": "x"}}',
-        b'{"measured": 1}',
+        b'{"measured": 1}', b'{"1": {"cd_sq_radius2": %s}}' % (b"9" * 4000),
         b'{"1": {"cd_sq_radius2": 0.25}, "crc32": 1}',
     ):  # fmt: skip
         (folder / "scores.json").write_bytes(content)

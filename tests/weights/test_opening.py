@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import types
 
 import jax
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from helpers import weights as tiny
 
 import psgn_jax
+from psgn_jax.commands import export
 from psgn_jax.commands import weights as command
 from psgn_jax.config.experiment import ConfigError, to_dict, to_json
 from psgn_jax.weights.checkpoint import Checkpoints
@@ -100,6 +102,32 @@ def test_weights_list_the_data_of_all_trainings_once(run, weights, tmp_path, cap
     assert psgn_jax.load(second).checksum == psgn_jax.load(first).checksum
 
 
+def test_sources_and_licences_are_inherited(run, file, config, weights, tmp_path, capsys):
+    """Of a file and of a run that started from one; only what is new is not stated."""
+    changes = {"data__path": "/b/mine,/b/records", "train__init": f"{file},{run}"}
+    middle = write_run(tmp_path / "middle", tiny.config(**changes), weights)
+    last = write_run(
+        tmp_path / "last", tiny.config(data__path="/b/more", train__init=str(middle)), weights
+    )
+    out = tmp_path / "last.safetensors"
+    assert command.main(["export", f"--workdir={last}", f"--out={out}"]) == 0
+    assert "CC-BY-3.0 (7 models: Ada, Bo)" in capsys.readouterr().out
+    sources = read_weights(out).sources
+    stated = {row["source"] for row in weights.sources}
+    assert {row["source"] for row in sources if row["licences"]} == stated
+    assert [row["source"] for row in sources if not row["licences"]] == [
+        "more", "mine", "the data of run"
+    ]  # fmt: skip
+    table = tmp_path / "sources.json"
+    table.write_text(json.dumps([{"source": "more", "licences": {"MIT": {}}}]))
+    arguments = ["export", f"--workdir={last}", f"--out={out}", f"--sources={table}"]
+    assert command.main(arguments) == 0
+    again = read_weights(out).sources
+    assert again == [{"source": "more", "licences": {"MIT": {}}}, *sources[1:]]
+    values = types.SimpleNamespace(workdir=last, weights=None, checkpoint="best", out=tmp_path)
+    assert list(export.open_to_export(values).sources) == list(sources)
+
+
 def test_list_shows_figures_data_and_licences_and_errors_are_one_line(
     file, shipped, capsys, tmp_path
 ):
@@ -111,8 +139,7 @@ def test_list_shows_figures_data_and_licences_and_errors_are_one_line(
         f"{DEFAULT} (default)\n",
         "vanilla",
         "rgb+mask of 16x32 pixels to 8 points",
-        "step 50, 400 samples seen, averaged",
-        "cd_sq_radius2 0.01230",
+        "  training  400 samples seen, averaged",
         "chairs (84 samples)",
         "CC-BY-3.0 (7 models: Ada, Bo)",
         "cars: CC0-1.0",

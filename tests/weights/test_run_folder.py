@@ -1,3 +1,4 @@
+import json
 import os
 import re
 
@@ -5,7 +6,7 @@ import numpy as np
 import pytest
 
 from psgn_jax.config.experiment import ConfigError, parse, to_dict, to_json
-from psgn_jax.weights.checkpoint import Checkpoints
+from psgn_jax.weights.checkpoint import CheckpointError, Checkpoints
 from psgn_jax.weights.run_folder import locked, open_run
 
 
@@ -51,6 +52,23 @@ def test_a_named_pipe_in_the_folder_is_refused(run, name):
     for opening in (open_run, lambda run: locked(run).__enter__()):
         with pytest.raises(OSError, match="it is a named pipe, expected a file"):
             opening(run)
+
+
+@pytest.mark.parametrize(
+    ("meta", "why"),
+    [({}, r"\(it is missing\)"), ({"config": 5}, "accepted: a section"), ([], "meta is not an")],
+)
+def test_a_checkpoint_without_a_configuration_is_named(run, meta, why):
+    checkpoints = Checkpoints(run / "checkpoints", keep=1)
+    checkpoints.save(4, {"params.a.kernel": np.zeros(2)}, {"config": meta})
+    checkpoints.close()
+    file = run / "checkpoints" / "4" / "meta" / "metadata"
+    document = json.loads(file.read_text())
+    del document["crc32"]
+    file.write_text(json.dumps(document | {"meta": meta}))
+    with pytest.raises((ConfigError, CheckpointError), match=f"step 4.*{why}") as caught:
+        open_run(run)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,21 @@
+"""Different programs for a CPU and for an accelerator."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from psgn_jax.array_types import Array
+
+
+def per_platform(cpu: Callable[..., Any], other: Callable[..., Any], *arrays: Array) -> Any:
+    """`cpu(*arrays)` where the arrays are on a CPU or XLA compiles for one, else `other(*arrays)`.
+
+    Inside `jit`, both are traced, and XLA gets the one that fits the device that it compiles for.
+    """
+    if any(isinstance(x, jax.core.Tracer) for x in arrays):
+        return jax.lax.platform_dependent(*arrays, cpu=cpu, default=other)
+    placed = [x for x in arrays if isinstance(x, jax.Array)] or [jnp.zeros(())]
+    platforms = {device.platform for x in placed for device in x.devices()}
+    return (cpu if platforms == {"cpu"} else other)(*arrays)

@@ -1,0 +1,84 @@
+"""What a network was trained on: data sets, sources and licences, those of its origins included."""
+
+import contextlib
+import pathlib
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from psgn_jax.config.experiment import Config
+from psgn_jax.data.manifest import load_manifest
+from psgn_jax.data.schema import RecordError
+from psgn_jax.system.errors import UserError
+from psgn_jax.weights.file import Weights, read_weights
+from psgn_jax.weights.opening import weights_path
+from psgn_jax.weights.run_folder import load_config
+
+
+def data_of(config: Config) -> list[dict[str, Any]]:
+    """The data sets of a training, then those of the networks that it started from.
+
+    A row has the name and, if the manifest can be read, the source and the number of training
+    samples. Folders with the same name are listed with their parents' names.
+    """
+    return _once([*_own_data(config), *_inherited_data(config)])
+
+
+def sources_of(config: Config, stated: Sequence[dict[str, Any]] = ()) -> list[dict[str, Any]]:
+    """The sources and licences of `data_of`, as in `weights.file.Weights`.
+
+    Args:
+      stated: those of the training's own data; without them, their licences are not stated.
+
+    Returns:
+      a row for each; none if nothing is stated at all.
+    """
+    inherited: list[dict[str, Any]] = []
+    for name, origin in _origins(config):
+        rows = sources_of(origin) if isinstance(origin, Config) else getattr(origin, "sources", ())
+        inherited += rows or [_not_stated(f"the data of {pathlib.Path(name).name}")]
+    known = {row["name"] for row in _inherited_data(config)}
+    new = [row["name"] for row in _own_data(config) if row["name"] not in known]
+    own = list(stated) or [_not_stated(name) for name in new if inherited]
+    return [*own, *(row for row in _once(inherited) if row not in own)]
+
+
+def _own_data(config: Config) -> list[dict[str, Any]]:
+    folders = [pathlib.Path(folder) for folder in dict.fromkeys(config.data.folders)]
+    names = [folder.name for folder in folders]
+    rows: list[dict[str, Any]] = [] if folders else [{"name": "default data set"}]
+    for folder in folders:
+        alone = names.count(folder.name) == 1
+        rows.append({"name": folder.name if alone else f"{folder.parent.name}/{folder.name}"})
+        with contextlib.suppress(RecordError, OSError):
+            manifest = load_manifest(folder)
+            shards = manifest.splits().get(config.data.train_split, ())
+            rows[-1] |= {"source": manifest.source, "samples": sum(shard.count for shard in shards)}
+    return rows
+
+
+def _inherited_data(config: Config) -> list[dict[str, Any]]:
+    rows: list[dict[str, Any]] = []
+    for _, origin in _origins(config):
+        if isinstance(origin, Config):
+            rows += data_of(origin)
+        elif origin is not None:
+            rows += origin.figures["data"]
+    return rows
+
+
+def _origins(config: Config) -> Iterator[tuple[str, Config | Weights | None]]:
+    """The networks that a training started from: name, and what it was, or None if it is gone."""
+    for init in filter(None, map(str.strip, config.train.init.split(","))):
+        origin: Config | Weights | None = None
+        with contextlib.suppress(UserError, OSError):
+            is_run = pathlib.Path(init).is_dir()
+            origin = load_config(init) if is_run else read_weights(weights_path(init))
+        yield init, origin
+
+
+def _not_stated(source: str) -> dict[str, Any]:
+    return {"source": source, "licences": {}}
+
+
+def _once(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [row for i, row in enumerate(rows) if row not in rows[:i]]
