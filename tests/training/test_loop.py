@@ -247,7 +247,6 @@ def test_what_does_not_fit_is_named_before_anything_is_written(tmp_path):
             "model.widths, model.fc_points: the network",
         ),
         ({"model__fc_points": 1_000_000, "model__fc_widths": (1_000_000,)}, "the network with"),
-        ({"data__image_size": (1_000_000, 1_000_000)}, "the network with"),
         ({"train__batch_size": 1_000_000, "data__image_size": (192, 256)}, "the images of a batch"),
     ],
 )
