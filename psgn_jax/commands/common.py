@@ -1,10 +1,14 @@
 """Flags that several commands have, and the compilation cache."""
 
 import contextlib
+import functools
 import os
+import pathlib
 import platform
+import re
+import warnings
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from absl import logging
@@ -63,14 +67,41 @@ def use_cores(batch_size: int) -> None:
             jax.config.update("jax_num_cpu_devices", count)
 
 
+_OF_THE_CACHE = r"Error (reading|writing) persistent compilation cache entry for '(\w+)': (.*)"
+
+
+def _mend_cache(others: Callable[..., None], message: Any, *details: Any, **options: Any) -> None:
+    """Shows a warning; for one about the cache, removes the program's entries and logs one line.
+
+    JAX compiles the program then, but replaces no entry that exists.
+    """
+    import jax
+
+    found = re.match(_OF_THE_CACHE, str(message), re.DOTALL)
+    if found is None:
+        others(message, *details, **options)
+        return
+    what, program, why = found.groups()
+    removed = 0
+    with contextlib.suppress(OSError):
+        folder = pathlib.Path(jax.config.values["jax_compilation_cache_dir"])
+        for entry in folder.glob(f"{program}-*-cache"):
+            entry.unlink()
+            removed += 1
+    outcome = "removed, and written again" if removed and what == "reading" else "not kept"
+    logging.warning("compiled program %s: %s (%s)", program, outcome, message_line(why)[:200])
+
+
 def keep_compiled() -> None:
     """Enables JAX's persistent compilation cache in the cache folder, before JAX compiles anything.
 
     The cache has one folder per type of processor, because a program that was compiled for one may
     not run on another. Without a home, or where the folder cannot be written, nothing is kept.
+    Entries that cannot be read, because a disk was full when they were written, are removed.
     """
     import jax  # imported here so that wrong flags are reported before JAX is loaded
 
+    warnings.showwarning = functools.partial(_mend_cache, warnings.showwarning)
     if jax.config.values["jax_compilation_cache_dir"]:
         return
     features = features_line() or platform.processor()

@@ -5,6 +5,7 @@ import io
 import json
 import re
 import textwrap
+import unicodedata
 from collections.abc import Sequence
 from typing import Any
 
@@ -170,7 +171,37 @@ distances themselves.{emd}{visibility}{aligned}{frame}
 
 
 def csv_of(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """A table as CSV."""
+    """A table as CSV, whose texts are in quotes and never formulas or control characters.
+
+    Names come from records of others, and spreadsheet programs compute cells such as `=1+1`. Such a
+    text gets an apostrophe in front (OWASP, "CSV Injection"), and escapes; `read_csv` removes both.
+    """
     buffer = io.StringIO()
-    csv.writer(buffer, lineterminator="\n").writerows([head, *rows])
+    writer = csv.writer(buffer, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC)
+    writer.writerows([_harmless(cell) for cell in row] for row in [head, *rows])
     return buffer.getvalue()
+
+
+def read_csv(text: str) -> list[dict[str, str]]:
+    """The rows of a table of `csv_of`, with all texts as they were."""
+    head, *rows = ([_original(cell) for cell in row] for row in csv.reader(io.StringIO(text)))
+    return [dict(zip(head, row, strict=True)) for row in rows]
+
+
+def _harmless(cell: Any) -> Any:
+    if not isinstance(cell, str):
+        return cell
+    first = unicodedata.normalize("NFKC", cell.lstrip()[:1])  # of full width, too
+    if cell.isprintable() and first not in tuple("=+-@'"):
+        return cell
+    return "'" + "".join(
+        c if c.isprintable() and c != "\\" else c.encode("unicode_escape").decode("ascii")
+        for c in cell
+    )
+
+
+def _original(cell: str) -> str:
+    if not cell.startswith("'"):
+        return cell
+    escapes = r"\\(?:[\\tnr]|x.{2}|u.{4}|U.{8})"
+    return re.sub(escapes, lambda e: e[0].encode().decode("unicode_escape"), cell[1:])

