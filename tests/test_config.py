@@ -91,8 +91,8 @@ def test_the_last_one_of_repeated_flags_counts(arguments, field, value):
     flags = Flags("psgn anything", "")
     flags.config(Config(), file="configs/base.py")
     assert flags.run(lambda _: None, [*arguments, "--config.seed=3"]) == 0
-    assert flags.values.config.seed == 3
-    assert flags.values.config.model[field] == value
+    assert flags.settings.seed == 3
+    assert flags.settings.model[field] == value
 
 
 def test_missing_and_wrong_paths(tmp_path):
