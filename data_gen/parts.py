@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from data_gen.mesh import Material, UnusableModelError, check_face_count
-from data_gen.polygons import triangles
+from data_gen.polygons import MOST_CORNERS, triangles
 
 
 @dataclasses.dataclass
@@ -66,6 +66,8 @@ def joined(parts: Sequence[Part], warn: Callable[..., None], max_faces: int) -> 
         counts, corners, owner = counts[keep], corners[place], owner[keep]
         if not np.isfinite(part.vertices[corners]).all():
             raise UnusableModelError("vertices have coordinates that are not finite")
+        if (many := counts > MOST_CORNERS).any():
+            warn(f"polygons with more than {MOST_CORNERS} corners, bays may be filled", many.sum())
         triangle, polygon = triangles(counts, corners, part.vertices)
         fields = {"uv": 2, "normals": 3, "colours": 4}
         of_corners: dict[str, np.ndarray] = {}

@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+
+from data_gen import polygons
+from data_gen.polygons import cut_ears, fan, strip, triangles, with_holes
+
+
+def area(points, corners):
+    a, b, c = (points[corners[:, k]] for k in range(3))
+    (ux, uy), (vx, vy) = (b - a)[:, :2].T, (c - a)[:, :2].T
+    return (ux * vy - uy * vx).sum() / 2, np.abs(ux * vy - uy * vx).sum() / 2
+
+
+def comb(teeth):
+    """A row of squares of edge 1, one apart, on a bar of height 1."""
+    top = [
+        (x + dx, y)
+        for x in range(2 * teeth - 2, -1, -2)
+        for dx, y in ((1, 1), (1, 2), (0, 2), (0, 1))
+    ]
+    return np.array([(0, 0), (2 * teeth - 1, 0), *top], float)
+
+
+@pytest.mark.parametrize("teeth", [2, 12, 60, 200])
+def test_polygons_with_many_corners_are_not_filled(teeth):
+    points = comb(teeth)
+    points = np.column_stack([points, np.zeros(len(points))])
+    result, polygon = triangles(np.array([len(points)]), np.arange(len(points)), points)
+    assert len(result) == len(points) - 2
+    assert not polygon.any()
+    assert area(points, result) == pytest.approx((3 * teeth - 1, 3 * teeth - 1))
+
+
+def test_one_polygon_and_many_at_once_have_the_same_area(monkeypatch):
+    outline = np.roll(comb(10), 5, axis=0)
+    one = cut_ears(outline[None])[0]
+    monkeypatch.setattr(polygons, "_AT_ONCE", 3)
+    assert area(outline, cut_ears(outline[None])[0]) == pytest.approx(area(outline, one))
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+def test_holes_in_any_direction(turn):
+    def square(x, y, size):
+        return np.array([(0, 0), (1, 0), (1, 1), (0, 1)], float) * size + (x, y)
+
+    holes = [square(1, 1, 2)[::turn], square(6, 6, 1), square(6, 1, 1)[::-turn]]
+    points = np.column_stack([np.concatenate([square(0, 0, 8), *holes]), np.zeros(16)])
+    order = with_holes(points, [4, 4, 4, 4])
+    result, _ = triangles(np.array([len(order)]), order, points)
+    assert area(points, order[result]) == pytest.approx((58, 58))
+
+
+def test_strips_and_fans():
+    assert strip(5).tolist() == [[0, 1, 2], [2, 1, 3], [2, 3, 4]]
+    assert fan(5).tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
+    assert [len(shape(count)) for shape in (strip, fan) for count in (0, 2, 3)] == [0, 0, 1] * 2
