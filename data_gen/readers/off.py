@@ -87,9 +87,11 @@ def read_off(data: bytes, assets: Assets) -> dict[str, Any]:
         raise _cut("corners of faces", int(counts.sum()), len(flat))
     if unread:
         assets.warn("colours of faces that are indices of a colour map not read", unread)
-    normals = picked(table[:, 3:6], flat) if "N" in extra else None
     at = 6 if "N" in extra else 3
     end = table.shape[1] - tail
+    if end < at:
+        raise UnusableModelError(f"not readable as OFF: {table.shape[1]} numbers in a vertex")
+    normals = picked(table[:, 3:6], flat) if "N" in extra else None
     colours = None
     if "C" in extra and end - at in (3, 4):
         colours = picked(rgba(table[:, at:end]), flat)

@@ -21,10 +21,8 @@ def read_stl(data: bytes, assets: Assets) -> dict[str, Any]:
     count = int.from_bytes(data[80:_HEAD], "little")
     exact = len(data) == _HEAD + _FACET.itemsize * count
     if not exact and (data[:2] in UTF_16_MARKS or b"\0" not in data[:_HEAD]):
-        corners, colours = (
-            _from_text(as_utf8(data).decode("utf-8", "replace").lower(), assets),
-            None,
-        )
+        text = as_utf8(data).decode("utf-8", "replace")
+        corners, colours = _from_text(text.lower(), assets), None
     else:
         corners, colours = _from_binary(data, count, assets)
     counts, index = np.full(len(corners), 3), np.arange(3 * len(corners))
@@ -51,9 +49,7 @@ def _from_text(text: str, assets: Assets) -> np.ndarray:
     try:
         return np.array(words, np.float64).reshape(-1, 3, 3)
     except ValueError as error:
-        raise UnusableModelError(
-            "not readable as STL: a corner that is not three numbers"
-        ) from error
+        raise UnusableModelError("not readable as STL: a corner without numbers") from error
 
 
 def _from_binary(data: bytes, count: int, assets: Assets) -> tuple[np.ndarray, np.ndarray | None]:

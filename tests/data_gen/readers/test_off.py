@@ -73,6 +73,7 @@ def test_off_polygons_free_form_and_refusals(write):
         "4OFF is not read": off(head="4OFF\n"),
         "nOFF is not read": off(head="nOFF\n3\n"),
         "binary OFF is not read": "OFF BINARY\n",
+        "2 numbers in a vertex": off([p[2:] for p in POINTS]),
         "cut off: 2 faces announced, 1 there": off().rpartition("3 0")[0],
         "cut off: 4 vertices announced, 3 there": off(faces=[]).replace("0 1 0", ""),
         "more than the limit": off().replace("4 2 0", "4 999999999 0"),
