@@ -119,28 +119,23 @@ class _Document:
         """All geometries of the scene, in its axes."""
         axis = (self.root.findtext("asset/up_axis") or "").strip().upper()
         turn = np.array(_TURNS.get(axis, np.eye(4)), np.float64)
-        stack: list[tuple[Element, np.ndarray]] = []
         instance = self.root.find("scene/instance_visual_scene")
-        try:
-            if instance is None:
-                raise _BrokenError("no scene")
-            stack = [(self.find(instance.get("url"), "visual_scene"), turn)]
-        except _BrokenError:
+        url = "" if instance is None else (instance.get("url") or "").strip().removeprefix("#")
+        scene = self.ids.get(("visual_scene", url))
+        if scene is None:
             scene = self.root.find("library_visual_scenes/visual_scene")
-            self.assets.warn(
-                f"no scene, {'all geometries are' if scene is None else 'the first is'} read"
-            )
-            places = self.root.findall("library_geometries") if scene is None else [scene]
-            stack = [(place, turn) for place in places]
+            used = "all geometries are" if scene is None else "the first is"
+            self.assets.warn(f"no scene, {used} read")
+        places = self.root.findall("library_geometries") if scene is None else [scene]
+        stack = [(place, turn) for place in places]
         parts: list[Part] = []
         visited = 0
         while stack:
             node, matrix = stack.pop()
             visited += 1
             if visited > _MAX_NODES:
-                raise UnusableModelError(
-                    f"more than {_MAX_NODES} nodes, or nodes that contain themselves"
-                )
+                what = f"more than {_MAX_NODES} nodes, or nodes that contain themselves"
+                raise UnusableModelError(what)
             try:
                 matrix = matrix @ _transform(node)
             except _BrokenError as error:
@@ -195,10 +190,8 @@ class _Document:
         if mesh is None:
             kinds = [child.tag for child in geometry if child.tag not in ("asset", "extra")]
             raise _BrokenError(f"geometry {geometry.get('id')!r} is a {(kinds or ['void'])[0]}")
-        bound = {
-            b.get("symbol"): b
-            for b in place.iterfind("bind_material/technique_common/instance_material")
-        }
+        instances = place.iterfind("bind_material/technique_common/instance_material")
+        bound = {instance.get("symbol"): instance for instance in instances}
         parts = []
         for primitive in mesh:
             if primitive.tag in ("lines", "linestrips"):
@@ -238,18 +231,13 @@ class _Document:
             return None if source is None else picked(self.source(source, least), rows[:, at])
 
         material, chosen = self.bound_material(primitive.get("material"), bound)
-        sets = sorted(
-            {number for semantic, number in inputs if semantic == "TEXCOORD"},
-            key=lambda n: (len(n), n),
-        )
-        if material is not None and material.texture is not None and chosen and chosen not in sets:
-            self.assets.warn(
-                "texture coordinates that a material names missing, others are used", chosen
-            )
-        uv = of_corners("TEXCOORD", chosen if chosen in sets else (sets or ["0"])[0], 2)
+        sets = [number for semantic, number in inputs if semantic == "TEXCOORD"]
+        first = min(sets, key=lambda number: (len(number), number), default="0")
+        if chosen and chosen not in sets:
+            self.assets.warn("missing sets of texture coordinates, others are used", chosen)
+        uv = of_corners("TEXCOORD", chosen if chosen in sets else first, 2)
         colours = of_corners("COLOR", min((n for s, n in inputs if s == "COLOR"), default="0"), 3)
-        if colours is not None:
-            colours = rgba(colours)
+        colours = None if colours is None else rgba(colours)
         normals = of_corners("NORMAL", "0", 3)
         linear = matrix[:3, :3]
         determinant = np.linalg.det(linear)
@@ -290,9 +278,7 @@ class _Document:
             table = values[skipped : skipped + count * stride].reshape(count, stride)
             self.sources[element] = table[:, named] if len(named) >= least else table
         if self.sources[element].shape[1] < least:
-            raise _BrokenError(
-                f"rows of {self.sources[element].shape[1]} numbers, expected {least}"
-            )
+            raise _BrokenError(f"{self.sources[element].shape[1]} numbers, expected {least}")
         return self.sources[element]
 
     def bound_material(
@@ -389,30 +375,20 @@ class _Document:
                 image = instance.get("url") or ""
             elif surface is not None:
                 image = surface.findtext("surface/init_from") or ""
-        placed = {
-            "repeatU": 1,
-            "repeatV": 1,
-            "offsetU": 0,
-            "offsetV": 0,
-            "rotateUV": 0,
-            "rotateFrame": 0,
-        }
         for inner in element.iter():
-            if inner.tag in placed and _numbers(inner, 1)[0] != placed[inner.tag]:
+            if inner.tag in _PLACED and _numbers(inner, 1)[0] != inner.tag.startswith("repeat"):
                 self.assets.warn("placement of textures not read", inner.tag)
-        found = self.ids.get(("image", image.strip().removeprefix("#")))
-        file = (
-            ""
-            if found is None
-            else found.findtext("init_from/ref") or found.findtext("init_from") or ""
-        )
-        if not file.strip():
+        found = self.ids.get(("image", image.strip().removeprefix("#")), Element("image"))
+        file = (found.findtext("init_from/ref") or found.findtext("init_from") or "").strip()
+        if not file:
             self.assets.warn(MISSING_TEXTURE, repr(image))
             return None
-        return self.assets.texture(re.sub(r"^file:/*", "", file.strip()))
+        return self.assets.texture(re.sub(r"^file:/*", "", file))
 
 
 _SHADERS = ("phong", "blinn", "lambert", "constant")
+
+_PLACED = ("repeatU", "repeatV", "offsetU", "offsetV", "rotateUV", "rotateFrame")  # of Maya
 
 
 def _polygons(
@@ -423,9 +399,7 @@ def _polygons(
     def rows(element: Element) -> np.ndarray:
         values = _numbers(element)
         if len(values) % stride or (values != np.rint(values)).any():
-            raise _BrokenError(
-                f"{len(values)} indices in <{element.tag}>, expected {stride} a corner"
-            )
+            raise _BrokenError(f"{len(values)} indices, expected {stride} whole ones a corner")
         return values.astype(np.int64).reshape(-1, stride)
 
     blocks = [rows(element) for element in primitive.findall("p")]
@@ -435,16 +409,12 @@ def _polygons(
         blocks = [block[order(len(block)).ravel()] for block in blocks]
     if primitive.tag == "polygons":
         for element in primitive.iterfind("ph"):
-            outline, *holes = [rows(child) for child in element if child.tag in ("p", "h")] or [
-                empty
-            ]
-            corners = np.concatenate([outline, *holes])
-            sizes = [len(outline), *map(len, holes)]
-            where = np.clip(corners[:, at], 0, max(len(positions) - 1, 0))
-            blocks.append(corners[with_holes(positions[where], sizes)])
-        return np.array([len(block) for block in blocks], np.int64), np.concatenate(
-            [empty, *blocks]
-        )
+            loops = [rows(child) for child in element if child.tag in ("p", "h")]
+            corners = np.concatenate([empty, *loops])
+            where = np.clip(corners[:, at], 0, len(positions) - 1)
+            blocks.append(corners[with_holes(positions[where], [len(loop) for loop in loops])])
+        sizes = np.array([len(block) for block in blocks], np.int64)
+        return sizes, np.concatenate([empty, *blocks])
     corners = np.concatenate([empty, *blocks])
     if primitive.tag == "polylist":
         counts = _numbers(primitive.find("vcount")).astype(np.int64)

@@ -37,7 +37,9 @@ def reason(data: bytes) -> str | None:
     start = data[:200].removeprefix(b"\xef\xbb\xbf").lstrip().lower()
     if start.startswith(b"version https://git-lfs"):
         return "it is a Git LFS pointer: fetch the file itself with `git lfs pull`"
-    if start.startswith((b"<!doctype html", b"<html")):
+    if start.startswith(b"/annex/objects/"):
+        return "it is a pointer of git-annex: fetch the file itself with `git annex get`"
+    if start.startswith(b"<") and (b"<!doctype html" in start or b"<html" in start):
         return "it is a web page: download the file itself"
     return next(
         (f"it is compressed by {c}: unpack it" for m, c in _PACKED if data.startswith(m)), None

@@ -16,7 +16,7 @@ import numpy as np
 
 from data_gen.mesh import Material, UnusableModelError, check_face_count
 from data_gen.parts import Part, picked, rgba
-from data_gen.readers.model_files import as_utf8
+from data_gen.readers.model_files import as_utf8, reason
 from data_gen.readers.mtl import Look, read_mtl
 from data_gen.readers.textures import NOT_REPEATED, Assets
 from psgn_jax.system.untrusted import one_line
@@ -127,6 +127,8 @@ def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
                     libraries.add(name)
                     try:
                         library = assets.files.open(assets.base, name)
+                        if why := reason(library):
+                            assets.warn("material files not readable", f"{name!r} ({why})")
                         looks |= read_mtl(library, assets, posixpath.dirname(name))
                     except FileNotFoundError:
                         assets.warn("material files missing, grey is used", repr(name))

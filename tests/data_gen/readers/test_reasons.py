@@ -26,6 +26,7 @@ def zipped(text):
 def test_reasons(write, kind):
     for words, content in {
         "it is a Git LFS pointer": b"version https://git-lfs.github.com/spec/v1\noid sha256:00\n",
+        "it is a pointer of git-annex": b"/annex/objects/MD5E-s1--a.obj\n",
         "it is a web page": b"\n <!DOCTYPE HTML><html>",
         "it is empty": b"",
         "contains only zeros": bytes(1000),
@@ -36,6 +37,19 @@ def test_reasons(write, kind):
     }.items():
         with pytest.raises(UnusableModelError, match=words):
             load_model(write(f"a.{kind}", content))
+
+
+def test_reasons_of_files_beside_a_model(write):
+    pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:00\n"
+    write("m.mtl", pointer)
+    write("n.mtl", "newmtl a\nmap_Kd x.png\n")
+    write("x.png", pointer)
+    model = load_model(write("a.obj", f"mtllib m.mtl n.mtl\nusemtl a\n{OBJ}"))
+    assert [line.partition(": ")[0] for line in model.warnings] == [
+        "material files not readable",
+        "textures not readable, the plain colour is used",
+    ]
+    assert all("it is a Git LFS pointer" in line for line in model.warnings)
 
 
 def test_reasons_have_no_words_of_python(write, monkeypatch):
