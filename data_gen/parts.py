@@ -77,7 +77,8 @@ def joined(parts: Sequence[Part], warn: Callable[..., None], max_faces: int) -> 
                 of_corners[field] = given[place][triangle]
             else:
                 of_corners[field] = np.zeros((len(triangle), 3, width))
-        owner, materials = owner[polygon], list(part.materials)
+        used, owner = np.unique(owner[polygon], return_inverse=True)
+        materials = [part.materials[index] for index in used]
         if part.colours is not None:
             _paint(of_corners["colours"].mean(axis=1), owner, materials, of_corners["uv"], warn)
         blocks["vertices"].append(np.asarray(part.vertices, np.float64))

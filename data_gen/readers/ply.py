@@ -3,6 +3,7 @@
 import io
 import re
 import tempfile
+import warnings
 from typing import Any
 
 import numpy as np
@@ -45,10 +46,13 @@ def read_ply(data: bytes, assets: Assets) -> dict[str, Any]:
 
     uv = next((c[index] for names in _UV if (c := _columns(vertex, names)) is not None), None)
     sizes, wedges = _lists(faces, "texcoord")
-    if len(wedges) and np.array_equal(sizes, 2 * counts):
-        uv = wedges.reshape(-1, 2)
-    elif len(wedges):
-        assets.warn("texcoord without two numbers for each corner not read")
+    placed = np.ones(len(counts), bool)  # the polygons with texture coordinates
+    if len(wedges):
+        placed = np.append(sizes == 2 * own, np.zeros(len(counts) - len(own), bool))
+        if (sizes[~placed[: len(own)]] > 0).any():
+            assets.warn("texcoord without two numbers for each corner not read")
+        uv = np.zeros((len(corners), 2))
+        uv[np.repeat(placed, counts)] = wedges[np.repeat(placed[: len(own)], sizes)].reshape(-1, 2)
     if uv is None and images:
         assets.warn("textures without texture coordinates not read", len(images))
     materials: list[Material | None] = [None]
@@ -63,9 +67,10 @@ def read_ply(data: bytes, assets: Assets) -> dict[str, Any]:
             owner[: len(own)] = np.where(inside, number[:, 0], len(materials))
             if (number[~inside, 0] != -1).any():  # which means none
                 assets.warn("texnumber of missing textures, the plain colour is used")
-            materials.append(None)
         elif len(materials) > 1:
             assets.warn("no texnumber, only the first texture is used", len(materials))
+        owner[~placed] = len(materials)
+        materials.append(None)
 
     normals = _columns(vertex, ("nx", "ny", "nz"))
     colours, painted = _colours(vertex), _colours(faces)
@@ -133,7 +138,8 @@ def _elements(header: list[list[str]], body: bytes, assets: Assets) -> dict[str,
             stream.write(text.encode("ascii", "replace") + body)
             stream.seek(0)
             try:
-                read = plyfile.PlyData.read(stream, known_list_len=known)
+                with warnings.catch_warnings(action="ignore"):  # about empty lists
+                    read = plyfile.PlyData.read(stream, known_list_len=known)
             except plyfile.PlyElementParseError as error:
                 if known:
                     continue

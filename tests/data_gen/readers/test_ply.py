@@ -141,6 +141,9 @@ def test_ply_several_textures(write):
     none = [faces[0], faces[1][:-1] + "-1"]
     model = load_model(write("a.ply", ply(faces=none, head=head, of_faces=wedges + number)))
     assert (colours(model), model.warnings) == ([RED, GREY], ())
+    some = [faces[0], f"{TRIANGLES[1]} 0 1"]
+    model = load_model(write("a.ply", ply(faces=some, head=head, of_faces=wedges + number)))
+    assert (colours(model), model.warnings) == ([RED, GREY], ())
     text = ply(faces=[face[:-2] for face in faces], head=head, of_faces=wedges)
     model = load_model(write("a.ply", text))
     assert colours(model) == [RED, RED]
@@ -156,6 +159,8 @@ def test_ply_headers_and_strips(write):
     for data in (text, b"\xef\xbb\xbf" + text, text.replace(b"\n", b"\r\n"), blank, other):
         model = load_model(write("a.ply", data))
         assert (area(model), model.warnings) == (1, ())
+    empty = ply(faces=with_each(TRIANGLES, "0"), of_faces="list uchar float texcoord")
+    assert load_model(write("a.ply", empty)).warnings == ()
     points = rows(*((k // 2, k % 2, 0) for k in range(8)))
     strips = ply(points, faces=[], more=STRIPS) + "9 0 1 2 3 4 -1 4 5 7\n"
     model = load_model(write("a.ply", strips))
