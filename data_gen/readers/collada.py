@@ -1,7 +1,7 @@
 """Reader of COLLADA files (1.4 and 1.5), with the XML parser of Python.
 
-We do not use pycollada. It leaves out a whole geometry with one unknown element, an instance with
-one missing material, and in silence all numbers of an array after one that it cannot read.
+We do not use pycollada. It leaves out a whole geometry that contains a strip of lines, and an
+instance with one missing material; it ignores the offset and the stride of accessors in silence.
 """
 
 import re
