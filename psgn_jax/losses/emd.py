@@ -12,7 +12,7 @@ The first call for a number of points compiles for 3 to 4 seconds on a CPU. Late
 compile, with or without an enclosing `jax.jit`.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -56,20 +56,30 @@ def matched_distances(
     return MatchedDistances(safe_sqrt(square) * healthy, matched)
 
 
-def emd_sum(pred: Float[Array, "n 3"], gt: Float[Array, "n 3"], **options: Any) -> Float[Array, ""]:
+def emd_sum(
+    pred: Float[Array, "n 3"],
+    gt: Float[Array, "n 3"],
+    *,
+    tolerance: float | Array = TOLERANCE,
+    max_bids: int | Array | None = None,
+) -> Float[Array, ""]:
     """The EMD of the paper (unit): sum_i |pred_i - gt_{s(i)}|.
 
     At most (1 + tolerance) times the minimum if the auction converged. Options (`tolerance`,
     `max_bids`), errors and gradient: `matched_distances`.
     """
-    return matched_distances(pred, gt, **options).distance.sum()
+    return matched_distances(pred, gt, tolerance=tolerance, max_bids=max_bids).distance.sum()
 
 
 def emd_mean(
-    pred: Float[Array, "n 3"], gt: Float[Array, "n 3"], **options: Any
+    pred: Float[Array, "n 3"],
+    gt: Float[Array, "n 3"],
+    *,
+    tolerance: float | Array = TOLERANCE,
+    max_bids: int | Array | None = None,
 ) -> Float[Array, ""]:
     """1/n times `emd_sum` (unit): the mean distance between matched points."""
-    return matched_distances(pred, gt, **options).distance.mean()
+    return matched_distances(pred, gt, tolerance=tolerance, max_bids=max_bids).distance.mean()
 
 
 class ExactAssignment(NamedTuple):

@@ -1,16 +1,22 @@
 """A function of one pair of clouds, applied to a batch of pairs."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import jax
+import numpy as np
 
 from psgn_jax.array_types import Array
 from psgn_jax.losses.platforms import per_platform
 from psgn_jax.losses.sharded import on_each_device
 
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
 
-def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
+
+def map_pairs(
+    function: Callable[Parameters, Result], *, platform: str | None = None
+) -> Callable[Parameters, Result]:
     """Maps a function of one pair over a batch of pairs, by the method that suits the platform.
 
     A CPU processes the pairs one after another (`jax.lax.scan`), so that the data of a pair stay in
@@ -25,18 +31,25 @@ def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
     Returns:
       (pred [B, n, 3], gt [B, m, 3]) -> the pytree with a leading axis B on every array. If the
       function takes further arrays, they need the same leading axis. It raises ValueError if the
-      batches differ in size.
+      batches differ in size, or are one pair of clouds.
     """
     if platform not in (None, "cpu", "gpu", "tpu"):
         raise ValueError(f"platform: got {platform!r}, expected 'cpu', 'gpu', 'tpu' or None")
+    apply: Callable[..., Any] = function
 
     # Defined here, not in `over_batch`, so that every call passes the same function to `scan`. JAX
     # then finds it in its cache and compiles it only once, even without an enclosing `jit`.
     def one_pair(_: None, arrays: tuple[Array, ...]) -> tuple[None, Any]:
-        return None, function(*arrays)
+        return None, apply(*arrays)
 
     def over_batch(pred: Array, gt: Array, *others: Array) -> Any:
         arrays, size = (pred, gt, *others), len(pred)
+        if all(np.ndim(a) == 2 and np.shape(a)[1] == 3 for a in (pred, gt)):
+            raise ValueError(
+                f"map_pairs: got one pair of clouds, {list(np.shape(pred))} and "
+                f"{list(np.shape(gt))}, expected batches [B, n, 3]; call the function itself for "
+                "one pair"
+            )
         if {len(a) for a in arrays} != {size}:
             sizes = ", ".join(str(len(a)) for a in arrays)
             raise ValueError(f"map_pairs: got batches of {sizes} pairs, expected the same number")
@@ -47,7 +60,7 @@ def map_pairs(function: Callable, *, platform: str | None = None) -> Callable:
 
     def over_part(*arrays: Array) -> Any:
         if platform:
-            return (in_turn if platform == "cpu" else jax.vmap(function))(*arrays)
-        return per_platform(in_turn, jax.vmap(function), *arrays)
+            return (in_turn if platform == "cpu" else jax.vmap(apply))(*arrays)
+        return per_platform(in_turn, jax.vmap(apply), *arrays)
 
-    return over_batch
+    return over_batch  # type: ignore[return-value]  # every array has one more axis

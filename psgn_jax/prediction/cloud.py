@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
@@ -81,8 +82,8 @@ class Prediction:
       seconds: duration of each step.
     """
 
-    points: np.ndarray
-    colours: np.ndarray
+    points: NDArray[np.float32]
+    colours: NDArray[np.uint8]
     mask: np.ndarray
     warnings: tuple[str, ...]
     stray: np.ndarray

@@ -115,8 +115,8 @@ def write_atomic(path: str | os.PathLike[str], content: bytes | str, *, sync: bo
         else:
             temporary.replace(path)
     except OSError as error:
-        if error.errno and not error.filename:  # the error of a failed write does not name the file
-            error.filename = str(path)
+        if error.errno:  # the error names no file, or the temporary one
+            error.filename, error.filename2 = str(path), None
         raise
     finally:
         temporary.unlink(missing_ok=True)

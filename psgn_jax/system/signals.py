@@ -100,5 +100,6 @@ def exit_on_signals() -> None:
 
 
 def _exit(number: int, frame: FrameType | None) -> None:
-    sys.stderr.write(f"stopped by signal {number}; run the same command again to resume\n")
+    name = signal.Signals(number).name
+    sys.stderr.write(f"stopped by {name}; run the same command again to resume\n")
     sys.exit(128 + number)

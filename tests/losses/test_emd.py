@@ -108,3 +108,10 @@ def test_a_larger_truth_is_thinned_at_random(rng):
     a, b = clouds(rng)
     subset = metrics_lib.emd(a, np.concatenate([b, b + 100]))
     assert subset.emd > 10  # about half of the chosen points are from the distant copy
+
+
+@pytest.mark.usefixtures("unchecked_annotations")
+@pytest.mark.parametrize("function", [losses.emd_mean, losses.emd_sum])
+def test_an_unknown_option_names_the_function_that_was_called(function):
+    with pytest.raises(TypeError, match=rf"{function.__name__}\(\).*'tolerence'"):
+        function(np.zeros((2, 3), np.float32), np.zeros((2, 3), np.float32), tolerence=0.1)

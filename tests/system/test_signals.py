@@ -62,3 +62,13 @@ def test_a_checkpoint_that_is_being_written_is_waited_for():
     process.send_signal(signal.SIGTERM)
     out, _ = process.communicate(timeout=20)
     assert (process.returncode, out) == (143, "checkpoint\n")
+
+
+def test_a_command_without_checkpoints_names_the_signal():
+    process = start(
+        "import time; from psgn_jax.system.signals import exit_on_signals; exit_on_signals();"
+        "print('ready', flush=True); time.sleep(20)"
+    )
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=20)
+    assert (process.returncode, err.split(";")[0]) == (130, "stopped by SIGINT")
