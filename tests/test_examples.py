@@ -14,6 +14,8 @@ from helpers.commands import ROOT
 from PIL import Image
 
 from data_gen.catalogues import open_catalogue
+from data_gen.mesh import UnusableModelError
+from data_gen.readers.load import READERS
 from psgn_jax import losses, tasks
 from psgn_jax.data import conversion
 from psgn_jax.data.dataset import RecordReader
@@ -27,7 +29,7 @@ from psgn_jax.weights.run_folder import open_run
 
 REGISTRIES = (
     losses.LOSSES, networks.NETWORKS, clouds.METRICS, table.COLUMNS, conversion.LAYOUTS,
-    open_catalogue.CATALOGUES,
+    open_catalogue.CATALOGUES, READERS,
 )  # fmt: skip
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
@@ -118,3 +120,13 @@ def test_a_catalogue(example):
     assert model.vertices[:, 2].max() < 0.2
     out = np.einsum("fij,fij->fi", model.normals, model.corners() - model.vertices.mean(axis=0))
     assert (out > 0).all()
+
+
+def test_a_format_of_meshes(example, tmp_path):
+    example("mesh_format")
+    (tmp_path / "good.raw").write_text("0 0 0 1 0 0 0 1 0\n0 0 0 0 1 0 0 0 1\n")
+    (tmp_path / "torn.raw").write_text("0 0 0 1 0 0 0 1\n")
+    good, torn = open_catalogue.open_catalogue("folder", tmp_path).models
+    assert len(good.load().faces) == 2
+    with pytest.raises(UnusableModelError, match="expected nine numbers a line"):
+        torn.load()
