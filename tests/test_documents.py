@@ -10,6 +10,7 @@ import pytest
 from helpers.commands import ROOT
 
 import psgn_jax
+from psgn_jax import losses
 from psgn_jax.commands import psgn, study
 from psgn_jax.config import Config, recipes, to_dict
 
@@ -118,6 +119,21 @@ def test_the_version_is_that_of_the_citation_and_of_the_changes():
     (date,) = re.findall(r"^date-released: (\S+)$", citation, re.MULTILINE)
     assert version == psgn_jax.__version__
     assert f"\n## {version}, {date}\n" in (ROOT / "CHANGELOG.md").read_text()
+
+
+@pytest.mark.usefixtures("keep_compiled")
+def test_the_training_loop_on_the_page_of_losses_trains():
+    page = (ROOT / "docs" / "losses.md").read_text()
+    loop = page.partition("<!-- loop -->\n```python\n")[2].partition("```")[0]
+    small = loop.replace("1024", "64").replace("3072", "192")
+    exec(small.replace("range(60)", "range(1)"), first := {})
+    exec(small, last := {})
+    assert last["value"] < 0.8 * first["value"]
+
+
+def test_each_loss_is_in_the_tables_of_its_page():
+    page = (ROOT / "docs" / "losses.md").read_text()
+    assert [name for name in losses.LOSSES if f"`{name}`" not in page] == []
 
 
 @pytest.mark.slow

@@ -1,8 +1,8 @@
 """Times the Chamfer and the earth mover's distance, and other implementations of them.
 
     python tests/bench/losses.py [--data ../shared/psgn_batches] [--pairs 32]
-        [--only cd emd tolerances] [--sizes 1024x1024 ..] [--emd_sizes 1024 ..] [--emd_pairs 4]
-        [--kinds near far init dup grid]
+        [--only cd emd tolerances steps] [--sizes 1024x1024 ..] [--emd_sizes 1024 ..]
+        [--emd_pairs 4] [--kinds near far init dup grid]
 
 All rows use the same clouds in the same run; `helpers/real_pairs.py` has the kinds. `cKDTree` is
 SciPy's, both directions, forward only, with one thread; every time is also given relative to it.
@@ -14,7 +14,8 @@ In the table of the EMD, the optimum is that of SciPy's `linear_sum_assignment`.
 of POT and lapx do not include the cost matrices. Errors are (sum of distances) / optimum - 1; for
 Sinkhorn, the sum is the cost of its transport plan. Libraries that are not installed are left out.
 SciPy and this package are measured on all pairs; the others, which are slow, on only the first
-`--emd_pairs`. The table of tolerances has the time of this package's auction on one core.
+`--emd_pairs`. The table of tolerances has the time of this package's auction on one core, the table
+of steps that of the training loop in docs/losses.md, by loss.
 """
 
 import argparse
@@ -251,7 +252,26 @@ def tolerances_table(args, whole):
             yield n, kind, tolerance, *times, f"{max(x.gap for x in found):.2%}"
 
 
-TABLES = {"cd": cd_table, "emd": emd_table, "tolerances": tolerances_table}
+def steps_table(args, whole):
+    yield "loss", "ms per step"
+    page = (pathlib.Path(__file__).resolve().parents[2] / "docs" / "losses.md").read_text()
+    loop = page.partition("<!-- loop -->\n```python\n")[2].partition("```")[0]
+    written = loop.partition("    return ")[2].partition("\n")[0]
+    cd, emd = "losses.chamfer_sq_mean(pred, gt)", "losses.emd_mean(pred, gt, tolerance=0.1)"
+    for loss in (cd, emd, written, emd.replace("0.1", "0.01")):
+        exec(loop.replace(written, loss), names := {})
+        state, times = (names["params"], names["state"]), []
+        for number in range(60, 75):
+            batch = jax.block_until_ready(names["batch"](jax.random.key(number)))
+            start = time.process_time()
+            *state, _ = jax.block_until_ready(names["step"](*state, *batch))
+            times.append(time.process_time() - start)
+        yield loss, f"{1e3 * np.mean(times):.0f}"
+
+
+TABLES = {
+    "cd": cd_table, "emd": emd_table, "tolerances": tolerances_table, "steps": steps_table,
+}  # fmt: skip
 
 
 def main():
