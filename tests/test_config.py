@@ -11,6 +11,7 @@ from psgn_jax.config.command_line import Flags
 from psgn_jax.config.experiment import (
     Config,
     ConfigError,
+    check_new,
     check_paths,
     from_json,
     parse,
@@ -95,6 +96,33 @@ def test_the_last_one_of_repeated_flags_counts(arguments, field, value):
     assert flags.settings.model[field] == value
 
 
+@pytest.mark.parametrize(
+    ("tree", "message"),
+    [
+        ({"task": "volume", "loss": {"name": "emd_mean"}},
+         "loss.name='emd_mean': accepted: 'chamfer_sq_mean' unless task='points'"),
+        ({"task": "refiner", "voxels": {"from_cd": "x"}, "model": {"random_size": 2},
+          "loss": {"min_of_n": 2}}, "model.random_size=2: accepted: 0 unless task='points'"),
+        ({"task": "views", "model": {"posterior": True, "random_size": 2}},
+         "model.posterior=True: accepted: False unless task='points'"),
+        ({"loss": {"kl_weight": 2}}, "loss.kl_weight=2.0: accepted: 1 unless model.posterior"),
+        ({"loss": {"kl_warmup_steps": 2}}, "accepted: 0 unless model.posterior=True"),
+        ({"model": {"posterior_hidden": 2}}, "accepted: 128 unless model.posterior=True"),
+        ({"loss": {"l2_scale": 2}}, "accepted: 0.1 unless loss.l2='authors'"),
+        ({"loss": {"emd_tolerance": 0.1}}, "accepted: 0.01 unless loss.name has an EMD"),
+        ({"optim": {"final_fraction": 0.1}}, "accepted: 0 unless optim.schedule='cosine'"),
+        ({"optim": {"encoder_rate": 0.1}}, "accepted: 1 unless model.name='lite0'"),
+        ({"voxels": {"max_views": 2}}, "voxels.max_views=2: accepted: 5 unless task='views'"),
+        ({"task": "views", "voxels": {"from_emd": "x"}}, "accepted: '' unless task='refiner'"),
+    ],
+)  # fmt: skip
+def test_a_new_run_refuses_settings_that_it_does_not_read(tree, message):
+    config = parse(tree)  # a trained run stays readable
+    with pytest.raises(ConfigError) as caught:
+        check_new(config)
+    assert message in str(caught.value)
+
+
 def test_missing_and_wrong_paths(tmp_path):
     (tmp_path / "file").touch()
     for path, message in (
@@ -113,5 +141,5 @@ def test_missing_and_wrong_paths(tmp_path):
 def test_every_configuration_file_is_valid_and_says_how_it_is_run():
     for path in (pathlib.Path(__file__).resolve().parents[1] / "configs").glob("*.py"):
         module = runpy.run_path(str(path))
-        parse(module["get_config"]())
+        check_new(parse(module["get_config"]()))
         assert f"python -m psgn_jax.main --config=configs/{path.name}" in module["__doc__"]

@@ -10,7 +10,7 @@ import json
 import os
 import pathlib
 import types
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal
 
 from psgn_jax.config.data import DERIVED
@@ -254,12 +254,36 @@ def parse(config: Any) -> Config:
     return parsed
 
 
+_LOSS = tuple(f"loss.{field.name}" for field in dataclasses.fields(LossConfig))
+_NEEDS: tuple[tuple[str, Callable[[Config], object], tuple[str, ...]], ...] = (
+    ("task='points'", lambda config: config.task == "points",
+     ("model.posterior", "model.random_size", *_LOSS)),
+    ("model.posterior=True", lambda config: config.model.posterior,
+     ("loss.kl_weight", "loss.kl_warmup_steps", "model.posterior_widths",
+      "model.posterior_hidden")),
+    ("loss.name has an EMD", lambda config: "emd" in config.loss.name, ("loss.emd_tolerance",)),
+    ("loss.l2='authors'", lambda config: config.loss.l2 == "authors", ("loss.l2_scale",)),
+    ("optim.schedule='cosine'", lambda config: config.optim.schedule == "cosine",
+     ("optim.final_fraction",)),
+    ("model.name='lite0'", lambda config: config.model.name == "lite0",
+     ("model.trained_blocks", "optim.encoder_rate")),
+    ("task='refiner'", lambda config: config.task == "refiner",
+     ("voxels.from_cd", "voxels.from_emd", "voxels.from_volume", "voxels.widths")),
+    ("task='views'", lambda config: config.task == "views",
+     ("voxels.width_multiplier", "voxels.max_views", "voxels.eval_views")),
+)  # fmt: skip
+"""What fields are read with, whether a configuration has it, and the fields."""
+
+
 def check_new(config: Config) -> None:
     """Raises `ConfigError` for fields without effect; runs that were trained so stay readable."""
-    fields = {"model.trained_blocks": 0, "optim.encoder_rate": 1}
-    for path, default in fields.items() if config.model.name != "lite0" else ():
-        if (value := flatten(config)[path]) != default:
-            raise wrong(path, value, f"{default} unless model.name='lite0'")
+    values, defaults = flatten(config), flatten(Config())
+    for needed, is_there, paths in _NEEDS:
+        for path in paths if not is_there(config) else ():
+            if values[path] != defaults[path]:
+                default = defaults[path]
+                shown = f"{default:g}" if isinstance(default, float) else repr(default)
+                raise wrong(path, values[path], f"{shown} unless {needed}")
 
 
 def check_paths(config: Config, *, training: bool = True) -> None:

@@ -50,8 +50,6 @@ BASE: runner.Overrides = {
     "model.widths": (8, 16, 32, 64, 64),
     "model.deconv_level": 2,
     "model.fc_widths": (256, 256),
-    "model.posterior_widths": (8, 16, 32),
-    "model.posterior_hidden": 64,
     "optim.learning_rate": 1.5e-3,
     "optim.schedule": "cosine",
     "optim.warmup_steps": 75,
@@ -69,13 +67,19 @@ def configs(base: Config, _: Callable[[str], str]) -> dict[str, runner.Overrides
     """The five networks; Mo2 and Mo4 have as many steps as take the time of Mo8 on a CPU."""
     random: runner.Overrides = {"model.random_size": 8}
     steps = base.train.steps
-    kl = {"loss.kl_weight": 2e-4, "loss.kl_warmup_steps": steps // 4}
+    posterior: runner.Overrides = {
+        "model.posterior": True,
+        "model.posterior_widths": (8, 16, 32),
+        "model.posterior_hidden": 64,
+        "loss.kl_weight": 2e-4,
+        "loss.kl_warmup_steps": steps // 4,
+    }
     return {
         "deterministic": {},
         "Mo2": {**random, "loss.min_of_n": 2, "train.steps": round(1.62 * steps)},
         "Mo4": {**random, "loss.min_of_n": 4, "train.steps": round(1.37 * steps)},
         "Mo8": {**random, "loss.min_of_n": 8},
-        "cVAE": {**random, **kl, "model.posterior": True},
+        "cVAE": {**random, **posterior},
     }
 
 

@@ -60,11 +60,17 @@ def config(data, **changes):
         "data__path": data, "data__inputs": ("rgb",), "data__num_points": 20,
         "data__num_eval_points": 20, "model__name": "vanilla", "model__widths": (4, 4),
         "model__random_size": 0, "loss__l2": "none", "optim__learning_rate": 1e-2,
-        "voxels__widths": (2,) * 5, "voxels__width_multiplier": 1e-3, "voxels__max_views": VIEWS,
-        "voxels__eval_views": (1, VIEWS), "train__batch_size": 2, "train__steps": 2,
-        "train__eval_every": 2, "train__checkpoint_every": 1, "train__images_every": 2,
+        "train__batch_size": 2, "train__steps": 2, "train__eval_every": 2,
+        "train__checkpoint_every": 1, "train__images_every": 2,
     }  # fmt: skip
-    return standin.config(**small | changes)
+    of_task = {
+        "refiner": {"voxels__widths": (2,) * 5},
+        "views": {
+            "voxels__width_multiplier": 1e-3, "voxels__max_views": VIEWS,
+            "voxels__eval_views": (1, VIEWS),
+        },
+    }  # fmt: skip
+    return standin.config(**small | of_task.get(changes.get("task"), {}) | changes)
 
 
 def entries(workdir, kind):
