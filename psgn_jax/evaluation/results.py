@@ -49,6 +49,7 @@ class Evaluation:
       frame: "place" if images and true points were placed by the rule of `data.framing`, or "keep".
       refined: whether `prediction.refine` has changed the clouds.
       chosen: values that were chosen on this or an earlier split, such as thresholds.
+      num_distinct: the least and the largest number of different points of a true cloud.
     """
 
     split: str
@@ -61,6 +62,7 @@ class Evaluation:
     frame: str = "keep"
     refined: bool = False
     chosen: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    num_distinct: tuple[int, int] | None = None
 
     @property
     def means(self) -> dict[str, float]:

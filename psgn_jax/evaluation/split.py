@@ -52,6 +52,7 @@ def evaluate_split(
     names: list[SampleName] = []
     parts: list[dict[str, np.ndarray]] = []
     num_pred = 0
+    distinct: list[int] = []
     with contextlib.closing(batches):
         for index, batch in zip(itertools.count(process, count), batches, strict=False):
             start = index * config.eval.batch_size
@@ -65,6 +66,7 @@ def evaluate_split(
             ]
             parts.append({k: np.asarray(rows, np.float64)[keep] for k, rows in metrics.items()})
             num_pred = points.shape[1]
+            distinct += [_distinct(cloud) for cloud in batch["points"][keep]]
             if on_batch is not None:
                 on_batch(index, batch, np.asarray(points))
     # JAX returns the metrics sorted by name; those after aligning the clouds are put last.
@@ -73,6 +75,7 @@ def evaluate_split(
     if count > 1:
         own = [names, {name: array.tolist() for name, array in values.items()}, num_pred]
         names, values, num_pred = _merged(group.gather(own))
+        distinct = [number for part in group.gather(distinct) for number in part]
     if not names:
         raise ConfigError(f"the split {split!r} of data.path={config.data.path!r} has no samples")
     return Evaluation(
@@ -84,7 +87,13 @@ def evaluate_split(
         config.eval.visible_tolerance,
         frame=config.data.eval_frame,
         refined=config.eval.refine,
+        num_distinct=(min(distinct), max(distinct)),
     )
+
+
+def _distinct(points: np.ndarray) -> int:
+    """The number of different points of a cloud float32 [n, 3]: batches repeat those of few."""
+    return len(np.unique(np.ascontiguousarray(points).view("V12")))
 
 
 def _merged(parts: Sequence[Any]) -> tuple[list[SampleName], dict[str, np.ndarray], int]:

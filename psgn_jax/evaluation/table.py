@@ -117,6 +117,7 @@ def json_text(evaluation: Evaluation, **others: Any) -> str:
     of_points = {
         "num_pred_points": evaluation.num_points[0],
         "num_gt_points": evaluation.num_points[1],
+        "num_distinct_gt_points": evaluation.num_distinct,
         "fscore_threshold": evaluation.threshold,
     }
     document = {
@@ -134,12 +135,18 @@ def json_text(evaluation: Evaluation, **others: Any) -> str:
 
 
 def _note_on_points(evaluation: Evaluation) -> str:
-    emd = visibility = aligned = frame = ""
+    emd = visibility = aligned = frame = repeated = ""
+    num_pred, num_gt = evaluation.num_points
+    fewest, highest = evaluation.num_distinct or (num_gt, num_gt)
+    if fewest < num_gt:
+        number = f"{fewest} to {highest}" if fewest < highest else f"{fewest}"
+        repeated = f", {number} of a cloud different, the others repeated"
     if "emd_gap" in evaluation.metrics:
         gap = 100 * float(np.max(evaluation.metrics["emd_gap"]))
+        once = "as often as it is there" if fewest < num_pred else "once"
         emd = f""" EMD: mean distance
-between matched points of the prediction and of as many true points, each of which is used once; it
-is at most {gap:.2f} % above the minimum."""
+between matched points of the prediction and of as many true points, each of which is used {once};
+it is at most {gap:.2f} % above the minimum."""
     if "visible_share" in evaluation.metrics:
         tolerance = evaluation.visible_tolerance
         visibility = f"""
@@ -160,9 +167,8 @@ that of the frame; an object has radius 1 before it is placed and about 0.8 to 1
 Predicted clouds were averaged with those of the mirror image, if the network has neither a random
 input nor depth. Points that projected outside the image's mask were moved into it, at their depth,
 if they were at most {most:.0%} of a cloud. Distances of several draws are without both."""
-    num_pred, num_gt = evaluation.num_points
     return f"""
-Split {evaluation.split!r}, {num_pred} predicted points against {num_gt} true ones.
+Split {evaluation.split!r}, {num_pred} predicted points against {num_gt} true ones{repeated}.
 radius = that of an object's bounding hemisphere, the unit of all coordinates.
 CD squared: mean over predicted points of the squared distance to the nearest true point, plus the
 mean over true points of that to the nearest predicted one. CD-L1: half the sum of both means of the

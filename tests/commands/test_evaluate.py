@@ -91,7 +91,7 @@ def test_table_as_text_csv_and_json(table):
     ]  # fmt: skip
     assert [float(row["cd_sq_radius2"]) for row in rows] == [2, 6, 3, 4]
     assert rows[-1]["samples"] == "4"
-    assert "1024 predicted points against 4096 true ones" in text
+    assert "1024 predicted points against 4096 true ones.\n" in text
     document = json.loads(table_lib.json_text(table, step=7))
     assert document["mean_over_samples"]["fscore"] == pytest.approx(0.3)
     assert document["categories"]["car"]["samples"] == 3
@@ -115,6 +115,22 @@ def test_names_of_others_are_no_formulas_in_csv_and_are_read_back(table, name):
         assert text.replace("\n", "").isprintable()
         assert table_lib.read_csv(text)[0]["category"] == name or (not name and "(none)" in text)
     assert table_lib.read_csv(text)[0]["model_id"] == name
+
+
+@pytest.mark.parametrize(("count", "shown"), [(8, ""), (3, ", 3 of a cloud different, the")])
+def test_true_points_that_are_repeated_are_told(monkeypatch, count, shown):
+    config = small_config(eval__emd_tolerance=0.05, data__num_eval_points=8, model__fc_points=5)
+
+    def few(*arguments, **options):
+        for batch in standin.eval_batches(*arguments, **options):
+            yield batch | {"points": batch["points"][:, np.arange(8) % count]}
+
+    monkeypatch.setattr("psgn_jax.data.loader.eval_batches", few)
+    result = evaluate_split(config, {}, fake_step)
+    assert result.num_distinct == (count, count)
+    text = table_lib.text(result)
+    assert f"2 predicted points against 8 true ones{shown}" in text
+    assert json.loads(table_lib.json_text(result))["num_distinct_gt_points"] == [count, count]
 
 
 def test_missing_runs_and_checkpoints_are_named(tmp_path):
