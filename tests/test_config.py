@@ -138,6 +138,23 @@ def test_missing_and_wrong_paths(tmp_path):
     check_paths(parse({}))
 
 
+def test_names_of_folders_may_have_commas_and_a_home(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    for name in ("a", "b,c", "d, e,f"):
+        (tmp_path / name).mkdir()
+    for path, folders in (
+        ("a, b,c ,d, e,f", ("a", "b,c", "d, e,f")),
+        ("b,c*2,a", ("b,c", "b,c", "a")),
+        ("b,c *2", ("b,c", "b,c")),
+        ("~/a,~/b,c", (f"{tmp_path}/a", f"{tmp_path}/b,c")),
+        ("a,,no,b", ("a", "no", "b")),
+        ("", ()),
+    ):
+        assert parse({"data": {"path": path}}).data.folders == folders
+    check_paths(parse({"data": {"path": "a,b,c", "eval_path": "~/d, e,f"}}))
+
+
 def test_every_configuration_file_is_valid_and_says_how_it_is_run():
     for path in (pathlib.Path(__file__).resolve().parents[1] / "configs").glob("*.py"):
         module = runpy.run_path(str(path))

@@ -1,6 +1,7 @@
 """The section `data` of the configuration: the records, and how batches are made from them."""
 
 import dataclasses
+import os
 import re
 from typing import Annotated, Literal
 
@@ -45,7 +46,8 @@ class DataConfig:
     """The records, and how batches are made from them."""
 
     # Folders of records, separated by commas, whose splits are joined; empty = the default data
-    # set, rendered on first use. With `FOLDER*N`, its training samples count N times.
+    # set, rendered on first use. With `FOLDER*N`, its training samples count N times. `~` is your
+    # home.
     path: str = ""
     eval_path: str = ""  # Folders for evaluation, in the same form; empty = those of `path`.
     train_split: str = "train"  # Name of the split for training.
@@ -110,7 +112,20 @@ class DataConfig:
 
 def _folders(path: str) -> tuple[str, ...]:
     folders: list[str] = []
-    for part in filter(None, (part.strip() for part in path.split(","))):
-        match = re.fullmatch(r"(.+)\*([1-9][0-9]{0,3})", part)
-        folders += [match[1].strip()] * int(match[2]) if match else [part]
+    parts = path.split(",")
+    while parts:
+        # The name of a folder may contain commas.
+        ends = range(1, len(parts) + 1)
+        found = (_folder(",".join(parts[:end])) for end in ends)
+        there = (end for end, (name, _) in zip(ends, found, strict=True) if os.path.isdir(name))
+        end = next(there, 1)
+        name, factor = _folder(",".join(parts[:end]))
+        folders += [name] * factor if name else []
+        parts = parts[end:]
     return tuple(folders)
+
+
+def _folder(part: str) -> tuple[str, int]:
+    """A folder and its factor; `~` is the user's home."""
+    match = re.fullmatch(r"(.+?)\s*\*([1-9][0-9]{0,3})", part.strip())
+    return os.path.expanduser(match[1] if match else part.strip()), int(match[2]) if match else 1

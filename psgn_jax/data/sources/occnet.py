@@ -11,7 +11,8 @@ The published layout (github.com/autonomousvision/occupancy_networks, `im2mesh/d
 `points` are normalised; ShapeNet's coordinates (y up) are `points * scale + loc`. `world_mat` maps
 ShapeNet's coordinates to the camera's frame, and `camera_mat` maps camera coordinates to pixels of
 the 137x137 image (`get_camera_args` there). The voxels fill the cube [-1/2, 1/2]^3 of the
-normalised points (`VoxelGrid` there). The split `val` is called `validation` here.
+normalised points (`VoxelGrid` there). The split `val` is called `validation` here. A folder that is
+no synset of ShapeNet is a category of its own, with the folder's name.
 
 The images have no mask. Here the mask is the set of pixels that the points project to, with gaps of
 one pixel closed; it does not depend on the colour of the object. The 100,000 points of a file leave
@@ -25,7 +26,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from psgn_jax.data import camera, schema, synsets
+from psgn_jax.data import camera, schema
 from psgn_jax.data.sources import binvox, shapenet
 from psgn_jax.system.untrusted import read_npz
 
@@ -43,7 +44,7 @@ _NEAR_PIXELS = 2
 def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]:
     """Lists all models as (split, synset, name), with a message for each problem.
 
-    Problems are an unknown category, a list that cannot be used, and a wrong or repeated name.
+    Problems are a folder without lists, a list that cannot be used, and a wrong or repeated name.
     """
     if not source.is_dir():
         raise ValueError(f"SRC {str(source)!r}: there is no such folder")
@@ -51,8 +52,8 @@ def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]
     messages: list[str] = []
     listed: set[tuple[str, str]] = set()
     for folder in sorted(p for p in source.iterdir() if p.is_dir()):
-        if folder.name not in synsets.R2N2:
-            messages.append(f"{folder}: not one of the 13 categories")
+        if not any((folder / f"{file}.lst").is_file() for file in SPLITS):
+            messages.append(f"{folder}: no category, it has no train.lst, val.lst or test.lst")
             continue
         for file, split in SPLITS.items():
             path = folder / f"{file}.lst"

@@ -83,8 +83,20 @@ def test_conversion_and_damage(tmp_path, capsys):
         "test.lst: '../c' is not the name of a model",
         "test.lst: 'x\\x00y' is not the name of a model",
         "test.lst: 'a' is listed a second time",
-        "somewhere: not one of the 13",
+        "somewhere: no category, it has no train.lst, val.lst or test.lst",
     ):
         assert message in error
     assert [s.view for s in RecordReader(target, "train")] == [0, 2, 3]
     assert len(RecordReader(target, "test")) == 4
+
+
+def test_own_categories_are_converted(tmp_path):
+    root = trees.write_occnet(
+        tmp_path / "src", {"train": ["a"], "val": [], "test": []}, "my chairs"
+    )
+    trees.write_occnet(root, {"train": ["a"], "val": [], "test": []}, CHAIR)
+    command = ["occnet", str(root), str(tmp_path / "dst"), "--views=1", "--points=40"]
+    assert convert.main(command) == 0
+    records = RecordReader(tmp_path / "dst", "train")
+    found = {(sample.category, sample.model_id) for sample in records}
+    assert found == {("chair", f"{CHAIR}/a"), ("my chairs", "my chairs/a")}
