@@ -299,12 +299,16 @@ def stray_points(points: np.ndarray) -> np.ndarray:
     """Points of a cloud [n, 3] that lie apart from all others: bool [n].
 
     The distance of a stray to its fourth nearest neighbour is more than 5 times the cloud's median
-    (**ours**). PLY, OBJ, XYZ and GLB files and the normal form leave strays out; metrics use all.
+    (**ours**), or, if that is 0 because most points coincide, the median of the distances above 0.
+    PLY, OBJ, XYZ and GLB files and the normal form leave strays out; metrics use all.
     """
     if len(points) < 5:
         return np.zeros(len(points), np.bool_)
     distance = KDTree(points).query(points, [5])[0][:, 0]  # the nearest is the point itself
-    return np.asarray(distance > 5 * np.median(distance))
+    median = np.median(distance)
+    if not median and distance.any():
+        median = np.median(distance[distance > 0])
+    return np.asarray(distance > 5 * median)
 
 
 # --- Formats ------------------------------------------------------------------------------------

@@ -230,6 +230,8 @@ def _record(
 def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
     """The files, and the images in the folders, without repetition, masks and earlier results."""
     paths: list[pathlib.Path] = []
+    for address in (image for image in images if "://" in os.fspath(image)):
+        raise ConfigError(f"{address}: expected a file or a folder; download it first")
     for image in map(pathlib.Path, images):
         paths += _images_in(image) if image.is_dir() else [image]
     if paths[1:] or paths != list(map(pathlib.Path, images)):  # a file alone is always meant

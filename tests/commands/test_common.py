@@ -140,3 +140,14 @@ def test_every_command_has_help_without_foreign_flags(capsys):
         assert shown.startswith(f"usage: psgn {name}"), name
         for foreign in ("verbosity", "pdb", "grain_py_debug_mode", "helpfull"):
             assert f"--{foreign}" not in shown, name
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["inspect", "https://a.b//c"], ["predict", "https://a.b//c"],
+     ["train", "--config=debug", "--config.data.path=https://a.b//c"],
+     ["evaluate", "--workdir=https://a.b//c"]],
+)  # fmt: skip
+def test_addresses_keep_their_slashes_in_messages(arguments, capsys):
+    assert psgn.main(arguments) == 2
+    assert "https://a.b//c" in capsys.readouterr().err

@@ -167,6 +167,9 @@ def test_stray_points_are_found_and_left_out(tmp_path):
     stray = stray_points(points)
     assert np.flatnonzero(stray).tolist() == [300, 301]
     assert not stray_points(np.zeros((3, 3), np.float32)).any()
+    assert not stray_points(np.zeros((30, 3), np.float32)).any()
+    collapsed = np.concatenate([np.zeros((400, 3), np.float32), points])  # most points coincide
+    assert np.flatnonzero(stray_points(collapsed)).tolist() == [700, 701]
     cloud = prediction(points[None], np.zeros((1, 302, 3), np.uint8), stray=stray[None])
     cloud.save(tmp_path / "a.xyz")
     np.testing.assert_allclose(np.loadtxt(tmp_path / "a.xyz"), body, atol=1e-6)

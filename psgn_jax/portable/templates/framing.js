@@ -162,7 +162,7 @@ export function meanWithMirror(points, other) {
 const squaredGap = (points, i, j) =>
   (points[3 * i] - points[3 * j]) ** 2 + (points[3 * i + 1] - points[3 * j + 1]) ** 2 + (points[3 * i + 2] - points[3 * j + 2]) ** 2;
 
-/** Which points lie apart from all others: their fourth nearest neighbour is at more than 5 times the median of this distance. */
+/** Which points lie apart from all others: their fourth nearest neighbour is at more than 5 times the median of this distance, or of those above 0 if it is 0. */
 export function strayPoints(points) {
   const count = points.length / 3, least = new Float64Array(5); // squared distances to the point itself and four neighbours
   const gaps = Float64Array.from({ length: count }, (_, i) => {
@@ -173,7 +173,8 @@ export function strayPoints(points) {
     }
     return Math.sqrt(least[4]);
   });
-  const sorted = gaps.slice().sort(), median = (sorted[(count - 1) >> 1] + sorted[count >> 1]) / 2;
+  const middle = sorted => (sorted[(sorted.length - 1) >> 1] + sorted[sorted.length >> 1]) / 2, sorted = gaps.slice().sort();
+  const median = middle(sorted) || middle(sorted.filter(gap => gap > 0)) || 0;
   return Array.from(gaps, gap => gap > 5 * median);
 }
 
