@@ -4,9 +4,10 @@ import * as ort from "./runtime/ort.wasm.min.mjs";
 import { CloudView, pathThrough, save } from "./cloud.js";
 import { FORMATS } from "./files.js";
 import { coloursFromView, intoSilhouette, meanWithMirror, mirrored, mostOutside, networkInputs, normalForm, PhotoError, place, sameProportions, strayPoints } from "./framing.js";
+import { objectIn } from "./levels.js";
 
 const SAMPLES = 8, PAUSE = 120, HISTORY = 10, VEIL = "rgba(18, 24, 40, .68)", EDGE = "#ffb020";
-const RUNTIME = "runtime/ort-wasm-simd-threaded.wasm.gz", MAX_BYTES = 80e6, MAX_SIDE = 1600, MIN_SIDE = 16, MOST_BETWEEN = 0.08;
+const RUNTIME = "runtime/ort-wasm-simd-threaded.wasm.gz", MAX_BYTES = 80e6, MAX_SIDE = 1600, MIN_SIDE = 16;
 const $ = id => document.getElementById(id);
 const each = (selector, act) => document.querySelectorAll(selector).forEach(act);
 const make = (tag, fields) => Object.assign(document.createElement(tag), fields);
@@ -49,10 +50,10 @@ const guarded = step => async (...values) => {
 /** Decodes an image, turned upright and reduced to MAX_SIDE: { bitmap, width, height, rgba }. It never ends if another of its kind is chosen meanwhile. */
 function decode(file, kind) {
   const turn = ++page.turns[kind];
-  return decoded(file).finally(() => turn === page.turns[kind] || new Promise(() => {}));
+  return decoded(file, kind).finally(() => turn === page.turns[kind] || new Promise(() => {}));
 }
 
-async function decoded(file) {
+async function decoded(file, kind) {
   if (file.size > MAX_BYTES) throw new PhotoError(`This file has ${Math.round(file.size / 1e6)} MB; up to ${MAX_BYTES / 1e6} MB can be read.`);
   const whole = await createImageBitmap(file, { imageOrientation: "from-image" }).catch(() => {
     throw new PhotoError(`${file.name} is not an image that this browser can read; expected JPEG, PNG or WebP.`);
@@ -60,7 +61,7 @@ async function decoded(file) {
   const sides = [whole.width, whole.height], scale = Math.min(1, MAX_SIDE / Math.max(...sides));
   if (Math.min(...sides) < MIN_SIDE) throw new PhotoError(`This image has ${sides.join(" x ")} pixels; at least ${MIN_SIDE} per side are needed.`);
   const [width, height] = sides.map(side => Math.max(MIN_SIDE, Math.round(side * scale)));
-  const bitmap = await createImageBitmap(whole, { resizeWidth: width, resizeHeight: height, resizeQuality: "high" });
+  const bitmap = await createImageBitmap(whole, { resizeWidth: width, resizeHeight: height, resizeQuality: kind === "mask" ? "pixelated" : "high" }); // labels have no averages
   const context = contextOf(width, height);
   context.drawImage(bitmap, 0, 0);
   return { bitmap, width, height, rgba: pixelsOf(context) };
@@ -99,23 +100,19 @@ const open = guarded(async files => {
 
 const openMask = guarded(async file => {
   if (!file) return;
-  const { photo } = page, { width, height } = photo, { bitmap, rgba, ...read } = await decode(file, "mask");
+  const { photo } = page, { width, height } = photo, { rgba, ...read } = await decode(file, "mask");
   if (page.photo !== photo) return; // another photo was opened
   if (!sameProportions(read.width, read.height, width, height)) {
     throw new PhotoError(`The mask has ${read.width} x ${read.height} pixels; expected the photo's ${width} x ${height} or the same proportions.`);
   }
-  const context = contextOf(width, height);
-  context.drawImage(bitmap, 0, 0, width, height);
-  const transparent = rgba.some((v, i) => i % 4 === 3 && v < 255);
-  const levelsOf = data => Uint8Array.from({ length: data.length / 4 }, (_, i) => transparent
-    ? data[4 * i + 3]
-    : Math.round(0.299 * data[4 * i] + 0.587 * data[4 * i + 1] + 0.114 * data[4 * i + 2]));
-  const own = levelsOf(rgba), top = own.reduce((a, b) => Math.max(a, b));
-  const between = sum(own.map(level => level > 0.1 * top && level < 0.9 * top)) / own.length;
-  if (between > MOST_BETWEEN) throw new PhotoError("The mask looks like a photograph; expected white on the object, black elsewhere.");
-  if (own.every(level => level > top / 2)) throw new PhotoError("The mask covers the whole image; expected white on the object, black elsewhere.");
+  const found = objectIn(rgba, read.width, read.height), own = contextOf(read.width, read.height), context = contextOf(width, height);
+  const levels = new ImageData(read.width, read.height);
+  found.mask.forEach((on, i) => { levels.data[4 * i + 3] = 255 * on; });
+  own.putImageData(levels, 0, 0);
+  context.drawImage(own.canvas, 0, 0, width, height);
   remember();
-  setMask(levelsOf(pixelsOf(context)).map(level => level > top / 2));
+  page.doubt = found.doubt;
+  setMask(opaqueIn(pixelsOf(context)));
 });
 
 /** The mask that the mask network finds, like `find_mask` in Python, and its doubt. */
