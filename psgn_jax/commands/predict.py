@@ -17,6 +17,7 @@ from psgn_jax.config.command_line import Flags
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.prediction import masks
 from psgn_jax.prediction.cloud import DEFAULT_FORMATS, FORMATS
+from psgn_jax.prediction.draws import FIRST
 from psgn_jax.prediction.photos import predict_files
 from psgn_jax.prediction.predictor import NORMAL_FORMS, Predictor
 from psgn_jax.system.files import check_folder
@@ -25,7 +26,7 @@ from psgn_jax.weights.opening import open_network
 
 _OPTIONS = [
     "mask", "samples", "seed", "frame", "mask_from", "invert_mask", "accept_mask", "normal_form",
-    "refine",
+    "refine", "first",
 ]  # fmt: skip
 
 
@@ -53,6 +54,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         "project outside the mask into it.",
     )  # fmt: skip
     flags.integer("samples", 1, "Number of clouds per image.")
+    flags.enum("first", "medoid", list(FIRST), "The first cloud of a network with a random input: "
+               "its most typical draw, or the mean of its draws.")  # fmt: skip
     flags.integer("seed", 0, "Seed of the random input.")
     flags.list("formats", list(DEFAULT_FORMATS), "Formats of the clouds: ply, xyz, obj, npz, glb.")
     return flags.run(_main, argv)
@@ -76,7 +79,7 @@ def _main(flags: Flags) -> int:
     def opened() -> Predictor:
         keep_compiled()
         predictor = Predictor(open_network(values.workdir, values.weights, values.checkpoint))
-        predictor.warm_up(values.samples, refine=values.refine)
+        predictor.warm_up(values.samples, refine=values.refine, first=values.first)
         return predictor
 
     done, failed, uncertain = 0, 0, 0

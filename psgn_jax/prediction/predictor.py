@@ -17,7 +17,7 @@ import numpy as np
 from psgn_jax.config.experiment import Config, ConfigError, require_points_task
 from psgn_jax.data import camera, framing, photo, resize
 from psgn_jax.models import networks
-from psgn_jax.prediction import masks, sampling
+from psgn_jax.prediction import draws, masks, sampling
 from psgn_jax.prediction.cloud import DECONV, FC, Prediction, colours_from_view, stray_points
 from psgn_jax.prediction.refine import largest_share, refined
 from psgn_jax.viewing.predictions import MOST_CLOUDS
@@ -50,13 +50,20 @@ class Predictor:
         model = networks.build(config.model)
         self._deconv = list(model.branches.deconv)
 
-        def network(params: Any, batch: Any, r: Any, most_outside: Any, refine: bool) -> Any:
+        def network(
+            params: Any, batch: Any, r: Any, most_outside: Any, refine: bool, **choice: Any
+        ) -> Any:
+            """The clouds [1, samples, n, 3], and the draws from which they were chosen."""
             predict = functools.partial(networks.predict, config, model, params)
-            if not refine:
-                return predict(batch, r)
-            return refined(predict, batch, r, most_outside=most_outside)
+            points = drawn = predict(batch, r)
+            if r is not None:
+                drawn = jax.lax.map(functools.partial(draws.chosen_first, **choice), points)
+                points = drawn[:, : choice["samples"]]
+            if refine:
+                points = refined(predict, batch, r, points, most_outside)
+            return points, drawn
 
-        self._network = jax.jit(network, static_argnames="refine")
+        self._network = jax.jit(network, static_argnames=("refine", "samples", "first"))
 
     def __call__(
         self,
@@ -72,6 +79,7 @@ class Predictor:
         mask_label: int | Sequence[int] | None = None,
         normal_form: str = "auto",
         refine: bool = True,
+        first: draws.First = "medoid",
     ) -> Prediction:
         """Predicts the points of the object in an image.
 
@@ -80,7 +88,9 @@ class Predictor:
             (RGBA) or [h, w] (grey), or what `photo.read_photo` has read; any size.
           mask: a path, an open file, a PIL image, or an array [h, w], bright on the object; None =
             automatic (`masks.mask_of`).
-          samples: number of clouds, up to 64; more than one needs a network with a random input.
+          samples: number of clouds, up to 64; more than one needs a network with a random input. Of
+            16 draws (twice `samples` if that is more), the first cloud is the most typical one; the
+            others differ most from those before, among the more typical half (`draws.ranked`).
           seed: seed of the random input, which is the same for every image.
           frame: "place" crops and scales the object (`framing.place`); "keep" keeps the framing of
             an image of 4:3; "auto" keeps training renderings and places other images.
@@ -94,6 +104,8 @@ class Predictor:
           refine: whether to average the cloud with the mirror image's, and to move points that
             project outside the mask into it (`prediction.refine`). We move none if more than half
             of them are outside, or more than a tenth in an image that was placed.
+          first: the first cloud, with a random input: "medoid" is the draw that is nearest to all
+            others, "mean" the mean of all (`draws.chosen_first`).
 
         Raises:
           ValueError: an argument is wrong.
@@ -111,6 +123,8 @@ class Predictor:
         for name, value in switches.items():
             if not isinstance(value, bool | np.bool_):
                 raise ConfigError(f"{name}={value!r}: accepted: True or False")
+        if first not in draws.FIRST:
+            raise ConfigError(f"first={first!r}: accepted: {', '.join(draws.FIRST)}")
         clock = Clock()
         read = photo.read_photo(image)
         found = mask
@@ -130,7 +144,8 @@ class Predictor:
             "extrinsics": view.extrinsics[None],
         }
         most_outside = np.float32(largest_share(view.placed))
-        points = self._network(self._params, batch, r, most_outside, refine=refine)
+        arguments = self._params, batch, r, most_outside
+        points, drawn = self._network(*arguments, refine=refine, samples=samples, first=first)
         points = np.asarray(points).reshape(samples, -1, 3)
         clock.lap("network")
         if not np.isfinite(points).all():
@@ -160,13 +175,14 @@ class Predictor:
             scale=scale,
             shift=shift,
             seconds=clock.laps,
+            draws=None if r is None else np.asarray(drawn)[0],
         )
 
-    def warm_up(self, samples: int = 1, *, refine: bool = True) -> None:
+    def warm_up(self, samples: int = 1, **options: Any) -> None:
         """Compiles the network for these arguments of a call."""
         image, mask = np.zeros((96, 128, 3), np.uint8), np.zeros((96, 128), np.bool_)
         mask[24:72, 32:96] = True
-        self(image, mask, samples=samples, refine=refine)
+        self(image, mask, samples=samples, **options)
 
     def _sample_latents(self, samples: int, seed: int) -> np.ndarray | None:
         size = self.config.model.random_size
@@ -179,7 +195,8 @@ class Predictor:
         if not isinstance(seed, int | np.integer) or not -(2**31) <= seed < 2**31:
             raise ConfigError(f"seed={seed}: accepted: an integer of 32 bits")
         # Every image is sample 0, so that its clouds do not depend on other images.
-        return np.asarray(sampling.sample_latents(self.config, 0, 1, samples, seed))
+        number = draws.num_draws(samples)
+        return np.asarray(sampling.sample_latents(self.config, 0, 1, number, seed))
 
 
 class Clock:

@@ -114,6 +114,7 @@ def test_wrong_arguments(predictor, params):
     for options, message in (
         ({"samples": 65}, "samples=65: accepted: 1 to 64"),  # `psgn view` reads no more
         ({"seed": 2**31}, "seed=2147483648: accepted: an integer of 32"),
+        ({"first": "x"}, "first='x': accepted: medoid, mean"),
         ({"frame": "x"}, "frame='x': accepted: auto, place, keep"),
         ({"normal_form": "x"}, "normal_form='x': accepted: auto, yes, no"),
         ({"invert_mask": True}, "invert_mask: accepted only with a given mask"),

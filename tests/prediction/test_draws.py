@@ -1,0 +1,113 @@
+"""Which draws of a network are shown, their mean, and how far their points vary."""
+
+import functools
+
+import jax
+import numpy as np
+import pytest
+from helpers import standin
+from helpers.weights import random_params
+
+from psgn_jax.data import camera, resize
+from psgn_jax.losses.chamfer import chamfer_sq_mean
+from psgn_jax.losses.emd import emd_exact
+from psgn_jax.models import networks
+from psgn_jax.prediction import draws
+from psgn_jax.prediction.predictor import Predictor
+from psgn_jax.tasks import points
+from psgn_jax.weights.run_folder import Trained
+
+
+@pytest.fixture(scope="module")
+def config():
+    return standin.config(data__image_size=(48, 64), model__random_size=3)
+
+
+@pytest.fixture(scope="module")
+def predictor(config):
+    return Predictor(Trained(config, 7, random_params(config), {}, "runs/x"))
+
+
+@pytest.fixture
+def shuffled(rng):
+    """Eight clouds of 40 far points, each moved a little, in different orders; and the moves."""
+    base = np.stack(np.meshgrid(*[np.arange(4)] * 3), axis=-1).reshape(-1, 3)[:40] / 4
+    moves = rng.normal(scale=0.02, size=(8, 40, 3)) * np.linspace(0, 1, 40)[:, None]
+    orders = [rng.permutation(40) for _ in range(8)]
+    clouds = np.stack([(base + move)[order] for move, order in zip(moves, orders, strict=True)])
+    return clouds.astype(np.float32), base + moves, orders
+
+
+def photo(colour=(200, 60, 20)):
+    image = np.full((48, 64, 3), 191, np.uint8)
+    image[12:-12, 20:-16] = colour
+    return image
+
+
+@pytest.mark.parametrize("samples", [1, 3, 5])
+def test_the_medoid_comes_first_then_those_that_differ_of_the_typical_half(rng, samples):
+    clouds = rng.normal(size=(7, 30, 3)).astype(np.float32)
+    d = np.array([[float(chamfer_sq_mean(a, b)) for b in clouds] for a in clouds])
+    by_sum = np.argsort(d.sum(axis=1)).tolist()
+    shown, left = by_sum[:1], by_sum[1 : max(3, samples)]
+    while len(shown) < samples:
+        shown.append(max(left, key=lambda i: d[i, shown].min()))
+        left.remove(shown[-1])
+    expected = shown + [i for i in by_sum if i not in shown]
+    assert np.asarray(draws.ranked(clouds, samples)).tolist() == expected
+    np.testing.assert_array_equal(draws.chosen_first(clouds, samples), clouds[expected])
+
+
+def test_the_mean_and_the_spread_are_those_of_matched_points(shuffled):
+    clouds, places, orders = shuffled
+    first = np.asarray(draws.ranked(clouds))[0]
+    mean = draws.chosen_first(clouds, 1, "mean")[0]
+    np.testing.assert_allclose(mean, places.mean(axis=0)[orders[first]], atol=1e-6)
+    spread = np.asarray(draws.spread(clouds, 2))
+    expected = np.linalg.norm(places[1:] - places[:1], axis=-1).mean(axis=0)
+    np.testing.assert_allclose(spread[0], expected[orders[0]], atol=1e-6)
+    np.testing.assert_allclose(spread[1], expected[orders[1]], atol=1e-6)
+
+
+def test_bijections_between_draws_are_nearly_optimal(rng):
+    clouds = rng.normal(size=(3, 200, 3)).astype(np.float32)
+    for other, index in zip(clouds[1:], np.asarray(draws.matches(clouds)), strict=True):
+        cost = np.linalg.norm(clouds[0] - other[index], axis=1).sum()
+        assert cost <= 1.05 * emd_exact(clouds[0], other).cost
+
+
+def test_the_first_cloud_and_its_spread_do_not_depend_on_how_many_are_asked_for(predictor):
+    one, three = (predictor(photo(), samples=k) for k in (1, 3))
+    np.testing.assert_array_equal(one.points[0], three.points[0])
+    np.testing.assert_array_equal(predictor(photo(), samples=3).points, three.points)
+    assert one.spread.shape == (one.points.shape[1],)
+    # The other 15 draws are the same ones in another order.
+    np.testing.assert_allclose(one.spread, three.spread, rtol=1e-4)
+    network = np.asarray(draws.spread(one.draws))[0]
+    np.testing.assert_allclose(one.spread * one.scale, network, rtol=1e-5)
+    assert three.arrays()["spread"].shape == three.points.shape[:2]
+    mean = predictor(photo(), first="mean", refine=False, normal_form="no")
+    expected = draws.chosen_first(one.draws, 1, "mean")[0]
+    np.testing.assert_allclose(mean.points[0], expected, atol=1e-5)
+
+
+def test_an_evaluated_batch_has_the_clouds_of_single_photos(config, predictor):
+    photos = [photo(colour) for colour in ((200, 60, 20), (20, 90, 10), (0, 0, 250))]
+    single = [predictor(image, frame="keep", normal_form="no") for image in photos]
+    size = config.data.image_size
+    rows = [
+        {
+            "image": resize.resize_image(one.view.image, size),
+            "mask": resize.resize_mask(one.view.mask, size),
+            "intrinsics": camera.scale_intrinsics(one.view.intrinsics, one.view.mask.shape, size),
+            "extrinsics": one.view.extrinsics,
+            "points": np.zeros((64, 3), np.float32),
+            "r": np.zeros(3, np.float32),  # not used: `model(photo)` has its own
+        }
+        for one in single
+    ]
+    batch = {key: np.stack([row[key] for row in rows]) for key in rows[0]}
+    refine = standin.config(data__image_size=size, model__random_size=3, eval__refine=True)
+    measure = jax.jit(functools.partial(points._measure, refine, networks.build(refine.model)))
+    clouds, _ = measure(random_params(config), batch)
+    np.testing.assert_allclose(clouds, np.stack([one.points[0] for one in single]), atol=1e-5)
