@@ -1,7 +1,7 @@
 """Draws predictions as pictures or turntable films: `psgn spheres OUT/*.npz --out=sheet.png`.
 
-The sheet shows the image and the first two clouds of each file from two sides. Points have the
-colours of the photo, or of their height if none is visible in it.
+The sheet shows the image and the first clouds of each file from two sides. Points have the colours
+of the photo, or of their height if none is visible in it.
 """
 
 import pathlib
@@ -20,6 +20,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn spheres NPZ... --out=FILE", __doc__)
     flags.string("out", None, "PNG file to write.")
     flags.integer("columns", 1, "Columns of the sheet.", lower_bound=1)
+    flags.integer("clouds", 4, "Largest number of clouds of each file.", lower_bound=1)
     flags.string("turntable", None, "GIF of the first prediction, rotating.")
     flags.bool("branch", False, "Whether the first cloud is also shown with colours by branch.")
     return flags.run(_main, argv, wrong_input=(ValueError,))
@@ -35,7 +36,8 @@ def _main(flags: Flags) -> None:
         arrays = read_prediction(path, _FIELDS)
         points, by_photo = arrays["points"], arrays["seen"].any()
         paint = arrays["colours"] if by_photo else map(spheres.colours_by_height, points)
-        titles = ["prediction"] if len(points) == 1 else ["sample 0", "sample 1"]
+        count = min(values.clouds, len(points))
+        titles = [f"cloud {k}" for k in range(count)] if len(points) > 1 else ["prediction"]
         clouds = dict(zip(titles, zip(points, paint, strict=True), strict=False))
         first = first or clouds[titles[0]]
         if values.branch:

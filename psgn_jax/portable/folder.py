@@ -20,6 +20,7 @@ from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.models import networks
 from psgn_jax.portable.network import ExportError, PortableNetwork
 from psgn_jax.prediction import sampling
+from psgn_jax.prediction.draws import compared_points
 from psgn_jax.system.files import write_atomic
 from psgn_jax.weights.run_folder import Trained
 
@@ -44,8 +45,8 @@ LARGEST_CD_CHANGE = 0.01
 """Largest accepted change of the mean CD, relative to JAX's clouds."""
 
 TEMPLATES = pathlib.Path(__file__).resolve().parent / "templates"
-JAVASCRIPT = ("framing.js", "resample.js")
-"""Modules in `TEMPLATES` that frame and resample photos like the Python code."""
+JAVASCRIPT = ("draws.js", "framing.js", "resample.js")
+"""Modules in `TEMPLATES` that frame photos and choose draws like the Python code."""
 
 _NAMES = ["BOX_WIDTH", "BOX_HEIGHT", "BOX_POWER", "MIDDLE_COLUMN", "MIDDLE_ROW"]
 _NAMES += ["MIDDLE_ROW_PER_WIDTH", "SMALLEST_BOX"]
@@ -244,6 +245,7 @@ def _describe(run: Trained, network: PortableNetwork) -> dict[str, Any]:
         "camera": {"intrinsics": intrinsics.tolist(), "extrinsics": extrinsics.tolist()},
         "random_size": model.random_size,
         "latents": latents,
+        "compared_points": compared_points(network.num_points).tolist() if latents else [],
         "sources": [dict(row) for row in run.sources],
         "files": {},
     }

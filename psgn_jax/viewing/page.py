@@ -1,8 +1,8 @@
 """A viewer for point clouds: one HTML file that needs no internet connection and no other files.
 
 It shows the image, the predicted cloud and the ground truth. A slider chooses one of several
-samples, a mouse or a finger turns the clouds. Points are coloured by height, branch, error, spread
-of the samples, or from the image. A content security policy forbids all requests. Coordinates are
+samples, a mouse or a finger turns the clouds. Points are coloured by height, branch, error,
+certainty, or from the image. A content security policy forbids all requests. Coordinates are
 stored as int16 with an error below 1e-4 units.
 """
 
@@ -27,7 +27,7 @@ CLOUD_SCRIPT = pathlib.Path(__file__).with_name("cloud.js")
 """Draws clouds in a browser; an ES module."""
 
 _EXTENT = 2.0  # largest coordinate that can be stored; objects extend to about 1
-_ERROR_TOP = 0.2  # distance with the last colour of the scale, unit
+_ERROR_TOP, _SPREAD_TOP = 0.2, 0.3  # distances with the last colour of the scale, unit
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -41,6 +41,7 @@ class Case:
       truth: float32 [m, 3].
       num_fc: number of points of the fc branch, which come first.
       colours: uint8 [k, n, 3], from the image.
+      spread: float32 [k, n], how far each point varies between draws (`prediction.draws`).
       about: a short text, such as the category.
       metrics: a short text for each sample.
       camera: `intrinsics` and `extrinsics` of the image.
@@ -54,6 +55,7 @@ class Case:
     truth: np.ndarray | None = None
     num_fc: int = 0
     colours: np.ndarray | None = None
+    spread: np.ndarray | None = None
     about: str = ""
     metrics: tuple[str, ...] = ()
     camera: tuple[np.ndarray, np.ndarray] | None = None
@@ -63,7 +65,7 @@ class Case:
 FIELDS = (
     "points", "colours", "seen", "branch", "image", "intrinsics", "extrinsics", "photo", "to_view"
 )  # fmt: skip
-"""The arrays of a prediction that `case_of` needs."""
+"""The arrays of a prediction that `case_of` needs; it uses `spread`, too, if there is one."""
 
 
 def case_of(name: str, arrays: Mapping[str, np.ndarray]) -> Case:
@@ -74,6 +76,7 @@ def case_of(name: str, arrays: Mapping[str, np.ndarray]) -> Case:
         arrays["points"],
         num_fc=int((arrays["branch"] == 0).sum()),
         colours=arrays["colours"] if arrays["seen"].any() else None,
+        spread=arrays.get("spread"),
         camera=(arrays["intrinsics"], arrays["extrinsics"]),
         photo=(arrays["photo"], arrays["to_view"]),
     )
@@ -179,11 +182,9 @@ def _encode(case: Case) -> dict[str, Any]:
         item["errors"] = [_levels(nearest_distances(s, truth), _ERROR_TOP) for s in samples]
         item["truth_errors"] = [_levels(nearest_distances(truth, s), _ERROR_TOP) for s in samples]
         item["error_top"] = _ERROR_TOP
-    if len(samples) > 1:
-        # For each output point: its standard deviation over the samples.
-        spread = np.sqrt(((samples - samples.mean(axis=0)) ** 2).sum(axis=2).mean(axis=0))
-        top = max(float(np.nan_to_num(spread).max()), 1e-3)
-        item["spread"], item["spread_top"] = _levels(spread, top), top
+    if case.spread is not None:
+        item["spread"] = [_levels(spread, _SPREAD_TOP) for spread in case.spread]
+        item["spread_top"] = _SPREAD_TOP
     if case.colours is not None:
         item["colours"] = [_base64(colours.astype(np.uint8)) for colours in case.colours]
     if case.camera is not None:

@@ -20,12 +20,14 @@ _FIELDS = {
     "colours": ("uint8", "kn3"),
     "seen": ("bool", "kn"),
     "branch": ("uint8", "n"),
+    "spread": ("f", "kn"),
     "image": ("uint8", "hw3"),
     "photo": ("uint8", "ab3"),
     "intrinsics": ("f", "33"),
     "extrinsics": ("f", "34"),
     "to_view": ("f", "33"),
 }
+_OPTIONAL = ("spread",)  # networks without a random input, and earlier versions, have none
 MOST_CLOUDS = 64
 _LARGEST = {"k": MOST_CLOUDS, "n": 1 << 18, "h": 2048, "w": 2048, "a": 2048, "b": 2048}
 _MOST_NUMBERS = 1 << 24  # in one array
@@ -36,7 +38,7 @@ class PredictionFileError(UserError):
 
 
 def read_prediction(path: str | os.PathLike[str], fields: Sequence[str]) -> dict[str, np.ndarray]:
-    """The arrays `fields` of a prediction; nothing is unpickled.
+    """The arrays `fields` of a prediction, and `spread` if it has one; nothing is unpickled.
 
     Raises:
       PredictionFileError: the file is missing, of another kind or damaged.
@@ -47,10 +49,10 @@ def read_prediction(path: str | os.PathLike[str], fields: Sequence[str]) -> dict
             raise ValueError("expected a file NAME.npz of `psgn predict`")
         limits = {
             name: min(_MOST_NUMBERS, math.prod(_LARGEST.get(c) or int(c) for c in _FIELDS[name][1]))
-            for name in fields
+            for name in (*fields, *_OPTIONAL)
         }
         arrays = read_npz(path, {**limits, "version": 1})
-        _check(arrays, fields)
+        _check(arrays, [*fields, *(name for name in _OPTIONAL if name in arrays)])
     except FileNotFoundError:
         raise PredictionFileError(f"{shown}: no such file") from None
     except OSError as error:

@@ -8,10 +8,11 @@ from helpers import drawn_solids, javascript
 from psgn_jax.data import camera, framing, resize
 from psgn_jax.losses.emd import emd_exact
 from psgn_jax.portable import folder
+from psgn_jax.prediction import draws as own_draws
 from psgn_jax.prediction.cloud import colours_from_view, stray_points
 from psgn_jax.prediction.refine import into_silhouette, mean_of_matched
 
-MODULES = {"framing": folder.TEMPLATES / "framing.js", "resample": folder.TEMPLATES / "resample.js"}
+MODULES = {name: folder.TEMPLATES / f"{name}.js" for name in ("draws", "framing", "resample")}
 pytestmark = pytest.mark.skipif(javascript.NODE is None, reason="no node")
 
 
@@ -44,6 +45,20 @@ def photos(rng):
     framed = next(iter(drawn_solids.samples(1, seed=0, image_size=(192, 256))))
     yield framed.image, framed.mask
     yield framed.image.repeat(2, 0).repeat(2, 1), framed.mask.repeat(2, 0).repeat(2, 1)
+
+
+def test_draws_have_the_same_order_and_spread():
+    clouds = np.random.default_rng(0).normal(size=(7, 300, 3)).astype(np.float32)
+    body = """
+        const order = draws.ranked(input.clouds, 3, input.compared);
+        return [order, await draws.spread(order, 2, async () => {})];"""
+    compared = own_draws.compared_points(300).tolist()
+    order, spread = run_node(body, clouds=list(clouds.reshape(7, -1)), compared=compared)
+    expected = np.asarray(own_draws.chosen_first(clouds, 3))
+    np.testing.assert_array_equal(np.reshape(order, expected.shape), expected)
+    # The bijections are optimal up to 5 % here and 1 % there.
+    np.testing.assert_allclose(np.mean(spread[0]), own_draws.spread(expected)[0].mean(), rtol=0.05)
+    assert sorted(spread[1]) == sorted(spread[0])
 
 
 def test_views_are_the_same_to_the_last_pixel():

@@ -27,6 +27,7 @@ def make_case(name="chair 1", samples=3, n=300, seed=0):
         truth=points[0, ::-1] + np.float32(0.01),
         num_fc=n // 4,
         colours=rng.integers(0, 255, points.shape, np.uint8),
+        spread=rng.uniform(0, 0.4, (samples, n)).astype(np.float32),
         about="chair",
         metrics=tuple(f"CD {k}" for k in range(samples)),
     )

@@ -31,6 +31,9 @@ def test_a_prediction_is_read(tmp_path):
     }
     assert read["points"].dtype == np.float32
     assert (read["points"] == 1).all()
+    np.savez(tmp_path / "b.npz", **arrays(spread=np.ones((2, 50), np.float32)))
+    read = read_prediction(tmp_path / "b.npz", page.FIELDS)
+    assert page.case_of("b", read).spread.shape == (2, 50)
 
 
 def header(count):
@@ -66,6 +69,7 @@ ARRAYS = {
     "shape": ({"colours": np.zeros((2, 49, 3), np.uint8)}, r"\[2, 49, 3\], expected uint8 \[k, n"),
     "huge": ({"image": np.zeros((2049, 1000, 3), np.uint8)}, "expected uint8 .* with h up to 2048"),
     "million": (MILLION, "with k up to 64, n up to 262144"),
+    "spread": ({"spread": np.zeros(50)}, r"spread is float64 \[50\], expected float \[k, n\]"),
     "nan": ({"points": np.full((2, 50, 3), np.nan)}, "points is not finite"),
     "camera": ({"extrinsics": np.ones((3, 4))}, "extrinsics"),
     "branch": ({"branch": np.full(50, 2, np.uint8)}, "branch is 2, expected 0 or 1"),

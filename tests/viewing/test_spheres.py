@@ -47,6 +47,9 @@ def test_the_near_one_hides_the_far_one_and_the_shadow_lies_below():
     assert (with_shadow <= without).all()
 
 
+SEVERAL = ("points", "colours", "seen")
+
+
 def test_the_command_on_predictions(rng, tmp_path, capsys):
     points = rng.uniform(-0.3, 0.3, (1, 50, 3)).astype(np.float32)
     arrays = {"image": np.full((*SIZE, 3), 191, np.uint8), "points": points}
@@ -69,6 +72,10 @@ def test_the_command_on_predictions(rng, tmp_path, capsys):
         assert moving.n_frames == 36
     wider, _ = red("--branch")
     assert wider > wide
+    np.savez(file, **{k: v.repeat(5, 0) if k in SEVERAL else v for k, v in arrays.items()})
+    columns = [red(*flags)[0] for flags in ((), ("--clouds=2",))]
+    # The image, and each cloud from two sides; the first file had one cloud.
+    assert np.diff([wide, *columns[::-1]]).tolist() == [2 * (wide - 24) // 3, 4 * (wide - 24) // 3]
     np.savez(file, **arrays | {"seen": np.zeros((1, 50), bool)})
     assert red()[1] < by_photo / 10
     assert spheres_command.main([str(tmp_path / "no.npz"), f"--out={out}"]) == 2

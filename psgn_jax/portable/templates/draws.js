@@ -1,0 +1,65 @@
+// Which draws of a network with a random input are shown, and how far their points vary, as by psgn_jax.prediction.draws.
+
+const EPSILONS = [0.05, 0.01]; // units; in all 1 % from the least sum, and a tenth of the time of an exact method
+const sum = values => values.reduce((a, b) => a + b, 0);
+
+/** The Chamfer distance of two clouds: the means of the squared distances to the nearest point, added. */
+function chamfer(a, b) {
+  const ofA = new Float64Array(a.length / 3).fill(Infinity), ofB = new Float64Array(b.length / 3).fill(Infinity);
+  for (let i = 0; i < ofA.length; i++) for (let j = 0; j < ofB.length; j++) {
+    const square = (a[3 * i] - b[3 * j]) ** 2 + (a[3 * i + 1] - b[3 * j + 1]) ** 2 + (a[3 * i + 2] - b[3 * j + 2]) ** 2;
+    if (square < ofA[i]) ofA[i] = square;
+    if (square < ofB[j]) ofB[j] = square;
+  }
+  return sum(ofA) / ofA.length + sum(ofB) / ofB.length;
+}
+
+/** All draws: the medoid, `samples` - 1 that differ among the more typical half, then the others. */
+export function ranked(draws, samples, compared) {
+  const few = draws.map(draw => Float64Array.from({ length: 3 * compared.length }, (_, i) => draw[3 * compared[Math.floor(i / 3)] + i % 3]));
+  const distances = draws.map(() => new Float64Array(draws.length));
+  for (let i = 0; i < draws.length; i++) for (let j = 0; j < i; j++) distances[i][j] = distances[j][i] = chamfer(few[i], few[j]);
+  const sums = distances.map(sum), order = draws.map((_, i) => i).sort((a, b) => sums[a] - sums[b]);
+  const shown = [order[0]], half = order.slice(1, Math.max(draws.length >> 1, samples));
+  const apart = i => Math.min(...shown.map(j => distances[i][j]));
+  while (shown.length < samples) shown.push(half.splice(half.reduce((best, i, at) => apart(i) > apart(half[best]) ? at : best, 0), 1)[0]);
+  return [...shown, ...order.filter(i => !shown.includes(i))].map(i => draws[i]);
+}
+
+/** For each point of `other`, the number of its partner in `points`: an auction as in psgn_jax.losses.auction, at most EPSILONS.at(-1) for each point from the least sum of distances. */
+function partners(points, other) {
+  const n = points.length / 3, [x, y, z] = [0, 1, 2].map(k => Float64Array.from({ length: n }, (_, j) => other[3 * j + k]));
+  const price = new Float64Array(n), owner = new Int32Array(n);
+  for (const epsilon of EPSILONS) {
+    owner.fill(-1);
+    const waiting = Array.from({ length: n }, (_, i) => i);
+    while (waiting.length) {
+      const i = waiting.pop(), [a, b, c] = points.subarray(3 * i, 3 * i + 3);
+      let best = Infinity, second = Infinity, chosen = 0;
+      for (let j = 0; j < n; j++) {
+        const value = Math.sqrt((a - x[j]) * (a - x[j]) + (b - y[j]) * (b - y[j]) + (c - z[j]) * (c - z[j])) + price[j];
+        if (value < best) [second, best, chosen] = [best, value, j];
+        else if (value < second) second = value;
+      }
+      price[chosen] += second - best + epsilon;
+      if (owner[chosen] >= 0) waiting.push(owner[chosen]);
+      owner[chosen] = i;
+    }
+  }
+  return owner;
+}
+
+/** For each of the first `samples` draws, how far its points vary: for the first, the mean distance to the partners in the others; partners have the same value. `pause` is awaited between draws. */
+export async function spread([first, ...others], samples, pause) {
+  const count = first.length / 3, mean = new Float64Array(count), owners = [];
+  for (const draw of others) {
+    const owner = partners(first, draw);
+    for (let j = 0; j < count; j++) {
+      const i = owner[j];
+      mean[i] += Math.hypot(first[3 * i] - draw[3 * j], first[3 * i + 1] - draw[3 * j + 1], first[3 * i + 2] - draw[3 * j + 2]) / others.length;
+    }
+    owners.push(owner);
+    await pause();
+  }
+  return [mean, ...owners.slice(0, samples - 1).map(owner => Float64Array.from(owner, i => mean[i]))];
+}
