@@ -64,15 +64,15 @@ def find_meshes(source: str | os.PathLike[str]) -> tuple[list[str], list[str]]:
                 found[kind].append((here / file).relative_to(root).as_posix())
     left, archives = found["others"], found["archives"]
     other = "; catalogue sh3f reads .sh3f files" * any(n.lower().endswith(".sh3f") for n in left)
-    if archives:
-        other += f"; unpack archives such as {min(archives)}"
+    packed = f"; {len(archives)} archives, such as {min(archives or ' ')}: unpack them"
+    packed *= bool(archives)
     if not found["meshes"]:
-        expected = f"expected files with one of the suffixes {sorted(endings)}{other}"
+        expected = f"expected files with one of the suffixes {sorted(endings)}{other}{packed}"
         raise ValueError(f"source {str(source)!r}: it contains no mesh, {expected}")
+    if left:
+        other = f"; {len(left)} that look like models, such as {min(left)}{other}"
     if left or archives:
-        what = "%d files that look like models but cannot be read here, and %d archives: left out%s"
-        such = f", such as {min(left)}" if left else ""
-        logging.warning(what, len(left), len(archives), such + other)
+        logging.warning("files that cannot be read here are left out%s%s", other, packed)
     return sorted(found["meshes"]), linked
 
 

@@ -30,6 +30,12 @@ def as_utf8(text: bytes) -> bytes:
     return text.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
 
 
+def whole_lines(text: bytes) -> bytes:
+    """`as_utf8`, with continued lines joined. A backslash may also be half of a letter of GBK."""
+    text = as_utf8(text)
+    return re.sub(rb"(?<![\x80-\xff])\\\n", b" ", text) if b"\\\n" in text else text
+
+
 def reason(data: bytes) -> str | None:
     """Why the content of a file cannot be what its name says, None if nothing is known."""
     if not data.lstrip(b"\0"):

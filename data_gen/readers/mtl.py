@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from data_gen.mesh import Material
-from data_gen.readers.model_files import as_utf8
+from data_gen.readers.model_files import whole_lines
 from data_gen.readers.textures import Assets, levels, with_alpha
 from psgn_jax.system.untrusted import one_line
 
@@ -75,7 +75,7 @@ def read_mtl(data: bytes, assets: Assets, folder: str = "") -> dict[str, Look]:
     """
     statements: dict[str, dict[str, str]] = {}
     current: dict[str, str] = {}
-    text = as_utf8(data).replace(b"\\\n", b" ").decode("utf-8", "surrogateescape")
+    text = whole_lines(data).decode("utf-8", "surrogateescape")
     for line in text.split("\n"):
         words = line.strip().split(None, 1)
         if not words or words[0].startswith("#"):

@@ -16,24 +16,18 @@ import numpy as np
 
 from data_gen.mesh import Material, UnusableModelError, check_face_count
 from data_gen.parts import Part, picked, rgba
-from data_gen.readers.model_files import as_utf8, reason
+from data_gen.readers.model_files import reason, whole_lines
 from data_gen.readers.mtl import Look, read_mtl
 from data_gen.readers.textures import NOT_REPEATED, Assets
 from psgn_jax.system.untrusted import one_line
 
 
 def _blocks(data: bytes, size: int = 1 << 22) -> Iterator[bytes]:
-    """Splits a text into blocks of whole lines; continued lines (backslash) are joined."""
+    """Splits a text into blocks of whole lines."""
     start = 0
     while start < len(data):
-        stop = data.find(b"\n", min(start + size, len(data)))
-        while stop != -1 and data[stop - 1 : stop] == b"\\":
-            stop = data.find(b"\n", stop + 1)
-        stop = len(data) if stop == -1 else stop + 1
-        block = data[start:stop]
-        if b"\\" in block:
-            block = block.replace(b"\\\n", b" ")
-        yield block
+        stop = data.find(b"\n", min(start + size, len(data))) + 1 or len(data)
+        yield data[start:stop]
         start = stop
 
 
@@ -91,7 +85,7 @@ def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
     paint: list[list[str]] = []
     unread: collections.Counter[str] = collections.Counter()
     total = 0
-    for block in _blocks(as_utf8(data)):
+    for block in _blocks(whole_lines(data)):
         fresh: dict[str, list[list[str]]] = {key: [] for key in _COLUMNS}
         tokens: list[str] = []
         seen: list[tuple[int, int, int]] = []  # number of rows before each corner

@@ -118,7 +118,7 @@ def test_compressed_models_are_read_and_archives_are_counted(write, tmp_path, ca
         write(name, b"")
     first, _ = open_catalogue("folder", tmp_path).models
     assert len(first.load().faces) == 12
-    assert "1 files that look like models but cannot be read here, and 3 archives" in caplog.text
+    assert "1 that look like models, such as f.fbx; 3 archives, such as c.zip" in caplog.text
 
 
 @pytest.mark.parametrize(

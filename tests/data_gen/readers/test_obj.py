@@ -179,6 +179,7 @@ def test_mtl_names_and_comments(write):
     for encoding, names in (
         ("latin-1", ("tür", "töt")),
         ("gbk", ("椅子", "桌子")),
+        ("big5", ("椅", "許")),
         ("utf-8", ("a", "ä")),
     ):
         write(
