@@ -110,6 +110,8 @@ def _read(name: str, data: bytes, assets: Assets) -> dict[str, Any]:
         return READERS[kind](data, assets)
     except (UnusableModelError, MemoryError):
         raise
+    except ImportError as error:
+        raise UnreadableModelError(f"{title} needs the package {error.name}") from error
     except Exception as error:  # of a parser that does not expect this damage
         raise UnusableModelError(f"not readable as {title}: the file is damaged") from error
 
