@@ -49,7 +49,10 @@ def read_collada(data: bytes, assets: Assets) -> dict[str, Any]:
         element.tag = element.tag.rpartition("}")[2]  # some files have no namespace
     if root.tag != "COLLADA":
         raise UnusableModelError(f"not readable as COLLADA: it is XML with <{root.tag[:40]}>")
-    return assets.arrays(_Document(root, assets).parts())
+    parts = _Document(root, assets).parts()
+    if not parts and assets.warnings:
+        raise UnusableModelError(f"the mesh is empty: {assets.warnings[0]}")
+    return assets.arrays(parts)
 
 
 def _numbers(element: Element | None, count: int = 0) -> np.ndarray:
@@ -353,6 +356,10 @@ class _Document:
         elif transparent is not None or shader.find("transparency") is not None:
             clear = [*(values or ()), 1.0, 1.0, 1.0, 1.0][:4] if values else [1.0] * 4
             level = factor * (clear[3] if mode[0] == "A" else sum(clear[:3]) / 3)
+            if level == 0 and transparent is not None and transparent.get("opaque") is None:
+                # Several writers mean that nothing is transparent.
+                self.assets.warn("transparency 0, opaque is used", element.get("id"))
+                level = 1.0
             opacity = min(max(1 - level if mode.endswith("ZERO") else level, 0.0), 1.0)
         elif texture is not None and (texture[..., 3] < 255).any():
             self.assets.warn("alpha of textures without <transparent> not used", element.get("id"))

@@ -25,7 +25,7 @@ _UNUSED = ("camera", "range_grid")  # elements that say nothing about the surfac
 
 def read_ply(data: bytes, assets: Assets) -> dict[str, Any]:
     """Arrays of a PLY file for `mesh.build_model`."""
-    header, body, images = _split(data)
+    header, body, images = _split(data, assets)
     elements = _elements(header, body, assets)
     for name, rows in elements.items():
         if len(rows) and name not in ("vertex", "face", "tristrips", *_UNUSED):
@@ -87,7 +87,7 @@ def read_ply(data: bytes, assets: Assets) -> dict[str, Any]:
     return assets.arrays([part])
 
 
-def _split(data: bytes) -> tuple[list[list[str]], bytes, list[str]]:
+def _split(data: bytes, assets: Assets) -> tuple[list[list[str]], bytes, list[str]]:
     """The words of the header's lines without comments, the data, the names of the images."""
     data = data.removeprefix(b"\xef\xbb\xbf")
     first = re.match(rb"ply[ \t]*(\r\n|\r|\n)", data)
@@ -101,10 +101,12 @@ def _split(data: bytes) -> tuple[list[list[str]], bytes, list[str]]:
     header, images = [], []
     for line in re.split(r"[\r\n]+", data[: last.start()].decode("utf-8", "surrogateescape")):
         words = line.split()
-        if words and words[0] not in ("comment", "obj_info"):
-            header.append(words)
-        elif found := _TEXTURE.match(line.strip()):
+        if found := _TEXTURE.match(line.strip()):
             images.append(found[1])
+        elif words and words[0] in ("ply", "format", "element", "property"):
+            header.append(words)
+        elif words and words[0] not in ("comment", "obj_info"):
+            assets.warn("lines of the header not read", repr(line))
     body = data[last.end() :]
     if ["format", "ascii", "1.0"] in header:
         lines = body.replace(b"\r", b"\n").split(b"\n")

@@ -167,6 +167,8 @@ def test_collada_primitives(write, geometry, faces, size):
         ("<transparent opaque='RGB_ZERO'><color>.4 .4 .4 1</color></transparent>"
          "<transparency><float>.5</float></transparency>", 0.8),
         ("<transparent opaque='RGB_ZERO'><color>0 0 0 1</color></transparent>", 1),
+        ("<transparent><color>1 1 1 1</color></transparent>"
+         "<transparency><float>0</float></transparency>", 1),
         ("<transparent opaque='RGB_ONE'><color>.4 .4 .4 1</color></transparent>", 0.4),
         ("<transparent opaque='A_ZERO'><color>1 1 1 .25</color></transparent>", 0.75),
     ],
@@ -286,6 +288,9 @@ def test_collada_refusals(write):
         ),
         "nodes that contain themselves": dae(nodes="<node id='n'><instance_node url='#n'/></node>"),
         "no faces": dae(nodes="<node/>"),
+        r"empty: nodes not readable, left out: n \(a word in <translate> that is not": dae(
+            nodes="<node id='n'><translate>1,5 0 0</translate><instance_geometry url='#g'/></node>"
+        ),
         "all faces are transparent": dae(
             shading=COLOURED + "<transparency><float>0</float></transparency>"
         ),

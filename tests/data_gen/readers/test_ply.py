@@ -159,6 +159,8 @@ def test_ply_headers_and_strips(write):
     for data in (text, b"\xef\xbb\xbf" + text, text.replace(b"\n", b"\r\n"), blank, other):
         model = load_model(write("a.ply", data))
         assert (area(model), model.warnings) == (1, ())
+    lost = ply(head="Created by Blender3D")
+    assert load_model(write("a.ply", lost)).warnings[0].startswith("lines of the header not read")
     empty = ply(faces=with_each(TRIANGLES, "0"), of_faces="list uchar float texcoord")
     assert load_model(write("a.ply", empty)).warnings == ()
     points = rows(*((k // 2, k % 2, 0) for k in range(8)))
