@@ -194,7 +194,7 @@ def render_local(tasks: Sequence[tuple[int, Entry]], context: Context) -> Genera
 def _serve(connection: multiprocessing.connection.Connection) -> None:
     """Receives a `Context`, sends None when ready, then receives entries and sends (line, records).
 
-    It ends at None, at the end of the connection, or when idle for long.
+    It ends at None or when idle for long; an error means the end of the connection.
     """
     # Ctrl-C is sent to all processes of a terminal; the `Renderer` ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -202,11 +202,7 @@ def _serve(connection: multiprocessing.connection.Connection) -> None:
     engine.start(context.variant.name)
     connection.send(None)  # ready
     while connection.poll(_SECONDS_IDLE):
-        try:
-            entry = connection.recv()
-        except (EOFError, ConnectionResetError):
-            return
-        if entry is None:
+        if (entry := connection.recv()) is None:
             return
         try:
             records, line = render_model(entry, context)
@@ -214,14 +210,13 @@ def _serve(connection: multiprocessing.connection.Connection) -> None:
             # An unexpected error: only this model fails.
             what = f"{type(error).__name__}: {error}".splitlines()[0][:300]
             records, line = [], failure(entry, "error", what)
-        try:
-            connection.send((line, records))
-        except (BrokenPipeError, ConnectionResetError):
-            return
+        connection.send((line, records))
         del records
         engine.release()
 
 
 if __name__ == "__main__":
-    with multiprocessing.connection.Connection(int(sys.argv[1])) as _pipe:
+    # The end of the connection: the process of the `Renderer` was killed.
+    _ended = contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError)
+    with _ended, multiprocessing.connection.Connection(int(sys.argv[1])) as _pipe:
         _serve(_pipe)

@@ -12,11 +12,7 @@ import sys
 from collections.abc import Mapping, Sequence
 
 from psgn_jax import __version__
-from psgn_jax.config.structured import suggestion
-from psgn_jax.system.environment import explained
-from psgn_jax.system.files import exit_code_of
-from psgn_jax.system.processes import start_command
-from psgn_jax.system.untrusted import message_line
+from psgn_jax.system.signals import end_during_imports
 
 COMMANDS: Mapping[str, str] = {
     "train": "train a network, or resume a run",
@@ -53,6 +49,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     its environment (`processes.start_command`).
     """
     if argv is None:
+        end_during_imports()
+    # Imported here so that Ctrl-C is one line from the start.
+    from psgn_jax.system.environment import explained
+    from psgn_jax.system.files import exit_code_of
+    from psgn_jax.system.processes import CLOSED_PIPE, nothing_reads_output, start_command
+    from psgn_jax.system.untrusted import message_line
+
+    if argv is None:
         start_command()
     try:
         code = _run(list(sys.argv[1:] if argv is None else argv))
@@ -62,8 +66,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stderr.write("stopped by Ctrl-C\n")
         code = 130
     except OSError as error:  # stdout is a full disk, or a pipe that nothing reads
-        sys.stderr.write(f"error: {error.strerror or error}\n")
-        code = exit_code_of(error) or 2
+        code = CLOSED_PIPE if nothing_reads_output() else exit_code_of(error) or 2
+        if code != CLOSED_PIPE:
+            sys.stderr.write(f"error: {error.strerror or error}\n")
     except Exception as error:  # of the imports of a command's module
         if (known := explained(error)) is None:
             raise
@@ -85,6 +90,8 @@ def _run(arguments: Sequence[str]) -> int:
         return 0
     name, *rest = arguments
     if name not in COMMANDS:
+        from psgn_jax.config.structured import suggestion
+
         sys.stderr.write(
             f"error: psgn {name}: no such command; {suggestion(name, COMMANDS)}expected one of "
             f"{', '.join(COMMANDS)}\n"

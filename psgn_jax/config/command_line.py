@@ -24,7 +24,7 @@ from absl import logging
 from psgn_jax.config.structured import ConfigError, flatten, suggestion
 from psgn_jax.system.environment import check_environment, explained
 from psgn_jax.system.files import exit_code_of
-from psgn_jax.system.processes import ROOT
+from psgn_jax.system.processes import CLOSED_PIPE, ROOT, nothing_reads_output
 from psgn_jax.system.untrusted import message_line, one_line
 
 HELP = {"--help", "-help", "-h", "-?", "--helpshort", "--helpfull"}
@@ -102,6 +102,8 @@ class Flags:
             check_environment()
             return body(self) or 0
         except Exception as caught:
+            if isinstance(caught, BrokenPipeError) and nothing_reads_output():
+                return CLOSED_PIPE
             error = explained(caught) or caught
             code = exit_code_of(error) or (2 if isinstance(error, wrong_input) else None)
             if code is None:

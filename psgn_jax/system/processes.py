@@ -10,6 +10,8 @@ import logging
 import os
 import pathlib
 import resource
+import select
+import signal
 import sys
 from typing import Any
 
@@ -44,6 +46,9 @@ def start_command() -> None:
     keeps its shards open, and some systems allow only 256 open files, so we raise this limit.
     """
     os.environ.update(environment())
+    # After a kill, the process that removes what our workers shared would warn that it does so.
+    warned = [os.environ.get("PYTHONWARNINGS", ""), "ignore:resource_tracker:UserWarning"]
+    os.environ["PYTHONWARNINGS"] = ",".join(dict.fromkeys(filter(None, warned)))
     # Before jaxlib is imported: XLA and CUDA log only fatal errors. When XLA loads a program from
     # the compilation cache on a CPU, it wrongly warns that the processor lacks two features. Jax
     # sets 1 for itself and, unasked, for the commands that its process starts.
@@ -58,6 +63,19 @@ def start_command() -> None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
+
+
+CLOSED_PIPE = 128 + signal.SIGPIPE
+"""Exit code of a command whose output nothing reads any more, as shells give it."""
+
+
+def nothing_reads_output() -> bool:
+    """Whether stdout is a pipe whose reader has ended, as of `psgn ... | head -1`."""
+    asked = select.poll()
+    with contextlib.suppress(OSError, ValueError):  # it has no descriptor
+        asked.register(sys.stdout.fileno(), 0)
+        return bool(asked.poll(0))
+    return False
 
 
 def quiet_orbax() -> None:

@@ -93,6 +93,27 @@ class StopSignal:
         os._exit(128 + number)
 
 
+def end_during_imports() -> None:
+    """Makes Ctrl-C end this process at once while it imports; otherwise it raises, as usual.
+
+    Extension modules lose or wrap the exception when they are imported, or crash.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    inner = frame
+    while inner is not None:
+        code = inner.f_code
+        # JAX's callback of the garbage collector, where an exception would be lost.
+        if code.co_filename.startswith("<frozen importlib") or code.co_name == "_xla_gc_callback":
+            os.write(2, b"stopped by Ctrl-C\n")
+            os._exit(128 + number)
+        inner = inner.f_back
+    raise KeyboardInterrupt
+
+
 def exit_on_signals() -> None:
     """Makes SIGTERM and Ctrl-C end this process with code 143 or 130."""
     for number in (signal.SIGTERM, signal.SIGINT):

@@ -39,6 +39,9 @@ def test_help_and_errors_list_commands_and_configurations(capsys):
         ('exec "$@" >&-', ["--help"], 0, ""),
         ('exec "$@" > /dev/full', ["inspect", "datä"], 5, "error: No space left on device\n"),
         ('PYTHONIOENCODING=ascii exec "$@"', ["inspect", "datä"], 0, ""),
+        ('set -o pipefail; "$@" | true', ["inspect", "datä"], 141, ""),
+        ('set -o pipefail; PYTHONUNBUFFERED=1 "$@" | true', ["inspect", "datä"], 141, ""),
+        ('set -o pipefail; "$@" | true', ["--help"], 141, ""),
     ],
 )
 def test_output_that_nothing_can_take_ends_without_a_traceback(

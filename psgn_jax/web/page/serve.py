@@ -54,7 +54,8 @@ class _Handler(http.server.SimpleHTTPRequestHandler):
     def translate_path(self, path: str) -> str:
         """The requested file; "", which cannot be opened, if it is not in the folder."""
         start = urlsplit(path).path == "/"
-        with contextlib.suppress(OSError, ValueError):  # a name that no file can have
+        # A name that no file can have, or (RuntimeError, before Python 3.13) links in a circle.
+        with contextlib.suppress(OSError, ValueError, RuntimeError):
             file = pathlib.Path(super().translate_path("/index.html" if start else path)).resolve()
             if file.is_relative_to(self.directory) and file.is_file():
                 return str(file)
