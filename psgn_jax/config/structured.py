@@ -127,9 +127,13 @@ def suggestion(name: str, choices: typing.Iterable[str]) -> str:
 
 def wrong(path: str, value: Any, accepted: str, hint: str = "") -> ConfigError:
     """The error for a wrong field, with its path, its value and the accepted values."""
-    shown = " ".join(repr(value).split())
-    shown = shown if len(shown) <= 80 else shown[:77] + "..."
-    return ConfigError(f"{path or 'config'}={shown}: {hint}accepted: {accepted}")
+    return ConfigError(f"{path or 'config'}={shown(value)}: {hint}accepted: {accepted}")
+
+
+def shown(value: Any) -> str:
+    """A value in a message: one line of at most 80 characters."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 80 else text[:77] + "..."
 
 
 def _convert(hint: Any, value: Any, path: str) -> Any:

@@ -132,11 +132,15 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
 
 
 def _check(shard: Shard) -> Shard:
-    """Checks the names that are used as paths."""
+    """Checks the names that are used as paths, and the lengths of those that are shown."""
     if not SPLIT_NAME.fullmatch(shard.split):
         raise ValueError(f"split {shard.split!r}, expected lower-case letters, digits and _")
     if pathlib.PurePath(shard.file).name != shard.file or not shard.file.isprintable():
         raise ValueError(f"file {shard.file!r}, expected the name of a file in the folder")
     if not shard.file.startswith(f"{shard.split}-"):
         raise ValueError(f"file {shard.file!r} is listed in the split {shard.split!r}")
+    if (longest := max(map(len, shard.categories), default=0)) > schema.MAX_LABEL:
+        raise ValueError(
+            f"a category has {longest} characters, expected at most {schema.MAX_LABEL}"
+        )
     return shard

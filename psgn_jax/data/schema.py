@@ -31,6 +31,7 @@ OCCUPANCY_SIZE = 32
 # Limits of samples; they bound the memory that a malicious record can allocate.
 MAX_IMAGE_SIDE = 4096
 MAX_POINTS = 1 << 22
+MAX_LABEL = 1000  # characters of a category, the name of a model or a source
 MAX_COORDINATE = 1e9  # of points and depths, units of the frame
 
 _ROTATION_TOLERANCE = 1e-3
@@ -147,8 +148,10 @@ def validate(sample: Sample) -> Sample:
 def check_labels(sample: Any) -> None:
     """Checks the fields of a `Sample`, or of an object with its attributes, that are no arrays."""
     for field in ("category", "model_id", "source", "extra"):
-        if not isinstance(getattr(sample, field), str):
-            _fail(field, repr(getattr(sample, field))[:80], "a string")
+        if not isinstance(value := getattr(sample, field), str):
+            _fail(field, repr(value)[:80], "a string")
+        if field != "extra" and len(value) > MAX_LABEL:
+            _fail(field, f"{len(value)} characters", f"at most {MAX_LABEL}")
     view = sample.view
     is_integer = isinstance(view, int | np.integer) and not isinstance(view, bool)
     if not is_integer or not 0 <= view <= _LAST_VIEW:

@@ -19,10 +19,11 @@ import numpy as np
 
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import ConfigError, LossConfig, suggestion
+from psgn_jax.config.structured import shown
 from psgn_jax.losses import LOSSES
 
 _TERM = re.compile(
-    r"(?:(?P<weight>(?:\d+\.?\d*|\.\d+)(?:[eE]-?\d+)?)\s*\*\s*)?(?P<name>\w+)(?:\s*@\s*(?P<points>\d+))?"
+    r"(?:(?P<weight>(?:\d+\.?\d*|\.\d+)(?:[eE]-?\d+)?)\s*\*\s*)?(?P<name>\w+)(?:\s*@\s*(?P<points>\d{1,9}))?"
 )
 
 
@@ -45,7 +46,8 @@ def parse_terms(config: LossConfig) -> tuple[LossTerm, ...]:
     parts = [part.strip() for part in config.name.split("+")]
     terms: dict[str, LossTerm] = {}
     for part in parts:
-        where = f"loss.name={config.name!r}" + (f": the term {part!r}" if len(parts) > 1 else "")
+        where = f"loss.name={shown(config.name)}"
+        where += f": the term {shown(part)}" if len(parts) > 1 else ""
         match = _TERM.fullmatch(part)
         if match is None:
             raise ConfigError(

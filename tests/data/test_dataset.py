@@ -110,6 +110,10 @@ def test_a_changed_manifest_is_refused_by_its_checksum(copied):
         (lambda c: c["shards"].append(c["shards"][0]), "is listed twice"),
         (lambda c: c["shards"][0].update(count=10**30), "damaged .*count"),
         (lambda c: c["shards"][0].update(split="train\nfake"), "damaged .*split"),
+        (
+            lambda c: c["shards"][0].update(categories={"x" * 10**6: 1}),
+            "json: damaged .*1000000 ch",
+        ),
         (lambda c: c["shards"][0].update(file="../train-00000.arrayrecord"), "damaged .*file"),
     ],
 )
@@ -316,6 +320,7 @@ def crafted(content, **changes):
     ("name", "value"),
     [
         ("category", 5), ("category", None), ("model_id", {"a": 1}), ("source", [1]),
+        ("category", "x" * 1_000_000), ("model_id", "x" * 1001), ("source", "x" * 1001),
         ("extra", 3), ("view", "3"), ("view", True), ("view", 1 << 40),
         ("intrinsics", np.full(9, np.nan, "<f4").tobytes()),
         ("extrinsics", np.ones(12, "<f4").tobytes()),

@@ -2,9 +2,11 @@
 
 import dataclasses
 import functools
+import multiprocessing.connection
 import os
 import pathlib
 import shutil
+import subprocess
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from psgn_jax.data import shards
 from psgn_jax.data.codec import encode
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.manifest import load_manifest
+from psgn_jax.system import processes
 from psgn_jax.system.claims import ClaimedError
 from psgn_jax.system.files import write_atomic
 
@@ -346,6 +349,19 @@ def test_other_maps_are_other_settings_but_not_another_folder(tmp_path, monkeypa
     assert make(tmp_path / "out", TEN[:2], options=same)[1] == []
     with pytest.raises(shards.OtherSettingsError, match=r"settings \(light.folder: 'maps "):
         make(tmp_path / "out", TEN[:2], options=lit("two", ["b.hdr"]))
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_a_worker_whose_parent_was_killed_at_the_start_ends_in_silence(given):
+    ours, theirs = multiprocessing.connection.Pipe()
+    with theirs:
+        command = processes.python("data_gen.pool", str(theirs.fileno()))
+        worker = subprocess.Popen(command, pass_fds=[theirs.fileno()], stderr=subprocess.PIPE)
+    if given:
+        ours.send(Context(OPTIONS, "test", Variant("scalar_rgb"), None))
+    ours.close()
+    assert worker.communicate(timeout=100)[1] == b""
+    assert worker.returncode == 0
 
 
 def test_the_pool_runs_where_processes_have_no_affinity(monkeypatch):

@@ -52,6 +52,8 @@ def test_a_sum_and_its_gradient_are_those_written_by_hand(rng):
         ("emd_mean + ", "the term '' is not understood"),
         ("emd_mean@0 + chamfer_sq", "the term 'emd_mean@0': accepted: a weight above 0"),
         ("", "is not understood"),
+        ("emd_mean@" + "9" * 5000, "is not understood"),
+        ("x" * 5000, "is unknown"),
         ("emd_mean@4 + emd_mean@8", "the term 'emd_mean@8': emd_mean occurs twice"),
     ],
 )
@@ -60,3 +62,4 @@ def test_a_wrong_term_is_named_in_one_line(text, message):
         configured_loss(LossConfig(name=text))
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 400

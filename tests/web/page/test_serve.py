@@ -22,6 +22,7 @@ def served(tmp_path_factory):
     (tmp_path / "secret.txt").write_text("secret")
     (folder / "link.txt").symlink_to(tmp_path / "secret.txt")
     (folder / "out").symlink_to(tmp_path)
+    (folder / "circle").symlink_to("circle")
     os.mkfifo(folder / "fifo")
     running = server(folder)
     threading.Thread(target=running.serve_forever, daemon=True).start()
@@ -56,7 +57,8 @@ def test_files_of_the_folder_are_served(served):
 
 def test_nothing_else_is_nor_to_other_methods_and_hosts(served):
     for path in (
-        "/inner/", "/none", "/link.txt", "/out/secret.txt", "/fifo", "/../secret.txt",
+        "/inner/", "/none", "/link.txt", "/out/secret.txt", "/fifo", "/circle",
+        "/circle/x", "/../secret.txt",
         "/%2e%2e/secret.txt", "/inner/..%2f..%2fsecret.txt", "//etc/passwd", "/%00",
         "/" + "a" * 5000,
     ):  # fmt: skip
