@@ -65,8 +65,8 @@ WRONG = [
     ({"task": "views", "voxels": {"eval_views": (1, 1)}}, "numbers of views, each once"),
     ({"task": "views", "loss": {"l2": "authors"}}, "loss.l2='authors': accepted: 'none' with"),
     ({"model": {"name": "vanilla", "fc_points": 0}}, "model.fc_points=0: accepted: at least 1"),
-    ({"model": {"name": "lite0", "widths": (8,) * 3}}, "accepted: seven levels for 'lite0'"),
-    ({"model": {"name": "lite0"}, "data": {"inputs": ("mask", "rgb")}}, "accepted: 'rgb' first"),
+    ({"model": {"name": "lite0"}}, "model.name='lite0': accepted: 'vanilla', 'two_branch', "),
+    ({"model": {"trained_blocks": 3}}, "model.trained_blocks is not a field"),
 ]
 
 
@@ -111,7 +111,6 @@ def test_the_last_one_of_repeated_flags_counts(arguments, field, value):
         ({"loss": {"l2_scale": 2}}, "accepted: 0.1 unless loss.l2='authors'"),
         ({"loss": {"emd_tolerance": 0.1}}, "accepted: 0.01 unless loss.name has an EMD"),
         ({"optim": {"final_fraction": 0.1}}, "accepted: 0 unless optim.schedule='cosine'"),
-        ({"optim": {"encoder_rate": 0.1}}, "accepted: 1 unless model.name='lite0'"),
         ({"voxels": {"max_views": 2}}, "voxels.max_views=2: accepted: 5 unless task='views'"),
         ({"task": "views", "voxels": {"from_emd": "x"}}, "accepted: '' unless task='refiner'"),
     ],

@@ -26,11 +26,10 @@ from psgn_jax.config.experiment import ConfigError, EvalConfig, check_paths, req
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.evaluation import baselines, table
 from psgn_jax.evaluation.run import FRAMES, evaluate_run, output_folder, report_runs
-from psgn_jax.models import efficientnet, networks
+from psgn_jax.models import networks
 from psgn_jax.system import group
 from psgn_jax.system.cpu import keep_freed_memory
 from psgn_jax.system.files import check_folder, write_atomic
-from psgn_jax.weights.mask import read_mask_network
 from psgn_jax.weights.opening import open_network
 from psgn_jax.weights.run_folder import Trained
 
@@ -59,8 +58,7 @@ def _baselines(run: Trained, split: str | None, out: str | None) -> str:
     require_points_task(run.config, "--baselines")
     split = split or run.config.data.eval_split
     folder = output_folder(run, out, "baselines", split)
-    lite0 = read_mask_network()[0][efficientnet.NAME]
-    rows, models = baselines.measure(run.config, run.params, lite0, split)
+    rows, models = baselines.measure(run.config, run.params, split)
     table_text = baselines.text(rows, models, networks.build(run.config.model).num_points)
     write_atomic(folder / "baselines.txt", table_text)
     origin = {run.source_kind: run.source, "step": run.step, "split": split}

@@ -35,7 +35,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     define_network_flags(flags)
     flags.string("out", "out", "Folder for the results.")
     flags.string("mask", None, "File of the mask, or folder with one for each image.")
-    flags.enum("mask_from", "auto", list(masks.METHODS), "How to find a mask.")
+    flags.string(
+        "mask_from", "auto", f"How to find a mask: {', '.join(masks.METHODS)} or rembg:MODEL."
+    )
+    flags.list("box", None, "Box around the object, x0,y0,x1,y1 in pixels of the photo.")
+    flags.list("point", None, "A pixel of the object, x,y.")
     flags.bool(
         "invert_mask", None, "The given masks are white outside the object; default: those that "
         "cover the border.",
@@ -61,6 +65,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     return flags.run(_main, argv)
 
 
+def _numbers(name: str, texts: list[str] | None) -> list[float] | None:
+    try:
+        return None if texts is None else [float(text) for text in texts]
+    except ValueError:
+        raise ConfigError(f"--{name}={','.join(texts or ())}: accepted: numbers") from None
+
+
 def _main(flags: Flags) -> int:
     values = flags.values
     if not values.formats or not set(values.formats) <= set(FORMATS):
@@ -84,6 +95,7 @@ def _main(flags: Flags) -> int:
 
     done, failed, uncertain = 0, 0, 0
     options = {name: values[name].value for name in _OPTIONS}
+    options |= {name: _numbers(name, values[name].value) for name in ("box", "point")}
     for path, result in predict_files(
         opened, flags.arguments, values.out, formats=values.formats, mask_label=label, **options
     ):
@@ -105,9 +117,10 @@ def _main(flags: Flags) -> int:
     if uncertain:
         sys.stderr.write(
             f"masks of which the network is not certain: {uncertain}. Look at "
-            f"{one_line(values.out)}/*_overlay.png. To use all as they are: --accept_mask. To use "
-            "one that you mended (white on the object) in any image editor, or in the page of "
-            "`psgn page --serve`: put NAME_mask.png beside the photo\n"
+            f"{one_line(values.out)}/*_overlay.png. To use all as they are: --accept_mask. To "
+            "choose another part of a photo: --box=x0,y0,x1,y1 or --point=x,y. To use one that you "
+            "mended (white on the object) in any image editor, or in the page of `psgn page "
+            "--serve`: put NAME_mask.png beside the photo\n"
         )
     if failed:
         sys.stderr.write(f"{done} of {done + failed} images were processed, see {values.out}\n")

@@ -17,11 +17,10 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import jax
-
 from psgn_jax.config.command_line import Flags
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.models import networks
+from psgn_jax.prediction import mask_networks
 from psgn_jax.system.untrusted import one_line
 from psgn_jax.weights.file import (
     DTYPES,
@@ -31,8 +30,6 @@ from psgn_jax.weights.file import (
     read_weights,
     write_weights,
 )
-from psgn_jax.weights.mask import FILE as MASK_FILE
-from psgn_jax.weights.mask import read_mask_network
 from psgn_jax.weights.opening import DEFAULT, shipped, weights_path
 from psgn_jax.weights.origin import data_of, sources_of
 from psgn_jax.weights.run_folder import open_run
@@ -130,15 +127,12 @@ def _section(title: str, rows: Mapping[str, str]) -> str:
 
 
 def _describe_mask_network() -> str:
-    params, texts = read_mask_network()
-    size = sum(leaf.size for leaf in jax.tree.leaves(params)) / 1e6
+    size = mask_networks.FILE.stat().st_size / 1e6
     rows = {
-        "network": f"finds the object in a photo; {size:.2f} M parameters, float16, "
-        f"{MASK_FILE.stat().st_size / 1e6:.1f} MB",
-        "training": f"{texts['figures']['composites']} composites of renders and photographs",
-        "licences": "; ".join(map(_licences, texts["sources"])),
+        "network": f"finds the object in a photo; ONNX, {size:.1f} MB",
+        "licences": _licences(mask_networks.SOURCE),
     }
-    return _section("mask", rows)
+    return _section(mask_networks.FILE.stem, rows)
 
 
 def _data(row: Mapping[str, Any]) -> str:

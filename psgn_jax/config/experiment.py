@@ -36,7 +36,7 @@ from psgn_jax.system.untrusted import parse_json, with_checksum, without_checksu
 Decay = Annotated[float, Bounds(low=0, high=1, open_high=True)]
 Factor = Annotated[float, Bounds(low=0, high=100, open_low=True)]
 Task = Literal["points", "refiner", "volume", "views"]
-Version = Literal["vanilla", "two_branch", "hourglass", "lite0"]
+Version = Literal["vanilla", "two_branch", "hourglass"]
 
 
 CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 2})
@@ -47,10 +47,9 @@ CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "d
 class ModelConfig:
     """The network (paper, section "Point Set Prediction Network"); by default the published one."""
 
-    # Version of the network, see `models.point_out_net`, or `lite0` (`models.efficientnet`).
+    # Version of the network, see `models.point_out_net`.
     name: Version = "two_branch"
-    # Feature maps at each resolution level, full size first; each level halves the size. `lite0`
-    # has seven levels, of which the decoder reads those from `deconv_level` on.
+    # Feature maps at each resolution level, full size first; each level halves the size.
     widths: tuple[Size, ...] = (16, 32, 64, 128, 256, 512, 512)
     # Factor of all hidden widths, except those of the posterior network. If it is not 1, the
     # results are rounded to multiples of 8 and are at least 8.
@@ -66,9 +65,6 @@ class ModelConfig:
     # Where r enters: the bottleneck, as in the paper, or also the hidden layer of the fc branch and
     # the levels of the deconv branch (**ours**), as a shift of each feature that is 0 at first.
     random_at: Literal["bottleneck", "all"] = "bottleneck"
-    # How many of the encoder's 16 blocks are trained, counted from the last one (`lite0` only). The
-    # others keep the parameters of `train.init`.
-    trained_blocks: Annotated[int, Bounds(low=0, high=16)] = 0
     # Train as a conditional variational autoencoder: r is drawn from the distribution that the
     # posterior network predicts from the ground truth (`models.posterior`), elsewhere from the
     # prior N(0, I).
@@ -122,7 +118,6 @@ class OptimConfig:
     """Adam and its schedule."""
 
     learning_rate: Positive = 3e-5  # The peak; 3e-5 is the authors' value.
-    encoder_rate: Fraction = 1.0  # Factor of the learning rate of the blocks of `lite0`.
     # After the warm-up, constant, or half a cosine down to `final_fraction` of the peak.
     schedule: Literal["constant", "cosine"] = "constant"
     warmup_steps: Count = 0  # Number of steps of a linear warm-up from 0.
@@ -227,6 +222,9 @@ class Config:
     voxels: VoxelConfig = dataclasses.field(default_factory=VoxelConfig)
 
 
+_REMOVED = {("model", "trained_blocks"): 0, ("optim", "encoder_rate"): 1}
+
+
 def parse(config: Any) -> Config:
     """Converts an `ml_collections.ConfigDict` or a nested mapping; missing keys have defaults.
 
@@ -234,7 +232,7 @@ def parse(config: Any) -> Config:
       ConfigError: a key is unknown, a type is wrong, a value is out of range, or fields contradict
         each other; one line names the field, its value and what is accepted.
     """
-    parsed = build(Config, config)
+    parsed = build(Config, _without_removed(config))
     views = parsed.task == "views"
     parsed = dataclasses.replace(
         parsed,
@@ -265,8 +263,6 @@ _NEEDS: tuple[tuple[str, Callable[[Config], object], tuple[str, ...]], ...] = (
     ("loss.l2='authors'", lambda config: config.loss.l2 == "authors", ("loss.l2_scale",)),
     ("optim.schedule='cosine'", lambda config: config.optim.schedule == "cosine",
      ("optim.final_fraction",)),
-    ("model.name='lite0'", lambda config: config.model.name == "lite0",
-     ("model.trained_blocks", "optim.encoder_rate")),
     ("task='refiner'", lambda config: config.task == "refiner",
      ("voxels.from_cd", "voxels.from_emd", "voxels.from_volume", "voxels.widths")),
     ("task='views'", lambda config: config.task == "views",
@@ -307,6 +303,20 @@ def to_json(config: Config) -> str:
     return json.dumps(with_checksum(to_dict(config)), indent=2) + "\n"
 
 
+def _without_removed(config: Any) -> Any:
+    """Leaves out fields of earlier versions that have the value without effect.
+
+    Stored configurations, such as those of the package's weights, have all fields of their time.
+    """
+    tree = config.to_dict() if hasattr(config, "to_dict") else config
+    for (section, field), idle in _REMOVED.items():
+        values = tree.get(section) if isinstance(tree, Mapping) else None
+        if isinstance(values, Mapping) and field in values and values[field] == idle:
+            kept = {key: value for key, value in values.items() if key != field}
+            tree = {**tree, section: kept}
+    return tree
+
+
 class DamagedError(ConfigError):
     """A stored configuration is not JSON, or its checksum does not match."""
 
@@ -327,7 +337,6 @@ def _check_together(config: Config) -> None:
     task, steps, deepest = config.task, config.train.steps, len(model.widths) - 2
     levels, deconv = f"(model.widths has {deepest + 2} levels)", model.name != "vanilla"
     on_volumes, views, counts = task != "points", task == "views", voxels.eval_views
-    lite = model.name == "lite0"
     # Smaller images would consist mostly of padding (to multiples of the divisor).
     smallest = max(8, model.divisor // 2)
     # A field, whether it is wrong, and what is accepted.
@@ -340,9 +349,6 @@ def _check_together(config: Config) -> None:
          f"{model.divisor} need no padding"),
         ("model.fc_widths", model.fc_points and not model.fc_widths,
          "at least one width, such as (1024,)"),
-        ("model.widths", lite and len(model.widths) != 7, "seven levels for 'lite0'"),
-        ("model.deconv_level", lite and not model.deconv_level, "1 to 5 for 'lite0'"),
-        ("data.inputs", lite and data.inputs[:1] != ("rgb",), "'rgb' first for 'lite0'"),
         ("model.deconv_level", deconv and model.deconv_level > deepest, f"0 to {deepest} {levels}"),
         ("model.deconv_channels", deconv and model.deconv_channels % 3, "a multiple of 3"),
         ("model.fc_points", not deconv and not model.fc_points,

@@ -9,13 +9,11 @@ Every row has a cloud of n points for each sample of a split; n is the network's
   with the least CD, the EMD is the least of the 16 clouds with the least CD. It tells how much
   copying can give (Tatarchenko et al., "What Do Single-view 3D Reconstruction Networks Learn?",
   CVPR 2019).
-- retrieval: the cloud of the training image whose features are most similar (cosine).
+- retrieval: the cloud of the training image with the most similar mask (cosine of masks that are
+  averaged over 24x32 cells).
 - fixed cloud: n random points of all training clouds.
 - shuffled: the network's predictions for other images of the split. If this row is as good as the
   network, the network ignores its images.
-
-The features are maps of stride 32 of EfficientNet-Lite0 (`models.efficientnet`), reduced to 3x4
-cells by a triangle filter, less their mean over the training images.
 """
 
 import dataclasses
@@ -36,7 +34,7 @@ from psgn_jax.evaluation.clouds import emd, fscore
 from psgn_jax.evaluation.table import aligned
 from psgn_jax.losses.chamfer import chamfer_sq_mean, nearest_both
 from psgn_jax.losses.mapping import map_pairs
-from psgn_jax.models import efficientnet, networks
+from psgn_jax.models import networks
 from psgn_jax.prediction.refine import refined
 
 ROWS = ("floor", "network", "refined", "oracle", "retrieval", "fixed cloud", "shuffled")
@@ -50,9 +48,7 @@ _COARSE, _BY_CD, _BY_EMD = 128, 64, 16  # points of a first comparison; clouds k
 _RESAMPLES = 2000
 
 
-def measure(
-    config: Config, params: Any, lite0: Any, split: str
-) -> tuple[dict[str, np.ndarray], np.ndarray]:
+def measure(config: Config, params: Any, split: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """The metrics of all rows, {row: float64 [samples, len(METRICS)]}, and the samples' models.
 
     Raises:
@@ -63,7 +59,7 @@ def measure(
         raise ConfigError(f"split={split!r} is the training split; accepted: another")
     network = networks.build(config.model)
     n, rng = network.num_points, np.random.default_rng(0)
-    describe = jax.jit(lambda image: _features(lite0, image))
+    describe = jax.jit(_features)
 
     least = len(RecordReader(config.data.eval_folders, split)[0].points)
     if least < 2 * n:
@@ -76,7 +72,7 @@ def measure(
         parts = []
         for number, batch in enumerate(_batches(config, split, count, wanted)):
             keep = batch["valid"]
-            rows = [batch["points"], np.asarray(describe(networks.network_inputs(("rgb",), batch)))]
+            rows = [batch["points"], np.asarray(describe(batch["mask"]))]
             rows += [np.array([*zip(batch["category"], batch["model_id"], strict=True)])]
             rows += [np.asarray(predict(batch, number))] if predict else []
             parts.append([row[keep] for row in rows])
@@ -99,8 +95,7 @@ def measure(
     both, features, models, predictions = collect(split, 2 * n, 0, predict)
     both = both[:, rng.permutation(2 * n)]
     truth, floor = both[:, :n], both[:, n:]
-    middle = train_features.mean(axis=0)
-    similarity = _unit(features - middle) @ _unit(train_features - middle).T
+    similarity = _unit(features) @ _unit(train_features).T
     logging.info("baselines: %d samples, %d training clouds", len(truth), len(train))
     pairs = jax.jit(map_pairs(_metrics))
     fixed = rng.choice(train.reshape(-1, 3), n, replace=False)
@@ -131,15 +126,13 @@ def _batches(config: Config, split: str, count: int, wanted: int) -> Iterator[An
     return loader.eval_batches(data, split=split, batch_size=size, seed=config.seed, choose=choose)
 
 
-def _features(lite0: Any, image: Any) -> Any:
-    maps: Any = efficientnet.EfficientNetLite0().apply({"params": lite0}, image)
-    maps = maps[-1]
-    pooled = jax.image.resize(maps, (len(maps), 3, 4, maps.shape[-1]), "linear")
-    return pooled.reshape(len(maps), -1)
+def _features(mask: Any) -> Any:
+    cells = jax.image.resize(mask.astype(jnp.float32), (len(mask), 24, 32), "linear")
+    return cells.reshape(len(mask), -1)
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-9)
 
 
 def _metrics(pred: Any, truth: Any) -> Any:

@@ -3,8 +3,6 @@
 All random numbers are functions of the seed, of a purpose and of a step.
 """
 
-import dataclasses
-import functools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
 
@@ -15,7 +13,6 @@ from flax import linen as nn
 from psgn_jax.array_types import Array, Bool, Float, PRNGKey, UInt8
 from psgn_jax.config.experiment import Config, ModelConfig, VoxelConfig
 from psgn_jax.models import posterior, recurrent, volumes
-from psgn_jax.models.efficientnet import PhotoEncoder
 from psgn_jax.models.point_out_net import CloudNetwork, PointOutNet
 
 DTYPES = {"float32": jnp.float32, "bfloat16": jnp.bfloat16}
@@ -70,14 +67,6 @@ def scaled_widths(widths: Sequence[int], multiplier: float) -> tuple[int, ...]:
     return tuple(max(8, 8 * round(width * multiplier / 8)) for width in widths)
 
 
-def _lite0(config: ModelConfig) -> PointOutNet:
-    width = scaled_widths(config.widths, config.width_multiplier)[-1]
-    dtype = DTYPES[config.compute_dtype]
-    encoder = functools.partial(PhotoEncoder, width, config.trained_blocks, dtype)
-    two_branch = _point_out_net(dataclasses.replace(config, name="two_branch"))
-    return two_branch.clone(make_encoder=encoder)
-
-
 def _point_out_net(config: ModelConfig) -> PointOutNet:
     return PointOutNet(
         version=config.name,
@@ -98,7 +87,6 @@ NETWORKS: dict[str, Callable[[ModelConfig], CloudNetwork]] = {
     "vanilla": _point_out_net,
     "two_branch": _point_out_net,
     "hourglass": _point_out_net,
-    "lite0": _lite0,
 }
 """Key: `model.name`."""
 

@@ -36,8 +36,6 @@ each other. Both output layers are linear, so that coordinates can be negative.
 - The output layers compute in float32, because bfloat16 numbers near 1 have steps of .008.
 """
 
-import functools
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -233,7 +231,6 @@ class PointOutNet(CloudNetwork):
     deconv_channels: int  # its output channels, 3 per point of a cell
     random_size: int = 0  # components of r; 0 = no random input
     random_at: str = "bottleneck"  # or "all": also before the ReLUs of the two branches
-    make_encoder: Callable[..., nn.Module] | None = None  # of a module called like `Encoder`
     dtype: Any = jnp.float32  # of the arithmetic in hidden layers; parameters, points: float32
 
     @property
@@ -293,8 +290,7 @@ class PointOutNet(CloudNetwork):
             x = jnp.pad(x, [(0, 0), *((e // 2, e - e // 2) for e in extra), (0, 0)], mode="edge")
         widths, dtype = self.widths, self.dtype
         num_wide = 3 if self.version == "hourglass" else 1
-        make = self.make_encoder or functools.partial(Encoder, widths, num_wide, dtype)
-        features, x = make(name="encoder")(x, r)
+        features, x = Encoder(widths, num_wide, dtype, name="encoder")(x, r)
         bottlenecks, later = [x], r if self.random_at == "all" else None
         if self.version == "hourglass":
             top = min(1, self.deconv_level)

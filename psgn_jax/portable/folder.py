@@ -6,7 +6,7 @@ import json
 import os
 import pathlib
 import string
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax
@@ -22,6 +22,7 @@ from psgn_jax.portable.network import ExportError, PortableNetwork
 from psgn_jax.prediction import sampling
 from psgn_jax.prediction.draws import compared_points
 from psgn_jax.system.files import write_atomic
+from psgn_jax.system.onnx_runtime import session
 from psgn_jax.weights.run_folder import Trained
 
 FORMAT = "psgn_jax network 1"
@@ -58,7 +59,7 @@ Arrays = Mapping[str, np.ndarray]
 
 def require_packages() -> None:
     """Raises `ConfigError` if packages of the extra `export` are missing."""
-    names = ("onnx", "onnxruntime", "flatbuffers")  # jax.export needs flatbuffers
+    names = ("onnx", "flatbuffers")  # jax.export needs flatbuffers
     missing = [name for name in names if importlib.util.find_spec(name) is None]
     if missing:
         raise ConfigError(f"{', '.join(missing)}: not installed; pip install 'psgn-jax[export]'")
@@ -146,17 +147,6 @@ def write_folder(run: Trained, out: str | os.PathLike[str], **options: Any) -> d
     for name in ("example.py", "example.html"):
         write_atomic(out / name, (TEMPLATES / f"{name}.txt").read_text())
     return description
-
-
-def session(content: bytes) -> Callable[[Arrays], np.ndarray]:
-    """An ONNX graph as a function on the CPU."""
-    import onnxruntime
-
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = 1
-    options.log_severity_level = 3
-    loaded = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-    return lambda arrays: np.asarray(loaded.run(None, dict(arrays))[0])
 
 
 def drawn_inputs(network: PortableNetwork) -> dict[str, np.ndarray]:

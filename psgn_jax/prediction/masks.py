@@ -4,18 +4,18 @@ Without a mask `NAME_mask.*` beside `NAME.jpg`, "auto" tries three methods in th
 
 - `alpha`: the alpha channel of the file.
 - `plain`: a background of exactly one colour, as in renderings and product photos.
-- `network`: `models.mask_net`, with the parameters of the package. Of several objects, it shows the
-  one nearest to the middle. It fails if it is not certain.
+- `network`: U2-Netp (`prediction.mask_networks`). It fails if it is not certain.
+
+`rembg` is a model of the package rembg. Of several parts that a network finds, we take the one
+nearest to the middle. A box or a point in the photo chooses another one.
 """
 
-import functools
 import io
 import pathlib
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 from PIL import Image, ImageFilter, PngImagePlugin
 from scipy import ndimage
@@ -24,26 +24,29 @@ from psgn_jax.data import photo
 from psgn_jax.data.framing import box_of
 from psgn_jax.data.photo import PhotoError
 from psgn_jax.data.resize import smooth_mask
-from psgn_jax.models.mask_net import MaskNet
+from psgn_jax.prediction import mask_networks
 from psgn_jax.system.untrusted import kind_of
-from psgn_jax.weights.mask import read_mask_network
 
-METHODS = ("auto", "alpha", "plain", "network")
+METHODS = ("auto", "alpha", "plain", "network", "rembg")
+"""Also `rembg:MODEL`."""
 
-SIDE = 256
-"""Height and width of the photo that the mask network sees, whatever its proportions."""
 LEAST_CERTAINTY = 0.8
-"""`certainty` below which the network's mask is not used (**ours**): 5 to 10 % of the masks, see
-docs/journal.md, 2026-11-26."""
-DOUBTFUL_BELOW = 0.9
+"""`certainty` below which U2-Netp's mask is not used (**ours**, see docs/journal.md)."""
+DOUBTFUL_BELOW = 0.945
 """`certainty` below which a warning says that the mask may be wrong."""
 _DOUBTFUL = (
     "the mask may be wrong: look at NAME_view.png (in Python: cloud.mask); if it is, put your own, "
     "NAME_mask.png, beside the photo"
 )
-# A mask is doubtful, too, if it differs from the one that the network finds in this middle part of
-# the photo. Where something else than the object was found, less of it is found again.
-MIDDLE, LEAST_AGREEMENT = 0.85, 0.9
+# Pixels that are connected by probabilities above the first value belong to one part. Parts smaller
+# than this fraction of the largest one are not taken for the object.
+JOINED, LEAST_PART = 0.1, 0.1
+# A part is under a point if it is at most this fraction of the larger side away from it.
+REACH = 0.02
+# The network sees the box of the object and this fraction of its larger side around it.
+MARGIN = 0.2
+# Windows around a point that has no part under it, as fractions of the photo's sides.
+WINDOWS = (0.6, 0.36)
 
 # `plain`: a lossy image is searched on a copy with at most this many pixels per side.
 _SEARCH_SIDE = 512
@@ -58,8 +61,11 @@ _INVERTED = 0.9  # fraction of the border that an inverted mask covers
 # A border cuts an object off if this fraction of the longer side of its box is there. A part is
 # large if it has this fraction of the largest one's pixels.
 _CUT_OFF, _LARGE_PART = 0.1, 0.25
+_REMBG = "u2net"  # rembg's own default
 _NOTE = "psgn_jax result"  # key of a text in PNG files
 _CLEARLY_BETTER = 0.2  # of an intersection over union
+
+Box = tuple[int, int, int, int]  # left, top, right, bottom
 
 
 class FoundMask(NamedTuple):
@@ -86,21 +92,28 @@ def mask_of(
     invert: bool | None = None,
     accept: bool = False,
     label: int | Sequence[int] | None = None,
+    box: Sequence[float] | None = None,
+    point: Sequence[float] | None = None,
 ) -> FoundMask:
     """The mask of a photo: the given one; else with "auto" `NAME_mask.*` beside it; else found.
 
     Warnings say if the photo's border cuts the object off, and if the mask has two large parts.
+    With a box or a point, a mask beside the photo is not used.
 
     Args:
       mask: see `photo.read_mask`, also for `label`; None = automatic.
       method: see `find_mask`, also for `accept` and errors.
       invert: whether a given mask is white outside the object; None = if it covers the border.
+      box, point: as for `find_mask`, in pixels of the upright photo in its full size.
 
     Raises:
       PhotoError: the mask cannot be used.
-      ValueError: `invert` or `label` without a mask.
+      ValueError: `invert` or `label` without a mask, or a box or point with one.
     """
-    found = _given_or_found(read, mask, method, invert, accept, label)
+    check_method(method)
+    hints = {"box": box, "point": point}
+    given = {name: value for name, value in hints.items() if value is not None}
+    found = _given_or_found(read, mask, method, invert, accept, label, given)
     return found._replace(warnings=(*found.warnings, *_doubts(found)))
 
 
@@ -111,23 +124,28 @@ def _given_or_found(
     invert: bool | None,
     accept: bool,
     label: int | Sequence[int] | None,
+    hints: dict[str, Sequence[float]],
 ) -> FoundMask:
-    name, hint = "given", ""
-    if mask is None and method == "auto" and read.path is not None:
+    name, note = "given", ""
+    if mask is not None and hints:
+        raise ValueError(f"{next(iter(hints))}: accepted only without a mask")
+    if mask is None and method == "auto" and read.path is not None and not hints:
         # A result that nobody has changed is not used.
         files = list(images_named(read.path.parent, f"{read.path.stem}_mask"))
         mask = next((file for file in files if not is_result(file)), None)
         name = mask.name if mask else name
         if files:
-            hint = f"; {files[0].name}, beside the photo, is an unchanged proposal"
+            note = f"; {files[0].name}, beside the photo, is an unchanged proposal"
     if mask is None:
         for option, value in (("invert_mask", invert), ("mask_label", label)):
             if value is not None:
                 raise ValueError(f"{option}: accepted only with a given mask")
         try:
-            return find_mask(read.image, read.alpha, method, accept=accept)
+            scale = np.divide(read.image.shape[1::-1], read.size[::-1])
+            scaled: Any = {key: _scaled(key, hint, scale) for key, hint in hints.items()}
+            return find_mask(read.image, read.alpha, method, accept=accept, **scaled)
         except UncertainMaskError as error:
-            raise UncertainMaskError(f"{error}{hint}", error.mask) from None
+            raise UncertainMaskError(f"{error}{note}", error.mask) from None
     pixels, notes = photo.open_mask(mask, read, label)
     warnings = list(notes)
     if inverted := invert is None and label is None and _border(pixels).mean() >= _INVERTED:
@@ -168,52 +186,118 @@ def is_result(path: pathlib.Path) -> bool:
         return False
 
 
+def check_method(method: str) -> None:
+    """Raises `ValueError` for an unknown method, or `ConfigError` for a missing rembg."""
+    name, colon, model = method.partition(":")
+    if name not in METHODS or (colon and (name != "rembg" or not model)):
+        raise ValueError(f"mask_from={method!r}: accepted: {', '.join(METHODS)}, rembg:MODEL")
+    if name == "rembg":
+        mask_networks.rembg_session(model or _REMBG)
+
+
 def find_mask(
     image: np.ndarray,
     alpha: np.ndarray | None = None,
     method: str = "auto",
     *,
     accept: bool = False,
+    box: Sequence[float] | None = None,
+    point: Sequence[float] | None = None,
 ) -> FoundMask:
     """Finds the object in an image, uint8 [h, w, 3] RGB.
 
     Args:
       alpha: uint8 [h, w], see `photo.useful_alpha`.
-      method: one of `METHODS`.
+      method: one of `METHODS`, or `rembg:MODEL`.
       accept: whether the network's mask is returned even if it is not certain.
+      box: left, top, right and bottom of a box around the object, in pixels.
+      point: column and row of a pixel of the object.
 
     Raises:
       UncertainMaskError: the network is not certain.
       PhotoError: no object was found.
-      ValueError: an unknown method.
+      ValueError: an unknown method, or a box or point outside the image.
+      ConfigError: rembg is not installed, or cannot load the model.
     """
-    if method not in METHODS:
-        raise ValueError(f"mask_from={method!r}: accepted: {', '.join(METHODS)}")
+    check_method(method)
+    size = image.shape[:2]
+    inside, crop = _boxes(box, size)
+    at = None if point is None else _place_of(point, size)
     if alpha is not None and method in ("auto", "alpha"):
-        if (alpha > 127).mean() < _SMALLEST:
+        mask = _chosen((alpha > 127) & inside, at)
+        if mask.mean() < _SMALLEST:
             raise PhotoError("the image is transparent all over, expected an object")
-        return FoundMask(alpha > 127, "alpha")
+        return FoundMask(mask, "alpha")
     if method in ("auto", "plain"):
-        mask = plain(image)
-        if mask is not None and _SMALLEST <= mask.mean() <= _LARGEST:
-            return FoundMask(mask, "plain")
-    if method not in ("auto", "network"):
-        lacking = {"alpha": "a transparent background", "plain": "a background of one colour"}
+        found = plain(image)
+        if found is not None:
+            mask = _chosen(found & inside, at)
+            if _SMALLEST <= mask.mean() <= _LARGEST:
+                return FoundMask(mask, "plain")
+    lacking = {"alpha": "a transparent background", "plain": "a background of one colour"}
+    if method in lacking:
         raise PhotoError(f"no object found; mask_from={method} expects {lacking[method]}")
-    p = probabilities(image)
-    mask, certain = enlarged(p, image.shape[:2]), certainty(p)
+    mask, certain = _by_network(image, method, inside, crop, at)
     if not _SMALLEST <= mask.mean() <= _LARGEST:
         why = f"the network's mask covers {mask.mean():.3%} of the image"
         raise PhotoError(f"no object found: {why} (expected {_SMALLEST:.2%} to {_LARGEST:.0%})")
+    if method.startswith("rembg"):
+        return FoundMask(mask, method)
     percent = int(100 * certain)  # rounded down: what is refused never reads like what is accepted
     if certain < LEAST_CERTAINTY and not accept:
         raise UncertainMaskError(
             f"it is not certain which part is the object ({percent}%, expected at least "
-            f"{LEAST_CERTAINTY:.0%}); give its mask, or set accept_mask",
+            f"{LEAST_CERTAINTY:.0%}); give its mask, a box or a point, or set accept_mask",
             mask,
         )
-    doubtful = certain < DOUBTFUL_BELOW or _in_the_middle(image, mask) < LEAST_AGREEMENT
+    doubtful = certain < DOUBTFUL_BELOW
     return FoundMask(mask, f"network, {percent}% certain", (_DOUBTFUL,) * doubtful)
+
+
+def _by_network(
+    image: np.ndarray,
+    method: str,
+    inside: np.ndarray,
+    crop: Box,
+    at: np.ndarray | None,
+) -> tuple[np.ndarray, float]:
+    """The mask of one part, bool [h, w], in a crop of an image, and its `certainty`."""
+    model = method.partition(":")[2] or _REMBG
+    for left, top, right, bottom in (crop, *_windows(at, crop)):
+        region = np.s_[top:bottom, left:right]
+        if method.startswith("rembg"):
+            p = mask_networks.by_rembg(np.ascontiguousarray(image[region]), model)
+        else:
+            p = mask_networks.probabilities(image, (left, top, right, bottom))
+        p = np.where(enlarged(inside[region], p.shape), p, np.float32(0))
+        scale = np.divide(p.shape, (bottom - top, right - left))
+        part = part_of(p, None if at is None else (at - (top, left)) * scale)
+        if part.any():
+            break
+    mask = np.zeros(image.shape[:2], bool)
+    mask[region] = enlarged(np.where(part, p, 0), mask[region].shape)
+    return mask, certainty(p, part) if at is None else certainty(np.where(part, p, 0), part)
+
+
+def part_of(p: np.ndarray, at: Sequence[float] | np.ndarray | None = None) -> np.ndarray:
+    """The part nearest to the middle of probabilities [h, w], or the one at (row, column): bool.
+
+    A part consists of connected pixels above `JOINED`, and has a pixel above .5. The result is
+    empty if there is none, or none at most `REACH` from `at`.
+    """
+    parts, count = ndimage.label(p > JOINED, np.ones((3, 3)))
+    rows, columns = np.nonzero(p > 0.5)
+    number = parts[rows, columns]
+    areas = np.bincount(number, minlength=count + 1)
+    middle = (np.array(p.shape) - 1) / 2 if at is None else np.asarray(at) - 0.5
+    distance = np.hypot(rows - middle[0], columns - middle[1])
+    if at is None:
+        allowed = areas[number] >= LEAST_PART * areas.max()
+    else:
+        allowed = distance <= REACH * max(p.shape)
+    if not allowed.any():
+        return np.zeros(p.shape, bool)
+    return parts == number[np.argmin(np.where(allowed, distance, np.inf))]
 
 
 def with_mask(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -231,36 +315,19 @@ def _fits_better_turned(image: np.ndarray, mask: np.ndarray, orientation: int) -
     other = photo.turned(mask, orientation)
     if other.shape != mask.shape or (other == mask).all():
         return False
-    seen = enlarged(probabilities(image), mask.shape)
+    height, width = mask.shape
+    seen = enlarged(mask_networks.probabilities(image, (0, 0, width, height)), mask.shape)
     return mask_iou(other, seen) > mask_iou(mask, seen) + _CLEARLY_BETTER
 
 
-def probabilities(image: np.ndarray) -> np.ndarray:
-    """The mask network's probabilities of the object, float32 [SIDE / 2, SIDE / 2].
+def certainty(p: np.ndarray, part: np.ndarray) -> float:
+    """Expected intersection over union of the mask and the object; 0 without a mask.
 
-    The image, uint8 [h, w, 3], is resized to `SIDE` x `SIDE`. We average with its mirror image.
+    The mask is that of p > .5 in the part. If the object had each other pixel with its probability,
+    this were sum(p in the mask) / (area of the mask + sum(p elsewhere)).
     """
-    picture = Image.fromarray(image)
-    small = np.asarray(picture.resize((SIDE, SIDE), Image.Resampling.BILINEAR, reducing_gap=2))
-    network, params = _network()
-    one, other = (np.asarray(network(params, x)) for x in (small, small[:, ::-1]))
-    return (one + other[:, ::-1]) / 2
-
-
-def certainty(p: np.ndarray) -> float:
-    """Expected intersection over union of the mask, p > .5, and the object; 0 without a mask.
-
-    It is sum(p[p > .5]) / (count(p > .5) + sum(p[p <= .5])).
-    """
-    inside = p > 0.5
+    inside = part & (p > 0.5)
     return float(p[inside].sum() / (inside.sum() + p[~inside].sum() + 1e-9))
-
-
-def _in_the_middle(image: np.ndarray, mask: np.ndarray) -> float:
-    """IoU of the mask with the one that the network finds in the middle of the photo, there."""
-    rows, columns = (slice(m := int((1 - MIDDLE) / 2 * n), n - m) for n in mask.shape)
-    inner = image[rows, columns]
-    return mask_iou(enlarged(probabilities(inner), inner.shape[:2]), mask[rows, columns])
 
 
 def enlarged(p: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
@@ -269,14 +336,65 @@ def enlarged(p: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
     return np.asarray(levels.resize((size[1], size[0]), Image.Resampling.BILINEAR)) > 127
 
 
-@functools.cache
-def _network() -> tuple[Callable[..., jax.Array], Any]:
-    params, _ = read_mask_network()
+def _scaled(name: str, hint: Sequence[float] | None, scale: np.ndarray) -> np.ndarray:
+    """A box or a point, with columns and rows multiplied by `scale`."""
+    numbers = np.asarray(hint, float)
+    count = {"box": 4, "point": 2}[name]
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+        names = "x0,y0,x1,y1" if name == "box" else "x,y"
+        raise ValueError(f"{name}={_shown(numbers)}: accepted: {names} in pixels of the photo")
+    return numbers * np.tile(scale, count // 2)
 
-    def run(params: Any, image: jax.Array) -> jax.Array:
-        return MaskNet().apply({"params": params}, image[None] / np.float32(255))[0]
 
-    return jax.jit(run), jax.device_put(params)
+def _shown(numbers: Sequence[float] | np.ndarray) -> str:
+    return ",".join(f"{value:g}" for value in np.ravel(numbers))
+
+
+def _boxes(box: Sequence[float] | None, size: tuple[int, ...]) -> tuple[np.ndarray, Box]:
+    """The pixels in a box, bool [h, w], and the crop that the network sees, in whole pixels."""
+    height, width = size
+    if box is None:
+        return np.ones(size, bool), (0, 0, width, height)
+    x0, y0, x1, y1 = box
+    low = np.clip(np.floor([x0, y0]), 0, [width, height]).astype(int)
+    high = np.clip(np.ceil([x1, y1]), 0, [width, height]).astype(int)
+    if min(high - low) < photo.MIN_SIDE:
+        raise ValueError(
+            f"box={_shown(box)}: accepted: x0,y0,x1,y1 with at least {photo.MIN_SIDE} pixels a "
+            f"side in the image of {width}x{height}"
+        )
+    inside = np.zeros(size, bool)
+    inside[low[1] : high[1], low[0] : high[0]] = True
+    margin = round(MARGIN * int(max(high - low)))
+    (left, top), (right, bottom) = np.maximum(low - margin, 0), high + margin
+    return inside, (int(left), int(top), min(width, int(right)), min(height, int(bottom)))
+
+
+def _place_of(point: Sequence[float], size: tuple[int, ...]) -> np.ndarray:
+    """A point as (row, column)."""
+    x, y = point
+    if not (0 <= x < size[1] and 0 <= y < size[0]):
+        raise ValueError(
+            f"point={_shown(point)}: accepted: a place in the image of {size[1]}x{size[0]}"
+        )
+    return np.array([y, x], float)
+
+
+def _windows(at: np.ndarray | None, crop: Box) -> Iterator[Box]:
+    """Smaller crops around a point, within a crop."""
+    if at is None:
+        return
+    left, top, right, bottom = crop
+    for share in WINDOWS:
+        wide, high = round(share * (right - left)), round(share * (bottom - top))
+        x = int(np.clip(round(at[1] - wide / 2), left, right - wide))
+        y = int(np.clip(round(at[0] - high / 2), top, bottom - high))
+        yield x, y, x + wide, y + high
+
+
+def _chosen(mask: np.ndarray, at: np.ndarray | None) -> np.ndarray:
+    """The part of a mask at (row, column), or all of it."""
+    return mask if at is None else part_of(mask.astype(np.float32), at)
 
 
 def _doubts(found: FoundMask) -> Iterator[str]:

@@ -41,6 +41,8 @@ def predict_files(
     invert_mask: bool | None = None,
     accept_mask: bool = False,
     mask_label: int | Sequence[int] | None = None,
+    box: Sequence[float] | None = None,
+    point: Sequence[float] | None = None,
     formats: Sequence[str] = DEFAULT_FORMATS,
     **options: Any,
 ) -> Iterator[tuple[pathlib.Path, Prediction | Exception]]:
@@ -50,7 +52,7 @@ def predict_files(
     Only these results are replaced, as far as the last `NAME.json` lists them; its `earlier_files`
     are those of runs before, with other formats or another number of samples. If there is another
     file of the same name, results get a number. `mask_from`, `invert_mask`, `accept_mask`,
-    `mask_label` and further options are as for `Predictor.__call__`.
+    `mask_label`, `box`, `point` and further options are as for `Predictor.__call__`.
 
     Args:
       open_predictor: returns the network; called after the first image and mask were read, so that
@@ -68,6 +70,11 @@ def predict_files(
     count = sum(path.suffix.lower() not in photo.HEIC for path in paths)  # the others are refused
     if mask is not None and not os.path.isdir(mask) and count > 1:
         raise ConfigError(f"mask={mask}: accepted for {count} images: a folder of masks")
+    if count > 1 and not (box is None and point is None):
+        raise ConfigError(
+            f"{'point' if box is None else 'box'}: accepted for one image, not {count}"
+        )
+    masks.check_method(mask_from)
 
     def read(path: pathlib.Path, name: str) -> tuple[photo.Photo, masks.FoundMask, Clock]:
         clock = Clock()
@@ -76,7 +83,14 @@ def predict_files(
         given = None if mask is None else _mask_of(path, mask)
         try:
             found = masks.mask_of(
-                image, given, mask_from, invert=invert_mask, accept=accept_mask, label=mask_label
+                image,
+                given,
+                mask_from,
+                invert=invert_mask,
+                accept=accept_mask,
+                label=mask_label,
+                box=box,
+                point=point,
             )
         except masks.UncertainMaskError as error:
             raise _proposed(error, image, out / name) from None
@@ -92,7 +106,7 @@ def predict_files(
             w.replace("NAME_view", f"{name}_view").replace("NAME_mask", f"{path.stem}_mask")
             for w in result.warnings
         )
-        seconds = clock.laps | result.seconds
+        seconds = result.seconds | clock.laps
         result = dataclasses.replace(result, seconds=seconds, warnings=warnings)
         _write(predictor, result, path, name, out, formats, options.get("seed", 0))
         return result

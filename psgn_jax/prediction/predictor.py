@@ -77,6 +77,8 @@ class Predictor:
         invert_mask: bool | None = None,
         accept_mask: bool = False,
         mask_label: int | Sequence[int] | None = None,
+        box: Sequence[float] | None = None,
+        point: Sequence[float] | None = None,
         normal_form: str = "auto",
         refine: bool = True,
         first: draws.First = "medoid",
@@ -94,10 +96,13 @@ class Predictor:
           seed: seed of the random input, which is the same for every image.
           frame: "place" crops and scales the object (`framing.place`); "keep" keeps the framing of
             an image of 4:3; "auto" keeps training renderings and places other images.
-          mask_from: one of `masks.METHODS`; ignored if a mask is given.
+          mask_from: one of `masks.METHODS`, or `rembg:MODEL`; ignored if a mask is given.
           invert_mask: whether the given mask is dark on the object; None = if it covers the border.
           accept_mask: whether to use the mask network's mask even if it is not certain.
           mask_label: the object's label in a given mask with several, see `photo.read_mask`.
+          box: left, top, right and bottom of a box around the object, in pixels of the upright
+            photo.
+          point: column and row of a pixel of the object.
           normal_form: "yes" moves and scales the clouds so that the lowest point is at z = 0 and
             the farthest at distance 1 from the origin (`framing.normal_form`), because a photo does
             not show the size of its object; "no" does not; "auto" does if the image was placed.
@@ -130,7 +135,14 @@ class Predictor:
         found = mask
         if not isinstance(found, masks.FoundMask):
             found = masks.mask_of(
-                read, found, mask_from, invert=invert_mask, accept=accept_mask, label=mask_label
+                read,
+                found,
+                mask_from,
+                invert=invert_mask,
+                accept=accept_mask,
+                label=mask_label,
+                box=box,
+                point=point,
             )
         clock.lap("mask")
         move = frame == "place" or (frame == "auto" and not framing.is_framed(read.image))

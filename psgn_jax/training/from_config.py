@@ -4,14 +4,11 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import optax
 from jax.sharding import Mesh
 
-from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config, OptimConfig
-from psgn_jax.models import efficientnet
 from psgn_jax.tasks.task import Task
 from psgn_jax.training.step import TrainState, make_train_step
 
@@ -48,14 +45,4 @@ def optimizer(config: OptimConfig, steps: int) -> optax.GradientTransformation:
     clip = optax.clip_by_global_norm(config.clip_norm) if config.clip_norm else optax.identity()
     adam = optax.scale_by_adam(b1=config.b1, b2=config.b2, eps=config.eps)
     rate = optax.scale_by_learning_rate(schedule(config, steps))
-    if config.encoder_rate == 1:
-        return optax.chain(clip, adam, rate)
-
-    def factors(updates: Any, _: Any) -> Any:
-        def scaled(path: Any, update: Array) -> Array:
-            pretrained = any(getattr(key, "key", None) == efficientnet.NAME for key in path)
-            return config.encoder_rate * update if pretrained else update
-
-        return jax.tree_util.tree_map_with_path(scaled, updates)
-
-    return optax.chain(clip, adam, optax.stateless(factors), rate)
+    return optax.chain(clip, adam, rate)

@@ -14,7 +14,6 @@ import numpy as np
 from absl import logging
 
 from psgn_jax.config.experiment import Config, ConfigError, suggestion
-from psgn_jax.weights import mask
 from psgn_jax.weights.file import SUFFIX, read_weights
 from psgn_jax.weights.leaves import named_leaves
 from psgn_jax.weights.run_folder import Trained, open_run
@@ -28,8 +27,7 @@ DEFAULT = "small-6"
 
 def shipped() -> dict[str, pathlib.Path]:
     """The files of weights in the package by name."""
-    paths = {path.stem: path for path in FOLDER.glob(f"*{SUFFIX}") if path != mask.FILE}
-    return dict(sorted(paths.items()))
+    return {path.stem: path for path in sorted(FOLDER.glob(f"*{SUFFIX}"))}
 
 
 def weights_path(name_or_file: str = "", argument: str = "weights") -> pathlib.Path:

@@ -21,11 +21,7 @@ def case(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def rows(case):
-    with pytest.MonkeyPatch.context() as patch:  # the encoder takes long to compile
-        patch.setattr(
-            baselines, "_features", lambda _, image: image[:, ::4, ::4].reshape(len(image), -1)
-        )
-        return baselines.measure(*case, None, "validation")
+    return baselines.measure(*case, "validation")
 
 
 def test_what_the_rows_are_worth(rows):
@@ -59,8 +55,8 @@ def test_intervals_and_files(rows):
 
 def test_splits_that_cannot_be_compared_are_refused(case):
     with pytest.raises(ConfigError, match="split='train' is the training split"):
-        baselines.measure(*case, None, "train")
+        baselines.measure(*case, "train")
     many = weights.config(model__fc_points=10_000)
     config = dataclasses.replace(many, data=case[0].data)
     with pytest.raises(ConfigError, match="points; accepted for baselines: at least 20000, twice"):
-        baselines.measure(config, None, None, "validation")
+        baselines.measure(config, None, "validation")

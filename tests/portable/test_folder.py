@@ -21,7 +21,6 @@ from helpers.commands import psgn
 from PIL import Image
 
 onnx = pytest.importorskip("onnx")
-pytest.importorskip("onnxruntime")
 
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data.dataset import write_dataset
@@ -30,6 +29,7 @@ from psgn_jax.models.layers import convolve
 from psgn_jax.portable import folder, onnx_file
 from psgn_jax.portable.network import InputSpec, PortableNetwork
 from psgn_jax.prediction.predictor import Predictor
+from psgn_jax.system.onnx_runtime import session
 from psgn_jax.weights.file import write_weights
 from psgn_jax.weights.run_folder import Trained
 
@@ -57,18 +57,17 @@ def arrays_for(network, images, draws=2, seed=0):
 @pytest.mark.parametrize("changes", [
     {"model__name": "two_branch"},  # r comes late
     {"model__name": "hourglass", "size": (18, 24)},  # pads
-    {"model__name": "lite0", "model__widths": (4, 4, 4, 8, 8, 8, 8)},
 ], ids=lambda changes: changes["model__name"])  # fmt: skip
 def test_the_files_give_the_points_of_jax(changes):
     network = PortableNetwork(make_run(model__random_size=3, **changes))
-    session = folder.session(onnx_file.to_onnx(network, network.inputs, "points", "float32", {}))
+    run = session(onnx_file.to_onnx(network, network.inputs, "points", "float32", {}))
     program = jax.export.deserialize(bytearray(network.stablehlo()))
     arrays = arrays_for(network, images=3)
     expected = np.asarray(network.compiled(*arrays.values()))
     assert expected.shape[:-2] == (3, 2)
     first = {key: array[:1, :1] if key == "r" else array[:1] for key, array in arrays.items()}
-    np.testing.assert_allclose(session(arrays), expected, atol=1e-5)
-    np.testing.assert_allclose(session(first), expected[:1, :1], atol=1e-5)
+    np.testing.assert_allclose(run(arrays), expected, atol=1e-5)
+    np.testing.assert_allclose(run(first), expected[:1, :1], atol=1e-5)
     np.testing.assert_allclose(program.call(*arrays.values()), expected, atol=1e-5)
 
 
@@ -85,7 +84,7 @@ def test_small_weights():
     for stored in folder.ONNX_NAMES:
         content = onnx_file.to_onnx(network, network.inputs, "points", stored, {})
         sizes.append(len(content))
-        errors.append(np.abs(folder.session(content)(inputs) - expected).max())
+        errors.append(np.abs(session(content)(inputs) - expected).max())
     assert sizes[1] < 0.6 * sizes[0]
     assert sizes[2] < 0.4 * sizes[0]
     assert errors[0] < 1e-5 < errors[2] < 0.05
@@ -109,7 +108,7 @@ def test_a_new_network_needs_no_code_for_its_file():
         InputSpec("x", "float32", ("batch", 8, 6, 4)),
         InputSpec("r", "float32", ("batch", "draws", 60)),
     ]
-    run = folder.session(onnx_file.to_onnx(any_network, inputs, "y", "float32", {}))
+    run = session(onnx_file.to_onnx(any_network, inputs, "y", "float32", {}))
     rng = np.random.default_rng(0)
     x, r = (rng.normal(size=shape).astype("f4") for shape in ((2, 8, 6, 4), (2, 3, 60)))
     np.testing.assert_allclose(run({"x": x, "r": r}), any_network(x, r), atol=1e-5)

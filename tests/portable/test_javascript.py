@@ -4,6 +4,7 @@ import jax
 import numpy as np
 import pytest
 from helpers import drawn_solids, javascript
+from PIL import Image
 
 from psgn_jax.data import camera, framing, resize
 from psgn_jax.losses.emd import emd_exact
@@ -80,6 +81,20 @@ def test_views_are_the_same_to_the_last_pixel():
         np.testing.assert_allclose(result["toView"]["shift"], view.to_view[:2, 2], rtol=1e-9)
         placed.add(view.placed)
     assert placed == {True, False}
+
+
+def test_images_are_resized_as_by_pillow(rng):
+    image = rng.integers(0, 256, (70, 90, 3), dtype=np.uint8)
+    body = """
+return input.sizes.map(([width, height, box]) =>
+  resample.resize(input.image, 90, 70, 3, width, height, box, resample.LANCZOS));
+"""
+    sizes = [(32, 32, (0, 0, 90, 70)), (120, 100, (11, 3, 60, 65)), (20, 90, (5, 0, 90, 33))]
+    for (width, height, box), own in zip(
+        sizes, run_node(body, image=image, sizes=sizes), strict=True
+    ):
+        expected = Image.fromarray(image).resize((width, height), Image.Resampling.LANCZOS, box)
+        np.testing.assert_array_equal(np.reshape(own, (height, width, 3)), expected)
 
 
 @pytest.mark.parametrize("size", [(96, 128), (100, 130)])

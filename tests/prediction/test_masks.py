@@ -1,14 +1,22 @@
 """Masks that are found: by the background, and by the network of the package."""
 
+import importlib.machinery
 import io
+import shutil
+import sys
+import types
 
 import numpy as np
 import pytest
+from helpers import javascript
 from helpers.commands import PHOTOS
 from PIL import Image
 
+from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data import photo
-from psgn_jax.prediction import masks
+from psgn_jax.portable import folder
+from psgn_jax.prediction import mask_networks, masks
+from psgn_jax.web.page.build import MASK_RULES, STATIC
 
 
 def test_alpha_and_a_plain_background_come_before_the_network():
@@ -42,25 +50,163 @@ def test_the_network_finds_objects_or_a_mask_is_asked_for(rng):
             masks.find_mask(image)
     with pytest.raises(photo.PhotoError, match="mask_from=plain expects a background of one"):
         masks.find_mask(rng.integers(0, 255, (64, 64, 3), np.uint8), method="plain")
-    with pytest.raises(ValueError, match="accepted: auto, alpha, plain, network"):
+    with pytest.raises(ValueError, match="accepted: auto, alpha, plain, network, rembg, "):
         masks.find_mask(np.zeros((64, 64, 3), np.uint8), method="magic")
 
 
-@pytest.mark.parametrize(
-    ("p", "in_the_middle", "warns"), [(0.853, 255, True), (0.953, 255, False), (0.953, 180, True)]
-)
-def test_a_doubtful_mask_is_used_with_a_warning(monkeypatch, p, in_the_middle, warns):
-    """One is less certain, one is not found again in the middle of the photo."""
-
-    def found_in(image):
-        level = in_the_middle if len(image) < 100 else 255
-        return np.where(image[..., 0] >= level, np.float32(0), np.float32(p))
-
-    image = np.full((100, 100, 3), 255, np.uint8)
-    image[20:80, 20:80] = 180
-    monkeypatch.setattr(masks, "probabilities", found_in)
-    found = masks.find_mask(image, method="network")
-    np.testing.assert_array_equal(found.mask, image[..., 0] == 180)
-    assert found.method == f"network, {100 * p:.0f}% certain"
+@pytest.mark.parametrize(("p", "warns"), [(0.852, True), (0.972, False)])
+def test_a_doubtful_mask_is_used_with_a_warning(monkeypatch, p, warns):
+    monkeypatch.setattr(mask_networks, "probabilities", given_by({"whole": [(20, 20, 80, 80)]}, p))
+    found = masks.find_mask(np.zeros((100, 100, 3), np.uint8), method="network")
+    assert masks.mask_iou(found.mask, square(20, 20, 80, 80)) > 0.95
+    assert found.method == f"network, {int(100 * p)}% certain"
     assert bool(found.warnings) == warns
     assert all("look at NAME_view.png" in warning for warning in found.warnings)
+
+
+def given_by(squares, p=0.99):
+    """Stands in for the network: it sees squares in the whole image and in parts of it."""
+
+    def found(image, box):
+        left, top, right, bottom = box
+        whole = (left, top, right, bottom) == (0, 0, image.shape[1], image.shape[0])
+        mask = np.zeros(image.shape[:2], bool)
+        for each in squares["whole" if whole else "part"]:
+            mask |= square(*each)
+        part = mask[top:bottom, left:right]
+        return np.where(masks.enlarged(part, (320, 320)), np.float32(p), np.float32(0))
+
+    return found
+
+
+def square(left, top, right, bottom):
+    mask = np.zeros((100, 100), bool)
+    mask[top:bottom, left:right] = True
+    return mask
+
+
+BESIDE, MIDDLE, SMALL = (5, 5, 35, 40), (50, 45, 75, 70), (40, 52, 43, 55)
+
+
+@pytest.mark.parametrize(
+    ("hints", "chosen"),
+    [
+        ({}, MIDDLE),  # not the largest, and not the small one, which is nearer to the middle
+        ({"point": (10, 10)}, BESIDE),
+        ({"point": (41, 53)}, SMALL),
+        ({"box": (0, 0, 48, 60)}, BESIDE),
+        ({"box": (0, 0, 20, 60)}, (5, 5, 20, 40)),  # nothing outside the box
+        ({"box": (0, 0, 90, 90), "point": (60, 60)}, MIDDLE),
+        ({"point": (90, 88)}, (85, 85, 95, 92)),  # found only in a part of the photo
+    ],
+)
+def test_of_several_parts_one_is_chosen(monkeypatch, hints, chosen):
+    seen = [BESIDE, MIDDLE, SMALL]
+    squares = {"whole": seen, "part": [*seen, (85, 85, 95, 92)]}
+    monkeypatch.setattr(mask_networks, "probabilities", given_by(squares))
+    image = np.zeros((100, 100, 3), np.uint8)
+    found = masks.find_mask(image, method="network", accept=True, **hints)
+    assert masks.mask_iou(found.mask, square(*chosen)) > 0.8
+    alpha = np.uint8(255) * (square(*BESIDE) | square(*MIDDLE))
+    if hints and chosen in (BESIDE, MIDDLE):
+        alone = masks.find_mask(image, alpha, **hints).mask
+        np.testing.assert_array_equal(alone, square(*chosen))
+
+
+def test_hints_are_pixels_of_the_photo_in_its_full_size(monkeypatch, tmp_path):
+    monkeypatch.setattr(photo, "MAX_SIDE", 100)
+    monkeypatch.setattr(
+        mask_networks, "probabilities", given_by({"whole": [BESIDE, MIDDLE], "part": []})
+    )
+    Image.new("RGB", (300, 300)).save(tmp_path / "a.png")
+    Image.fromarray(square(*MIDDLE)).save(tmp_path / "a_mask.png")
+    read = photo.read_photo(tmp_path / "a.png")
+    assert read.image.shape == (100, 100, 3)
+    found = masks.mask_of(read, method="network", point=(30, 30))
+    assert masks.mask_iou(found.mask, square(*BESIDE)) > 0.9
+    assert masks.mask_of(read).method == "a_mask.png"
+    with pytest.raises(photo.PhotoError, match="no object found"):
+        masks.mask_of(read, box=(0, 0, 60, 60))  # the mask beside the photo is not used
+
+
+@pytest.mark.parametrize(
+    ("hints", "message"),
+    [
+        ({"box": (1, 2, 3)}, "box=1,2,3: accepted: x0,y0,x1,y1 in pixels of the photo"),
+        (
+            {"box": (50, 10, 20, 90)},
+            "box=50,10,20,90: accepted: .* at least 16 pixels a side in .*",
+        ),
+        ({"point": (np.nan, 2)}, "point=nan,2: accepted: x,y in pixels of the photo"),
+        ({"point": (10, 100)}, "point=10,100: accepted: a place in the image of 100x100"),
+        ({"point": (1, 2), "mask": square(*MIDDLE)}, "point: accepted only without a mask"),
+    ],
+)
+def test_wrong_hints_are_named(hints, message):
+    read = photo.read_photo(np.zeros((100, 100, 3), np.uint8))
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        masks.mask_of(read, **hints)
+
+
+def test_the_masks_of_an_installed_rembg_are_taken(monkeypatch):
+    with pytest.raises(ConfigError, match="rembg:isnet: rembg is not installed; pip install"):
+        masks.find_mask(np.zeros((100, 100, 3), np.uint8), method="rembg:isnet")
+    with pytest.raises(ValueError, match=r"mask_from='plain:x': accepted: .*, rembg:MODEL"):
+        masks.find_mask(np.zeros((100, 100, 3), np.uint8), method="plain:x")
+    rembg, sessions = types.ModuleType("rembg"), types.ModuleType("rembg.sessions")
+    rembg.__spec__ = importlib.machinery.ModuleSpec("rembg", None)
+    sessions.sessions_names = ["u2net", "u2netp"]
+    seen = square(*BESIDE) | square(*MIDDLE)
+    rembg.remove = lambda image, **_: np.uint8(255) * seen[: len(image), : image.shape[1]]
+
+    def new_session(model, **_):
+        if model == "u2net":
+            raise OSError("no\nnetwork")
+
+    rembg.new_session = new_session
+    monkeypatch.setitem(sys.modules, "rembg", rembg)
+    monkeypatch.setitem(sys.modules, "rembg.sessions", sessions)
+    found = masks.find_mask(np.zeros((100, 100, 3), np.uint8), method="rembg:u2netp")
+    assert (found.method, found.warnings) == ("rembg:u2netp", ())
+    np.testing.assert_array_equal(found.mask, square(*MIDDLE))
+    with pytest.raises(ConfigError, match=r"rembg:wide: accepted .*: u2net, u2netp$"):
+        masks.check_method("rembg:wide")
+    with pytest.raises(ConfigError, match=r"rembg:u2net: .* \(no network\); run `rembg d u2net`"):
+        masks.check_method("rembg")
+
+
+def test_the_page_chooses_the_same_mask(monkeypatch, tmp_path):
+    """With the same probabilities, which are read from the photo's red channel."""
+    if javascript.NODE is None:
+        pytest.skip("no node")
+    modules = [*(folder.TEMPLATES / name for name in folder.JAVASCRIPT), STATIC / "mask.js"]
+    for path in modules:
+        shutil.copy(path, tmp_path)
+    image = np.random.default_rng(0).integers(0, 30, (150, 210, 3), np.uint8)
+    for x, y, wide, high, level in (
+        (10, 20, 60, 50, 240),
+        (90, 60, 70, 60, 210),
+        (80, 30, 9, 9, 250),
+    ):
+        image[y : y + high, x : x + wide] = level
+    monkeypatch.setattr(mask_networks, "_u2netp", lambda: red_of)
+    rules = {name.lower(): getattr(masks, name) for name in MASK_RULES}
+    rules |= {"side": 320, "mean": mask_networks.MEAN, "deviation": mask_networks.DEVIATION}
+    body = """
+const run = x => x.slice(0, 320 * 320).map(v => Math.min(Math.max(v / 3, 0), 1));
+const photo = { rgb: input.image, width: 210, height: 150 };
+return Promise.all(input.hints.map(hint => mask.findMask(photo, input.about, run, hint)));
+"""
+    hints = [{}, {"point": (20, 30)}, {"box": (70, 20, 150, 110)}, {"point": (84, 34)}]
+    path = {"mask": tmp_path / "mask.js"}
+    given = {"image": image, "about": rules, "hints": hints}
+    results = javascript.node(body, path, **given)
+    for hint, result in zip(hints, results, strict=True):
+        found = masks.find_mask(image, method="network", accept=True, **hint)
+        np.testing.assert_array_equal(np.reshape(result["mask"], (150, 210)), found.mask)
+        assert found.method == f"network, {int(100 * result['certainty'])}% certain"
+
+
+def red_of(arrays):
+    (x,) = arrays.values()
+    return np.clip(x[:, :1] / 3, 0, 1)

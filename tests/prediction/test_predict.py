@@ -13,7 +13,7 @@ from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError, to_dict, to_json
 from psgn_jax.data import camera
-from psgn_jax.prediction import masks
+from psgn_jax.prediction import mask_networks, masks
 from psgn_jax.prediction.cloud import DECONV, FC, Prediction
 from psgn_jax.prediction.photos import predict_files
 from psgn_jax.prediction.predictor import Predictor
@@ -261,7 +261,7 @@ def test_results_never_replace_other_files_and_are_no_inputs(predictor, tmp_path
 def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch):
     p = np.full((8, 8), 0.01, np.float32)
     p[2:6, 3:6] = 0.7
-    monkeypatch.setattr(masks, "probabilities", lambda image: p)
+    monkeypatch.setattr(mask_networks, "probabilities", lambda image, box: p)
     noise = np.random.default_rng(0).integers(0, 255, (80, 80, 3), np.uint8)
     image, out = tmp_path / "a.png", tmp_path / "out"
     Image.fromarray(noise).save(image)
@@ -272,7 +272,10 @@ def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch
 
     refused = predicted()
     assert isinstance(refused, masks.UncertainMaskError)
-    assert "(67%, expected at least 80%); give its mask, or set accept_mask" in str(refused)
+    assert (
+        "(67%, expected at least 80%); give its mask, a box or a point, or set accept_mask"
+        in str(refused)
+    )
     assert f"its proposal is {out}/a_mask.png" in str(refused)
     assert {path.name for path in out.iterdir()} == {"a_mask.png", "a_overlay.png"}
     proposed = np.asarray(Image.open(out / "a_mask.png")) > 0
@@ -307,7 +310,9 @@ def test_a_mask_in_stored_orientation_is_turned(predictor, tmp_path, monkeypatch
     image = np.full((90, 90, 3), 191, np.uint8)
     image[10:40, 50:80] = (200, 60, 20)
     upright = (image != 191).any(axis=2)
-    monkeypatch.setattr(masks, "probabilities", lambda image: upright.astype(np.float32))
+    monkeypatch.setattr(
+        mask_networks, "probabilities", lambda image, box: upright.astype(np.float32)
+    )
     exif = Image.Exif()
     exif[0x0112] = 6
     turned = Image.Transpose.ROTATE_90

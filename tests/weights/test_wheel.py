@@ -21,6 +21,7 @@ from helpers.small_runs import quick_environment, write_solids
 from PIL import Image
 
 import psgn_jax
+from psgn_jax.prediction import mask_networks
 from psgn_jax.weights.file import write_weights
 from psgn_jax.weights.opening import DEFAULT
 
@@ -48,7 +49,6 @@ def wheel(tmp_path_factory):
         shutil.copy(ROOT / name, tree / name)
     small = tiny.weights(tiny.config())
     write_weights(tree / "psgn_jax" / "weights" / f"{DEFAULT}.safetensors", small)
-    shutil.copy(ROOT / "psgn_jax" / "weights" / "mask.safetensors", tree / "psgn_jax" / "weights")
     build = (sys.executable, "-m", "hatchling", "build", "-d", folder, "-t")
     run(*build, "sdist", cwd=tree)
     (sdist,) = folder.glob("*.tar.gz")
@@ -98,6 +98,9 @@ def psgn(packages, tmp_path):
 def test_an_installed_wheel_predicts_converts_trains_and_evaluates(psgn, packages, tmp_path):
     assert (packages / "psgn_jax" / "py.typed").is_file()
     assert (packages / "data_gen" / "py.typed").is_file()
+    weights = packages / "psgn_jax" / "weights"
+    assert (weights / "u2netp.onnx").read_bytes() == mask_networks.FILE.read_bytes()
+    assert "Apache License 2.0" in (weights / "u2netp.txt").read_text()
     work = tmp_path / "work"
     assert psgn("--version") == f"psgn_jax {psgn_jax.__version__}\n"
     assert "8 points, mask plain" in psgn("predict", "photo.png", "--out=out")

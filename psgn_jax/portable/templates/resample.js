@@ -2,21 +2,26 @@
 
 const BITS = 22; // fractional bits of Pillow's weights for 8-bit images
 
+const sinc = x => x === 0 ? 1 : Math.sin(Math.PI * x) / (Math.PI * x);
+/** A filter's reach in output pixels, and its weight at a distance. */
+const BILINEAR = { reach: 1, weight: x => Math.max(0, 1 - Math.abs(x)) };
+export const LANCZOS = { reach: 3, weight: x => Math.abs(x) < 3 ? sinc(x) * sinc(x / 3) : 0 };
+
 /** First input pixel and integer weights of every output pixel, as in Pillow, which stores the ends as float32. */
-function taps(size, first, last, outSize) {
+function taps(size, first, last, outSize, { reach, weight }) {
   first = Math.fround(first);
-  const scale = Math.fround(Math.fround(last) - first) / outSize, spread = Math.max(scale, 1);
+  const scale = Math.fround(Math.fround(last) - first) / outSize, stretch = Math.max(scale, 1), spread = reach * stretch;
   return Array.from({ length: outSize }, (_, i) => {
     const centre = first + (i + 0.5) * scale, low = Math.max(0, Math.trunc(centre - spread + 0.5));
     const high = Math.min(size, Math.trunc(centre + spread + 0.5)), weights = [];
-    for (let j = low; j < high; j++) weights.push(Math.max(0, 1 - Math.abs((j - centre + 0.5) * (1 / spread))));
+    for (let j = low; j < high; j++) weights.push(weight((j - centre + 0.5) * (1 / stretch)));
     const sum = weights.reduce((a, b) => a + b, 0) || 1;
-    return { low, weights: weights.map(w => Math.trunc(w / sum * 2 ** BITS + 0.5)) };
+    return { low, weights: weights.map(w => Math.trunc(w / sum * 2 ** BITS + 0.5 * Math.sign(w))) };
   });
 }
 
-/** Resizes the region [left, top, right, bottom] of bytes to outWidth x outHeight, with exactly the results of Pillow's bilinear filter. */
-export function resize(data, width, height, channels, outWidth, outHeight, [left, top, right, bottom]) {
+/** Resizes the region [left, top, right, bottom] of bytes to outWidth x outHeight, with exactly the results of Pillow's filter. */
+export function resize(data, width, height, channels, outWidth, outHeight, [left, top, right, bottom], filter = BILINEAR) {
   // One pass for each direction: `count` lines, whose pixels are `step` apart and start at `line * skip`.
   const pass = (input, rows, count, skip, step, out, outSkip, outStep) => {
     for (let line = 0; line < count; line++) {
@@ -31,8 +36,8 @@ export function resize(data, width, height, channels, outWidth, outHeight, [left
     return out;
   };
   const row = outWidth * channels;
-  const middle = pass(data, taps(width, left, right, outWidth), height, width * channels, channels, new Uint8Array(row * height), row, channels);
-  return pass(middle, taps(height, top, bottom, outHeight), outWidth, channels, row, new Uint8Array(row * outHeight), channels, row);
+  const middle = pass(data, taps(width, left, right, outWidth, filter), height, width * channels, channels, new Uint8Array(row * height), row, channels);
+  return pass(middle, taps(height, top, bottom, outHeight, filter), outWidth, channels, row, new Uint8Array(row * outHeight), channels, row);
 }
 
 /** Averages over the areas of the output pixels, for any sizes; returns floats. */

@@ -5,20 +5,15 @@ import json
 import os
 import pathlib
 
-import numpy as np
-
-from psgn_jax.models.mask_net import MaskNet
 from psgn_jax.portable.folder import write_network
-from psgn_jax.portable.network import InputSpec
-from psgn_jax.prediction import masks
+from psgn_jax.prediction import mask_networks, masks
 from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing.page import CLOUD_SCRIPT
 from psgn_jax.web.page.browser_runtime import runtime_files
-from psgn_jax.weights.mask import read_mask_network
 from psgn_jax.weights.run_folder import Trained
 
-MASK_NETWORK = "mask.onnx"
 _WASM = "runtime/ort-wasm-simd-threaded.wasm"
+MASK_RULES = ["DOUBTFUL_BELOW", "JOINED", "LEAST_PART", "REACH", "MARGIN", "WINDOWS"]
 STATIC = pathlib.Path(__file__).resolve().parent / "static"
 
 
@@ -44,27 +39,19 @@ def build_page(
         if path.is_file():
             files[path.relative_to(STATIC).as_posix()] = path.read_bytes()
     files[CLOUD_SCRIPT.name] = CLOUD_SCRIPT.read_bytes()
-    from psgn_jax.portable.onnx_file import to_onnx  # imports onnx
-
     network = write_network(run, out, weights=(weights,), stablehlo=False, data=data, split=split)
-    params, texts = read_mask_network()
-    files[MASK_NETWORK] = to_onnx(
-        lambda image: MaskNet().apply({"params": params}, image / np.float32(255)),
-        [InputSpec("image", "uint8", (1, masks.SIDE, masks.SIDE, 3))],
-        "probabilities",
-        "float16",
-        {},
-    )
+    mask_network = mask_networks.FILE.name
+    files[mask_network] = mask_networks.FILE.read_bytes()
     network["mask_network"] = {
-        "file": MASK_NETWORK,
-        "side": masks.SIDE,
-        "doubtful_below": masks.DOUBTFUL_BELOW,
-        "middle": masks.MIDDLE,
-        "least_agreement": masks.LEAST_AGREEMENT,
+        "file": mask_network,
+        "side": mask_networks.SIDE,
+        "mean": mask_networks.MEAN,
+        "deviation": mask_networks.DEVIATION,
+        **{name.lower(): getattr(masks, name) for name in MASK_RULES},
     }
-    network["sources"] += texts["sources"]
+    network["sources"] += [mask_networks.SOURCE]
     sizes = [row["bytes"] for row in network["files"].values()]
-    network["download_bytes"] = sum(sizes) + len(files[MASK_NETWORK]) + len(files[f"{_WASM}.gz"])
+    network["download_bytes"] = sum(sizes) + len(files[mask_network]) + len(files[f"{_WASM}.gz"])
     files["network.json"] = json.dumps(network, indent=1).encode()
     for name, content in files.items():
         write_atomic(out / name, content, sync=False)

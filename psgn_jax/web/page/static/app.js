@@ -5,8 +5,9 @@ import { CloudView, pathThrough, save } from "./cloud.js";
 import { FORMATS } from "./files.js";
 import { coloursFromView, intoSilhouette, meanWithMirror, mirrored, mostOutside, networkInputs, normalForm, PhotoError, place, sameProportions, strayPoints } from "./framing.js";
 import { objectIn } from "./levels.js";
+import { findMask } from "./mask.js";
 
-const SAMPLES = 8, PAUSE = 120, HISTORY = 10, VEIL = "rgba(18, 24, 40, .68)", EDGE = "#ffb020";
+const CLICK = 0.02, SAMPLES = 8, PAUSE = 120, HISTORY = 10, VEIL = "rgba(18, 24, 40, .68)", EDGE = "#ffb020";
 const RUNTIME = "runtime/ort-wasm-simd-threaded.wasm.gz", MAX_BYTES = 80e6, MAX_SIDE = 1600, MIN_SIDE = 16;
 const $ = id => document.getElementById(id);
 const each = (selector, act) => document.querySelectorAll(selector).forEach(act);
@@ -91,7 +92,7 @@ const open = guarded(async files => {
   if (masked >= 0) await openMask(files[masked]);
   else if (share > 0.0005 && share < 0.97) setMask(opaque);
   else {
-    const { photo } = page, found = await findMask(photo);
+    const { photo } = page, found = await lookFor(photo);
     if (page.photo !== photo || page.history.length) return; // another photo was opened, or a mask given
     page.doubt = found.doubt;
     setMask(found.mask);
@@ -115,34 +116,26 @@ const openMask = guarded(async file => {
   setMask(opaqueIn(pixelsOf(context)));
 });
 
-/** The mask that the mask network finds, like `find_mask` in Python, and its doubt. */
-async function findMask({ bitmap, width, height }) {
+/** The mask that the mask network finds, with a box or a point if the visitor gave one, and its doubt. */
+async function lookFor(photo, hint) {
   say(loading);
-  const { about, maskBytes } = await network, { side, doubtful_below: doubtful, middle, least_agreement: least } = about.mask_network;
+  const { about: { mask_network: about }, maskBytes } = await network;
   say("Looking for the object");
   page.maskSession ??= await startSession(maskBytes);
-  const run = async pixels => (await page.maskSession.run({ image: new ort.Tensor("uint8", pixels, [1, side, side, 3]) })).probabilities.data;
-  /** What is found in a region of the photo, [left, top, width, height]: the mask, and how certain it is. */
-  const find = async (...region) => {
-    const small = contextOf(side, side), half = side / 2, levels = new ImageData(half, half), coarse = contextOf(half, half);
-    small.imageSmoothingQuality = "high";
-    small.drawImage(bitmap, ...region, 0, 0, side, side);
-    const rgb = withoutAlpha(pixelsOf(small)), one = await run(rgb), other = mirrored(await run(mirrored(rgb, side, 3)), half, 1);
-    const p = one.map((v, i) => (v + other[i]) / 2), inside = p.filter(v => v > 0.5), large = contextOf(...region.slice(2));
-    p.forEach((v, i) => { levels.data[4 * i + 3] = Math.round(255 * v); });
-    coarse.putImageData(levels, 0, 0);
-    large.drawImage(coarse.canvas, 0, 0, ...region.slice(2));
-    return [opaqueIn(pixelsOf(large)), sum(inside) / (inside.length + sum(p) - sum(inside))];
-  };
-  const [mask, certainty] = await find(0, 0, width, height), [left, top] = [width, height].map(size => Math.trunc((1 - middle) / 2 * size));
-  const w = width - 2 * left, h = height - 2 * top, [again] = certainty >= doubtful ? await find(left, top, w, h) : [[]];
-  const there = again.map((_, i) => mask[(top + Math.floor(i / w)) * width + left + i % w]);
-  const agreement = sum(again.map((v, i) => v & there[i])) / sum(again.map((v, i) => v | there[i]));
-  const doubt = !(certainty >= doubtful)
-    ? ` It is not certain which part is the object (${Math.floor(100 * certainty)} %): correct the mask if it is wrong.`
-    : agreement >= least ? "" : " The mask may be wrong: correct it if it is.";
+  const run = async input => (await page.maskSession.run({ "input.1": new ort.Tensor("float32", input, [1, 3, about.side, about.side]) }, [page.maskSession.outputNames[0]]))[page.maskSession.outputNames[0]].data;
+  const { mask, certainty } = await findMask(photo, about, run, hint);
+  const doubt = certainty >= about.doubtful_below ? "" : ` It is not certain which part is the object (${Math.floor(100 * certainty)} %): draw a frame around it or click on it with the tool Find, or correct the mask.`;
   return { mask, doubt };
 }
+
+/** Looks again, in a frame or at a point. */
+const lookAgain = guarded(async hint => {
+  const { photo, history } = page, found = await lookFor(photo, hint);
+  if (page.photo !== photo || page.history !== history) return; // something else was done meanwhile
+  if (!found.mask.includes(1)) throw new PhotoError("No object was found there: draw a frame around it, or draw its outline.");
+  page.doubt = found.doubt;
+  setMask(found.mask);
+});
 
 // --- the mask --------------------------------------------------------------------------------------
 
@@ -197,8 +190,9 @@ const pen = () => Object.assign(page.mask, { globalCompositeOperation: removing 
 function extend({ clientX, clientY }) {
   const { width, height } = page.photo, box = $("photo").getBoundingClientRect();
   path.push([(clientX - box.left) / box.width * width, (clientY - box.top) / box.height * height]);
+  const [x, y] = path[0], [u, v] = path.at(-1);
+  if (checked("tool") === "find") return draw([[x, y], [u, y], [u, v], [x, v]]);
   if (checked("tool") === "outline") return draw(path);
-  const [x, y] = path[0];
   const style = { lineWidth: +$("brush").value * width / box.width, lineCap: "round", lineJoin: "round" };
   Object.assign(pen(), style).stroke(pathThrough(path.length > 1 ? path.slice(-3) : [[x, y], [x + 0.01, y]]));
   draw();
@@ -216,9 +210,14 @@ $("photo").addEventListener("pointerdown", event => {
 $("photo").addEventListener("pointermove", event => { if (path.length && event.pointerId === pointer) extend(event); });
 for (const name of ["pointerup", "pointercancel"]) $("photo").addEventListener(name, event => {
   if (!path.length || event.pointerId !== pointer) return;
-  const outline = checked("tool") === "outline", click = outline && path.length < 3;
+  const outline = checked("tool") === "outline", click = outline && path.length < 3, [start, end] = [path[0], path.at(-1)];
   if (outline) pen().fill(pathThrough(path));
   path = [];
+  if (checked("tool") === "find") {
+    const box = [0, 1].map(i => Math.min(start[i], end[i])).concat([0, 1].map(i => Math.max(start[i], end[i])));
+    draw();
+    return lookAgain(Math.max(box[2] - box[0], box[3] - box[1]) < CLICK * page.photo.width ? { point: start } : { box });
+  }
   if (!click) return changed();
   page.doubt = page.history.pop()?.doubt ?? page.doubt;
   draw();

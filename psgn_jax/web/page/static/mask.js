@@ -1,0 +1,89 @@
+// Finds the mask of the object in a photo, like find_mask of psgn_jax.prediction.masks with the method "network".
+
+import { PhotoError } from "./framing.js";
+import { LANCZOS, resize } from "./resample.js";
+
+const MIN_SIDE = 16;
+const limited = (value, least, most) => Math.min(Math.max(value, least), most);
+const sum = values => values.reduce((a, b) => a + b, 0);
+
+/** Values in [0, 1], or 0 and 1, resized: 1 where they exceed .5. */
+function enlarged(values, width, height, outWidth, outHeight) {
+  const levels = Uint8Array.from(values, v => Math.round(255 * v));
+  return resize(levels, width, height, 1, outWidth, outHeight, [0, 0, width, height]).map(level => +(level > 127));
+}
+
+/** The part nearest to the middle of probabilities, or at `at` ([column, row]): 1 on its pixels. */
+function partOf(p, side, at, { joined, least_part: leastPart, reach }) {
+  const parts = new Int32Array(p.length), areas = [0], middle = at ? at.map(v => v - 0.5) : [(side - 1) / 2, (side - 1) / 2];
+  p.forEach((value, start) => {
+    if (value <= joined || parts[start]) return;
+    const waiting = [start], number = areas.push(0) - 1;
+    parts[start] = number;
+    while (waiting.length) {
+      const i = waiting.pop(), x = i % side, y = (i - x) / side;
+      areas[number] += p[i] > 0.5;
+      for (let v = Math.max(y - 1, 0); v <= Math.min(y + 1, side - 1); v++) {
+        for (let u = Math.max(x - 1, 0); u <= Math.min(x + 1, side - 1); u++) {
+          const j = v * side + u;
+          if (p[j] <= joined || parts[j]) continue;
+          parts[j] = number;
+          waiting.push(j);
+        }
+      }
+    }
+  });
+  const largest = areas.reduce((a, b) => Math.max(a, b));
+  let nearest = Infinity, chosen = -1;
+  p.forEach((value, i) => {
+    const away = Math.hypot(i % side - middle[0], Math.floor(i / side) - middle[1]);
+    const allowed = at ? away <= reach * side : areas[parts[i]] >= leastPart * largest;
+    if (value > 0.5 && allowed && away < nearest) [nearest, chosen] = [away, parts[i]];
+  });
+  return Uint8Array.from(parts, number => +(number === chosen));
+}
+
+/** What the network sees of a photo with a box: [left, top, right, bottom] of the box and of the crop. */
+function crops(box, width, height, margin) {
+  if (!box) return [[0, 0, width, height], [0, 0, width, height]];
+  const [left, top] = box.slice(0, 2).map((v, i) => limited(Math.floor(v), 0, [width, height][i]));
+  const [right, bottom] = box.slice(2).map((v, i) => limited(Math.ceil(v), 0, [width, height][i]));
+  if (Math.min(right - left, bottom - top) < MIN_SIDE) throw new PhotoError(`The frame needs at least ${MIN_SIDE} pixels of the photo per side.`);
+  const more = Math.round(margin * Math.max(right - left, bottom - top));
+  return [[left, top, right, bottom], [Math.max(left - more, 0), Math.max(top - more, 0), Math.min(right + more, width), Math.min(bottom + more, height)]];
+}
+
+/** Smaller crops around a point, within a crop. */
+const windows = ([x, y], [left, top, right, bottom], shares) => shares.map(share => {
+  const wide = Math.round(share * (right - left)), high = Math.round(share * (bottom - top));
+  const u = limited(Math.round(x - wide / 2), left, right - wide), v = limited(Math.round(y - high / 2), top, bottom - high);
+  return [u, v, u + wide, v + high];
+});
+
+/**
+ * The mask of the object, Uint8Array with 1 on it, and its certainty in [0, 1]. `about` is `mask_network` in network.json,
+ * `run` gives the network's probabilities for its input; a box [left, top, right, bottom] or a point [x, y] chooses the object.
+ */
+export async function findMask({ rgb, width, height }, about, run, { box, point } = {}) {
+  const { side, mean, deviation } = about, [inside, crop] = crops(box, width, height, about.margin), mask = new Uint8Array(width * height);
+  for (const region of [crop, ...point ? windows(point, crop, about.windows) : []]) {
+    const [left, top, right, bottom] = region, wide = right - left, high = bottom - top;
+    const small = resize(rgb, width, height, 3, side, side, region, LANCZOS), most = small.reduce((a, b) => Math.max(a, b), 1);
+    const input = new Float32Array(3 * side * side).map((_, i) => {
+      const channel = Math.floor(i / side / side);
+      return (small[3 * (i % (side * side)) + channel] / most - mean[channel]) / deviation[channel];
+    });
+    const within = new Uint8Array(wide * high).map((_, i) => {
+      const x = left + i % wide, y = top + Math.floor(i / wide);
+      return +(x >= inside[0] && y >= inside[1] && x < inside[2] && y < inside[3]);
+    });
+    const allowed = box ? enlarged(within, wide, high, side, side) : null, raw = await run(input);
+    const p = allowed ? raw.map((v, i) => v * allowed[i]) : raw;
+    const part = partOf(p, side, point && [(point[0] - left) * side / wide, (point[1] - top) * side / high], about);
+    if (!part.includes(1)) continue;
+    const own = p.map((v, i) => v * part[i]), on = own.filter(v => v > 0.5);
+    enlarged(own, side, side, wide, high).forEach((v, i) => { mask[(top + Math.floor(i / wide)) * width + left + i % wide] = v; });
+    return { mask, certainty: sum(on) / (on.length + sum(point ? own : p) - sum(on)) };
+  }
+  return { mask, certainty: 0 };
+}
