@@ -127,7 +127,8 @@ def test_points_and_files_are_those_of_python(open_page, predictor, tmp_path):
     points, colours = clouds(page)
     np.testing.assert_allclose(points, expected.points, atol=1e-4)
     assert (colours != expected.colours).any(axis=-1).mean() < 0.01
-    page.locator("#sample").fill("3")
+    page.locator("#sample").fill("2")
+    page.click("#another")
     assert page.text_content("#which") == "4 of 8"
     for name, write in {"ply": cloud.ply, "obj": cloud.obj, "xyz": cloud.xyz}.items():
         with page.expect_download() as download:
@@ -138,6 +139,13 @@ def test_points_and_files_are_those_of_python(open_page, predictor, tmp_path):
         written = write(points[3][kept], colours[3][kept])
         zero = (b"-0.000000", b"0.000000") if name != "ply" else (b"", b"")
         assert own.replace(*zero) == written.replace(*zero)
+    page.check("#certainty")
+    wait(page, "Boolean(psgn.page.clouds[0].spread)")
+    spread = np.array(page.evaluate("psgn.page.clouds.map(c => Array.from(c.spread))"))
+    # Python's bijections have an error of up to 5 %.
+    np.testing.assert_allclose(spread.mean(), expected.spread.mean(), rtol=0.05)
+    assert np.corrcoef(spread[0], expected.spread)[0, 1] > 0.9
+    np.testing.assert_array_equal(np.sort(spread[3]), np.sort(spread[0]))
 
 
 def test_a_mask_is_found_as_by_python_or_proposed_and_corrected(open_page, tmp_path):

@@ -2,6 +2,7 @@
 
 import * as ort from "./runtime/ort.wasm.min.mjs";
 import { CloudView, pathThrough, save } from "./cloud.js";
+import { ranked, spread } from "./draws.js";
 import { FORMATS } from "./files.js";
 import { coloursFromView, intoSilhouette, meanWithMirror, mirrored, mostOutside, networkInputs, normalForm, PhotoError, place, sameProportions, strayPoints } from "./framing.js";
 import { objectIn } from "./levels.js";
@@ -283,29 +284,32 @@ const predict = guarded(async () => {
   say("Predicting");
   await new Promise(resolve => setTimeout(resolve)); // the message is drawn first
   const view = place(photo, mask, about), { image, mask: small } = networkInputs(view, about), [h, w] = about.image_size;
-  const count = about.random_size ? Math.min(SAMPLES, about.latents.length) : 1, length = 3 * about.num_points;
+  const count = about.random_size ? about.latents.length : 1, samples = Math.min(SAMPLES, count), length = 3 * about.num_points;
   const run = async (rgb, inside) => {
     const feeds = { image: new ort.Tensor("uint8", rgb, [1, h, w, 3]), mask: new ort.Tensor("bool", inside, [1, h, w]) };
     if (about.random_size) {
-      feeds.r = new ort.Tensor("float32", Float32Array.from(about.latents.slice(0, count).flat()), [1, count, about.random_size]);
+      feeds.r = new ort.Tensor("float32", Float32Array.from(about.latents.flat()), [1, count, about.random_size]);
     }
     return (await session.run(feeds)).points.data;
   };
   let predicted = await run(image, small);
   if (predicted.length !== count * length || !predicted.every(Number.isFinite)) throw new Error("The network's weights are damaged.");
   if (!about.random_size) predicted = meanWithMirror(predicted, await run(mirrored(image, w, 3), mirrored(small, w, 1)));
-  const parts = Array.from({ length: count }, (_, k) =>
-    intoSilhouette(predicted.slice(k * length, (k + 1) * length), small, mostOutside(view), about));
+  let draws = Array.from({ length: count }, (_, k) => predicted.slice(k * length, (k + 1) * length));
+  if (count > 1) draws = ranked(draws, samples, about.compared_points);
+  const parts = draws.slice(0, samples).map(draw => intoSilhouette(draw, small, mostOutside(view), about));
   if (page.photo !== photo) return;
   const points = Float32Array.from(parts.flatMap(part => [...part])), stray = parts.map(strayPoints);
-  const { points: normal } = view.placed ? normalForm(points, stray.flat()) : { points };
+  const { points: normal, scale = 1 } = view.placed ? normalForm(points, stray.flat()) : { points };
   page.clouds = parts.map((part, k) => ({
     points: normal.slice(k * length, (k + 1) * length), colours: coloursFromView(part, view, about), stray: stray[k],
   }));
+  Object.assign(page, { draws, scale });
   document.body.classList.add("has-cloud");
   $("sampling").hidden = count < 2;
-  $("sample").max = count - 1;
-  show(Math.min(page.sample, count - 1));
+  $("sample").max = samples - 1;
+  show(Math.min(page.sample, samples - 1));
+  if ($("certainty").checked) paint();
   const corner = mask[0] + mask[photo.width - 1] + mask.at(-photo.width) + mask.at(-1);
   const doubt = corner === 4 ? " The mask contains all four corners: it may be inverted." : page.doubt;
   say(`${about.num_points.toLocaleString("en")} points in ${((performance.now() - begin) / 1000).toFixed(1)} s.${doubt}`);
@@ -315,14 +319,35 @@ function show(sample) {
   page.sample = sample;
   $("sample").value = sample;
   $("which").textContent = `${sample + 1} of ${page.clouds.length}`;
-  viewer.show([shown()]);
+  viewer.show([shown($("certainty").checked)]);
 }
 
-/** The chosen cloud without its stray points, as in files. */
-function shown() {
-  const { points, colours, stray } = page.clouds[page.sample], kept = (_, i) => !stray[Math.floor(i / 3)];
-  return { points: points.filter(kept), colours: colours.filter(kept) };
+/** The chosen cloud without its stray points, as in files; or with the colours of its certainty, once they are known. */
+function shown(certainty) {
+  const { points, colours, stray, spread } = page.clouds[page.sample], kept = (_, i) => !stray[Math.floor(i / 3)];
+  const painted = certainty && spread ? Uint8Array.from(points, (_, i) => ramp(spread[Math.floor(i / 3)] / SPREAD_TOP)[i % 3]) : colours;
+  return { points: points.filter(kept), colours: painted.filter(kept) };
 }
+
+const SPREAD_TOP = 0.3, COLOURS = [[48, 30, 110], [124, 38, 128], [200, 62, 100], [245, 130, 70], [252, 220, 140]];
+/** Dark where the network is certain, bright where its guesses differ; the colours of psgn_jax.viewing. */
+function ramp(value) {
+  const at = Math.min(Math.max(value, 0), 1) * (COLOURS.length - 1), low = Math.min(Math.floor(at), COLOURS.length - 2);
+  return COLOURS[low].map((c, k) => c + (at - low) * (COLOURS[low + 1][k] - c));
+}
+
+/** Shows the certainty of the points, or their colours; the first time for a photo, it is computed. */
+const paint = guarded(async () => {
+  const { clouds, draws, scale } = page, begun = performance.now();
+  if ($("certainty").checked && !clouds[0].spread) {
+    say("Comparing the guesses");
+    const values = await spread(draws, clouds.length, () => new Promise(resolve => setTimeout(resolve)));
+    if (page.clouds !== clouds) return; // another photo or mask
+    clouds.forEach((cloud, k) => { cloud.spread = values[k].map(value => value / scale); });
+    say(`The guesses were compared in ${((performance.now() - begun) / 1000).toFixed(1)} s: dark points are certain.`);
+  }
+  show(page.sample);
+});
 
 // --- controls --------------------------------------------------------------------------------------
 
@@ -348,6 +373,8 @@ $("undo").addEventListener("click", undo);
 $("invert").addEventListener("click", () => { remember(); setMask(maskArray().map(m => 1 - m)); });
 $("clear").addEventListener("click", () => { remember(); setMask(maskArray().fill(0)); });
 $("sample").addEventListener("input", event => show(+event.target.value));
+$("another").addEventListener("click", () => show((page.sample + 1) % page.clouds.length));
+$("certainty").addEventListener("change", paint);
 $("reset").addEventListener("click", () => { $("turning").checked = false; viewer.spin(false); viewer.reset(); });
 $("turning").addEventListener("change", event => viewer.spin(event.target.checked));
 addEventListener("keydown", event => {
