@@ -26,7 +26,7 @@ function opaqueIn(rgba) {
   return mask;
 }
 
-/** photo: { rgb, width, height, bitmap }; maskSession: of the mask network, once a photo needs it; mask: the context of a canvas that is opaque on the object; doubt: what to say of that mask until it is changed; clouds: one for each guess; turns: how many files of each kind were chosen. */
+/** photo: { rgb, width, height, bitmap }; maskSession: of the mask network, once a photo needs it; mask: the context of a canvas that is opaque on the object; doubt: what to say of that mask until it is changed; clouds: one for each guess; draws: what they were chosen from, in the network's unit, `scale` of theirs; turns: how many files of each kind were chosen. */
 const page = { photo: null, mask: null, doubt: "", history: [], clouds: [], sample: 0, name: "", turns: { photo: 0, mask: 0 } };
 const viewer = new CloudView([$("cloud")]);
 
