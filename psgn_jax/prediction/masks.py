@@ -57,7 +57,8 @@ _BORDER_SHARE, _EXACT = 0.97, 1
 # lossless renderings, more than .98 on 30 JPEGs (quality 70 to 95).
 _JPEG_DEVIATION, _JPEG_SHARE = 12, 0.6
 _SMALLEST, _LARGEST = 0.0005, 0.97  # fraction of the image that an object may cover
-_INVERTED = 0.9  # fraction of the border that an inverted mask covers
+_INVERTED = 0.9  # fraction of the border that an inverted mask covers, or
+_INVERTED_WITHIN = 0.85  # of the photo, and half of the border: the object is small
 # A border cuts an object off if this fraction of the longer side of its box is there. A part is
 # large if it has this fraction of the largest one's pixels.
 _CUT_OFF, _LARGE_PART = 0.1, 0.25
@@ -148,7 +149,7 @@ def _given_or_found(
             raise UncertainMaskError(f"{error}{note}", error.mask) from None
     pixels, notes = photo.open_mask(mask, read, label)
     warnings = list(notes)
-    if inverted := invert is None and label is None and _border(pixels).mean() >= _INVERTED:
+    if inverted := invert is None and label is None and _looks_inverted(pixels):
         warnings.append("the mask covers the border: it was inverted")
     if invert or inverted:
         pixels = ~pixels
@@ -395,6 +396,11 @@ def _windows(at: np.ndarray | None, crop: Box) -> Iterator[Box]:
 def _chosen(mask: np.ndarray, at: np.ndarray | None) -> np.ndarray:
     """The part of a mask at (row, column), or all of it."""
     return mask if at is None else part_of(mask.astype(np.float32), at)
+
+
+def _looks_inverted(mask: np.ndarray) -> bool:
+    border = _border(mask).mean()
+    return bool(border >= _INVERTED or (border >= 0.5 and mask.mean() >= _INVERTED_WITHIN))
 
 
 def _doubts(found: FoundMask) -> Iterator[str]:

@@ -76,14 +76,18 @@ def test_what_was_placed_has_normal_form_and_projects_as_before(predictor):
     assert predictor(image, frame="keep", normal_form="yes").scale != 1
 
 
-@pytest.mark.parametrize("side", [16, 30, 60])  # of 90x120 pixels: 2.4, 8 and 33 %
-def test_an_inverted_mask_is_turned_and_that_is_said(predictor, side):
+@pytest.mark.parametrize(
+    ("high", "wide", "top"), [(16, 16, 15), (30, 30, 15), (60, 60, 15), (20, 40, 70), (16, 90, 74)]
+)
+def test_an_inverted_mask_is_turned_and_that_is_said(predictor, high, wide, top):
+    """Of an object of 2.4 to 33 % of the photo, in the middle or at its border."""
     image, mask = photo_of_a_box(), np.zeros((90, 120), bool)
-    mask[15 : 15 + side, 20 : 20 + side] = True
+    mask[top : top + high, 20 : 20 + wide] = True
     turned = predictor(image, ~mask)
-    assert turned.warnings == ("the mask covers the border: it was inverted",)
+    assert turned.warnings[0] == "the mask covers the border: it was inverted"
+    assert len(turned.warnings) == 1 + (top + high == 90)  # cut off
     for right in predictor(image, mask), predictor(image, ~mask, invert_mask=True):
-        assert right.warnings == ()
+        assert right.warnings == turned.warnings[1:]
         np.testing.assert_array_equal(right.points, turned.points)
     kept = predictor(image, ~mask, invert_mask=False)
     np.testing.assert_array_equal(kept.mask, ~mask)

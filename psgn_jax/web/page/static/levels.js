@@ -116,6 +116,6 @@ export function objectIn(rgba, width, height) {
   for (let i = 0; i < count; i++) mask[i] = between(colour(i), low, high)[0] > 0.5;
   for (let x = 0; x < width; x++) border.push(mask[x], mask[count - 1 - x]);
   for (let y = 1; y < height - 1; y++) border.push(mask[y * width], mask[(y + 1) * width - 1]);
-  const inverted = sum(border) >= 0.9 * border.length;
+  const covered = sum(border) / border.length, inverted = covered >= 0.9 || covered >= 0.5 && sum(mask) >= 0.85 * count;
   return { mask: inverted ? mask.map(v => 1 - v) : mask, doubt: inverted ? " The mask covered the border: it was inverted." : "" };
 }
