@@ -49,7 +49,7 @@ class Doubts:
     def lines(self) -> Iterator[str]:
         """One line for each kind of doubt, with the remedy."""
         radius, lowest, extent = np.array(self._sizes).reshape(-1, 3).T
-        one_place = extent < SMALLEST_EXTENT
+        one_place = extent <= SMALLEST_EXTENT * np.minimum(radius, 1)
         far = ~one_place & ((radius < _RADII[0]) | (radius > _RADII[1]))
         off = ~one_place & (np.abs(lowest) > _GROUND * radius)
         of = f"of {len(radius)} samples"
@@ -57,19 +57,23 @@ class Doubts:
             yield f"{one_place.sum()} {of} have all points in one place: leave them out"
         if far.any():
             yield (
-                f"{far.sum()} {of} have points up to {radius[far].min():.4g} to "
-                f"{radius[far].max():.4g} from the origin, expected about 1: divide points, depth "
-                "and the translation of extrinsics by the radius of the bounding hemisphere"
+                f"{far.sum()} {of} have their farthest point {_range(radius[far])} from the "
+                "origin, expected about 1: divide points, depth and the translation of extrinsics "
+                "by the radius of the bounding hemisphere"
             )
         if off.any():
             yield (
-                f"{off.sum()} {of} have their lowest point at z = {lowest[off].min():.4g} to "
-                f"{lowest[off].max():.4g}, expected 0: move the origin of points and extrinsics "
-                "onto the ground below the object"
+                f"{off.sum()} {of} have their lowest point at z = {_range(lowest[off])}, expected "
+                "0: move the origin of points and extrinsics onto the ground below the object"
             )
         yield from _in_two_splits("models are", self._twice)
         same = {model: two for model, two in self._same.items() if model not in self._twice}
         yield from _in_two_splits("models have a cloud that is", same)
+
+
+def _range(values: np.ndarray) -> str:
+    ends = (f"{values.min():.4g}", f"{values.max():.4g}")
+    return " to ".join(dict.fromkeys(ends))
 
 
 def _in_two_splits(what: str, found: Mapping[tuple[str, str], tuple[str, str]]) -> Sequence[str]:

@@ -222,9 +222,12 @@ def _checked(config: Config, workdir: pathlib.Path, devices: int) -> dict[str, i
             sizes[split] = loader.num_samples(data, split, evaluation=evaluation)
         except (ValueError, OSError) as error:
             raise ConfigError(f"data.{name}={getattr(data, name)!r}: {error}") from error
-    both = {data.train_split: data.folders, data.eval_split: data.eval_folders}
+    names, folders = (data.train_split, data.eval_split), (data.folders, data.eval_folders)
+    both = dict(zip(names, zip(names, folders, strict=True), strict=True))
+    if len(both) == 1 and set(data.folders) != set(data.eval_folders):
+        both = {"data.path": (names[0], folders[0]), "data.eval_path": (names[1], folders[1])}
     with contextlib.suppress(RecordError):  # it is reported when the record is needed
-        readers = {split: RecordReader(folders, split) for split, folders in both.items()}
+        readers = {name: RecordReader(where, split) for name, (split, where) in both.items()}
         for line in doubts_of(readers) if group.is_first() else ():
             logging.warning("records: %s", one_line(line))
     return sizes

@@ -297,8 +297,10 @@ def test_probable_mistakes_are_told_where_records_are_written_and_inspected(
     assert not told(train=[one("a", points)], duplicate=[one("a", points)])
     assert not told(train=[one("1")], validation=[one("1", category="table")])
     (line,) = told(train=[one("a", 1000 * points), one("b")])
-    assert line.startswith("1 of 2 samples have points up to ")
+    assert line.startswith("1 of 2 samples have their farthest point ")
     assert "expected about 1: divide points" in line
+    (line,) = told(train=[one("a", 1e-3 * points)])  # kilometres
+    assert line.startswith("1 of 1 samples have their farthest point 0.001")
     (line,) = told(train=[one("a", points - [0, 0, 0.5])])
     assert re.match(
         r"1 of 1 samples have their lowest point at z = -0\.\d+.*expected 0: move", line

@@ -195,6 +195,7 @@ def test_scores_of_records_that_change_during_training_are_forgotten(
         assert caplog.text.count("the evaluation has changed (records)") == 1
         train(config, workdir)
     assert caplog.text.count("the evaluation has changed") == 1
+    assert caplog.text.count("11 models are in two splits, such as") == 1  # in the second call
     assert Checkpoints(workdir / "checkpoints", read_only=True).scores.keys() == {12}
 
 
