@@ -22,6 +22,7 @@ from psgn_jax.viewing.page import nearest_distances
 # samples are flagged.
 FLAG_BELOW = 0.99
 NEAR_PIXELS = 2
+_HIGHEST = 512  # height of the pictures on a contact sheet
 
 
 class Check(NamedTuple):
@@ -143,9 +144,9 @@ def report(path: str | pathlib.Path, num_checked: int = 256) -> tuple[list[str],
 def make_sheet(path: str | pathlib.Path, num_samples: int = 12) -> Image.Image:
     """Draws a contact sheet of samples; damaged ones are skipped.
 
-    Each has three pictures, as high as the first image: the image, its cloud with the outline of
-    the mask, and the cloud from another side. We leave out a test split if there are others,
-    because nothing should be chosen by looking at it.
+    Each has three pictures, as high as the first image but at most 512 pixels: the image, its cloud
+    with the outline of the mask, and the cloud from another side. We leave out a test split if
+    there are others, because nothing should be chosen by looking at it.
     """
     rows: list[tuple[str, dict[str, np.ndarray]]] = []
     every = load_manifest(path).splits()
@@ -161,7 +162,7 @@ def make_sheet(path: str | pathlib.Path, num_samples: int = 12) -> Image.Image:
                 sample = reader[index]
             except RecordError:
                 continue
-            height = height or len(sample.image)
+            height = height or min(len(sample.image), _HIGHEST)
             checked = check(sample)
             label = (
                 f"{split} {index}  {sample.category}  {sample.model_id[:16]}  "

@@ -113,6 +113,9 @@ def turned(extrinsics: np.ndarray, degrees: float) -> np.ndarray:
     return np.concatenate([extrinsics[:, :3] @ turn, extrinsics[:, 3:]], axis=1)
 
 
+_WIDEST = 4  # largest width of a picture in heights
+
+
 def panels(
     case: Mapping[str, Any],
     clouds: Clouds,
@@ -132,7 +135,8 @@ def panels(
       `image`, and TITLE or `TITLE, ANGLE degrees` -> uint8 [height, w, 3].
     """
     shape = case["image"].shape[:2]
-    size = (height, round(shape[1] * (height / shape[0])))
+    # Much wider images are squeezed, so that a record cannot take much memory.
+    size = (height, max(1, min(round(shape[1] * (height / shape[0])), _WIDEST * height)))
     intrinsics = camera.scale_intrinsics(case["intrinsics"], shape, size)
     image = Image.fromarray(case["image"]).resize(size[::-1], Image.Resampling.BICUBIC)
     drawn = {"image": np.asarray(image)}

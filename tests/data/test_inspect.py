@@ -30,6 +30,23 @@ def test_a_folder_that_cannot_be_written_can_be_checked(copied, capsys, monkeypa
     assert inspect.main([str(copied), "--samples", "1", "--sheet", "x.png"]) == 2
 
 
+def test_records_of_odd_proportions_fit_on_a_sheet(make, rng, tmp_path, capsys):
+    odd = [
+        make.sample(
+            rng,
+            image=np.zeros((*size, 3), np.uint8),
+            mask=np.ones(size, bool),
+            depth=None,
+            model_id=f"{size}",
+        )
+        for size in ((4096, 8), (8, 4096))
+    ]
+    write_dataset(tmp_path, {"train": odd}, source="test")
+    assert inspect.main([str(tmp_path)]) == 0
+    with Image.open(tmp_path / "sheet.png") as sheet:
+        assert sheet.height < 600
+
+
 def test_samples_off_their_masks_are_flagged(make, rng, tmp_path):
     sample = make.sample(rng, mask=np.zeros((24, 32), np.bool_), depth=None)
     write_dataset(tmp_path, {"train": [sample]}, source="test")
