@@ -801,7 +801,8 @@ def test_a_file_takes_the_name_of_the_other_kind(write):
 # The rows of the table in docs/rendering.md, and the cases that have the feature.
 FEATURES = {
     "strips and fans of triangles": "fanmix",
-    "colours of vertices": "VertexColorTest",
+    "colours of vertices": "BoxVertexColors",
+    "colours of faces with a texture": "vertex colours times a texture",
     "normalised and quantised numbers": "quant",
     "sparse accessors": "SimpleSparseAccessor",
     "instances": "SimpleInstancing",
@@ -838,6 +839,7 @@ def test_features_are_read_as_the_table_says(write):
         "faces with missing vertices": REFUSED["faces have missing vertices"],
         "missing textures": tex().replace('"bufferView": 0, "mimeType"', '"uri": "gone.png", "a"'),
         "coordinates that are not finite": REFUSED["not finite"],
+        "cut-off files": tex()[:-100],
         "extensions that a file requires and we do not read": changed(extensionsRequired=["A_b"]),
     }.items():
         found[feature] = outcome(write("a.gltf", text))
