@@ -34,17 +34,16 @@ from PIL import Image
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import psgn_jax
-from psgn_jax import tasks
 from psgn_jax.commands.evaluate import open_with_records
 from psgn_jax.commands.weights import describe
 from psgn_jax.data import photo
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.evaluation import table
 from psgn_jax.evaluation.report import Collector
-from psgn_jax.evaluation.run import FRAMES, evaluate_run
 from psgn_jax.losses import chamfer_sq_mean
 from psgn_jax.prediction import masks
 from psgn_jax.system.files import write_atomic
+from psgn_jax.tasks.run import FRAMES, evaluate_run
 from psgn_jax.viewing import spheres
 from psgn_jax.weights.file import read_weights
 from psgn_jax.weights.opening import weights_path
@@ -218,7 +217,6 @@ def evaluate(weights, data, frame, folder):
     collector = Collector(folder)
     evaluation = evaluate_run(
         open_with_records(None, weights, data=path),
-        tasks.create,
         split=split or "validation",
         frame=frame,
         out=folder / frame,

@@ -16,14 +16,14 @@ from PIL import Image
 from data_gen.catalogues import open_catalogue
 from data_gen.mesh import UnusableModelError
 from data_gen.readers.load import READERS
-from psgn_jax import losses, tasks
+from psgn_jax import losses
 from psgn_jax.data import conversion
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.sources import shapenet
 from psgn_jax.evaluation import clouds, table
-from psgn_jax.evaluation.run import evaluate_run
 from psgn_jax.losses.by_name import configured_loss
 from psgn_jax.models import networks
+from psgn_jax.tasks.run import evaluate_run
 from psgn_jax.training import loop
 from psgn_jax.weights.run_folder import open_run
 
@@ -81,7 +81,7 @@ def test_a_network_and_a_metric(example, monkeypatch, tmp_path):
     config = standin.config(model__name="vanilla", model__random_size=0, train__steps=6)
     state = loop.train(config, tmp_path / "run").state
     assert set(state.params) == {"Dense_0", "Dense_1"}
-    evaluation = evaluate_run(open_run(tmp_path / "run"), tasks.create)
+    evaluation = evaluate_run(open_run(tmp_path / "run"))
     largest = evaluation.metrics["hausdorff_radius"]
     assert (largest**2 >= evaluation.metrics["cd_sq_pred_to_gt_radius2"]).all()
     assert "Hausdorff" in table.text(evaluation)

@@ -17,10 +17,9 @@ from helpers import standin
 from helpers.small_runs import write_solids
 from PIL import features
 
-from psgn_jax import tasks
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.evaluation import table as table_lib
-from psgn_jax.evaluation.run import evaluate_run
+from psgn_jax.tasks.run import evaluate_run
 from psgn_jax.training import loop
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.leaves import named_leaves
@@ -72,7 +71,7 @@ def test_leaves_of_a_checkpoint_and_its_evaluation(run):
     found = Checkpoints(run / "checkpoints", read_only=True).restore_newest()
     leaves = {name: f"{a.dtype}{list(a.shape)}" for name, a in found.leaves.items()}
     assert leaves == GOLDEN["leaves"]
-    result = evaluate_run(open_run(run, "last"), tasks.create)
+    result = evaluate_run(open_run(run, "last"))
     for name, value in GOLDEN["means"].items():
         np.testing.assert_allclose(result.means[name], value, rtol=1e-4, atol=1e-6, err_msg=name)
     table = table_lib.text(result)

@@ -3,7 +3,7 @@
 It prints the table and writes it into the run's folder; for weights, into
 `eval_<weights>_<split>` in the current folder. `--report=DIR` also writes a gallery of all samples.
 `--baselines` writes another table, of `evaluation.baselines`.
-Several processes (`system.group`) divide the split among themselves. `psgn_jax.evaluation.run`
+Several processes (`system.group`) divide the split among themselves. `psgn_jax.tasks.run`
 describes the metrics and the files.
 """
 
@@ -12,7 +12,6 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from psgn_jax import tasks
 from psgn_jax.commands.common import (
     define_group_flags,
     define_network_flags,
@@ -25,11 +24,11 @@ from psgn_jax.config.data import DataConfig
 from psgn_jax.config.experiment import ConfigError, EvalConfig, check_paths, require_points_task
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.evaluation import baselines, table
-from psgn_jax.evaluation.run import FRAMES, evaluate_run, output_folder, report_runs
 from psgn_jax.models import networks
 from psgn_jax.system import group
 from psgn_jax.system.cpu import keep_freed_memory
 from psgn_jax.system.files import check_folder, write_atomic
+from psgn_jax.tasks.run import FRAMES, evaluate_run, output_folder, report_runs
 from psgn_jax.weights.opening import open_network
 from psgn_jax.weights.run_folder import Trained
 
@@ -125,8 +124,8 @@ def _main(flags: Flags) -> None:
             sys.stdout.write(_baselines(runs[0], values.split, values.out))
             return
         if values.report:
-            result = report_runs(values.report, runs, tasks.create, **options)
+            result = report_runs(values.report, runs, **options)
         else:
-            result = evaluate_run(runs[0], tasks.create, **options)
+            result = evaluate_run(runs[0], **options)
     if first:
         sys.stdout.write(table.text(result))

@@ -11,7 +11,7 @@ true points that the loss uses (default all `data.num_points`).
 import functools
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -82,12 +82,16 @@ def configured_loss(config: LossConfig) -> Callable[[Array, Array], tuple[Array,
     k. `terms` has the values d_k without weights and gradient, by name; it is {} for a loss that is
     just a name. Errors: `parse_terms`.
     """
-    terms = parse_terms(config)
+    return sum_of(parse_terms(config))
+
+
+def sum_of(terms: Sequence[LossTerm]) -> Callable[[Array, Array], tuple[Array, dict[str, Array]]]:
+    """`configured_loss` of these terms."""
 
     def loss(pred: Array, gt: Array) -> tuple[Array, dict[str, Array]]:
         values = {term.name: term.distance(pred, gt) for term in terms}
-        if config.name.strip() in LOSSES:
-            return values[config.name.strip()], {}
+        if len(terms) == 1 and terms[0].text == terms[0].name:
+            return values[terms[0].name], {}
         weighted = [term.weight * values[term.name] for term in terms]
         return sum(weighted[1:], start=weighted[0]), jax.lax.stop_gradient(values)
 

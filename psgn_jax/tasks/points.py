@@ -2,7 +2,7 @@
 
 import functools
 import pathlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
 
 import jax
@@ -18,7 +18,7 @@ from psgn_jax.evaluation import clouds as metrics_lib
 from psgn_jax.evaluation.aligned import aligned_metrics
 from psgn_jax.evaluation.results import Evaluation
 from psgn_jax.evaluation.split import compile_measure, evaluate_split
-from psgn_jax.losses.by_name import chosen_points, configured_loss, parse_terms
+from psgn_jax.losses.by_name import LossTerm, chosen_points, parse_terms, sum_of
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.losses.mapping import map_pairs
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n
@@ -51,7 +51,8 @@ def points_task(config: Config, workdir: pathlib.Path) -> Task:
       averaged over the samples; `kl_of_dims`, that of each dimension; `kl_weight`, its weight.
     """
     model = networks.build(config.model)
-    _check_loss(config, model.num_points)
+    terms = parse_terms(config.loss)
+    _check_loss(config, terms, model.num_points)
     keys = networks.input_keys(config)
 
     def random_columns(step: Array | int, batch_size: int, *, train: bool) -> dict[str, Array]:
@@ -71,7 +72,7 @@ def points_task(config: Config, workdir: pathlib.Path) -> Task:
         title=config.model.name,
         keys=keys,
         init_params=functools.partial(networks.init_params, config, model),
-        objective=Partial(functools.partial(_objective, config, model)),
+        objective=Partial(functools.partial(_objective, config, model, sum_of(terms))),
         evaluate=evaluate,
         picture=functools.partial(_picture, config, eval_step),
         random_columns=random_columns,
@@ -79,10 +80,9 @@ def points_task(config: Config, workdir: pathlib.Path) -> Task:
 
 
 def _objective(
-    config: Config, model: nn.Module, params: Any, batch: Batch, step: Array
+    config: Config, model: nn.Module, loss: PairFunction, params: Any, batch: Batch, step: Array
 ) -> tuple[Array, dict[str, Array]]:
-    loss, r = configured_loss(config.loss), batch.get("r")
-    metrics: dict[str, Array] = {}
+    r, metrics = batch.get("r"), dict[str, Array]()
     extra = jnp.float32(0)
     if config.model.posterior and r is not None:
         volumes = jax.vmap(posterior.occupied)(batch["points"])
@@ -266,7 +266,7 @@ def with_draws(
     return run
 
 
-def _check_loss(config: Config, num_points: int) -> None:
+def _check_loss(config: Config, terms: Sequence[LossTerm], num_points: int) -> None:
     """Raises `ConfigError` if the loss does not accept the numbers of points."""
     if config.loss.winner_points > (most := min(num_points, config.data.num_points)):
         raise ConfigError(
@@ -276,7 +276,6 @@ def _check_loss(config: Config, num_points: int) -> None:
     pred, gt = (
         jax.ShapeDtypeStruct((n, 3), np.float32) for n in (num_points, config.data.num_points)
     )
-    terms = parse_terms(config.loss)
     for term in terms:
         try:
             jax.eval_shape(term.distance, pred, gt)

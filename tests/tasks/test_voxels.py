@@ -11,7 +11,6 @@ import pytest
 from helpers import standin
 
 import psgn_jax
-from psgn_jax import tasks
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data import camera, loader, schema
 from psgn_jax.data.dataset import write_dataset
@@ -19,8 +18,8 @@ from psgn_jax.data.schema import RecordError
 from psgn_jax.evaluation import results as lib
 from psgn_jax.evaluation import table as table_lib
 from psgn_jax.evaluation.results import Evaluation, SampleName
-from psgn_jax.evaluation.run import evaluate_run, report_runs
 from psgn_jax.tasks import refiner
+from psgn_jax.tasks.run import evaluate_run, report_runs
 from psgn_jax.training.log import read_metrics
 from psgn_jax.training.loop import train
 from psgn_jax.weights.checkpoint import Checkpoints
@@ -176,7 +175,7 @@ def test_the_source_is_copied_and_evaluation_repeats_training(refined, points_ru
     moved = dataclasses.replace(settings.voxels, from_cd="/no/such")
     moved = dataclasses.replace(settings, voxels=moved)
     assert refiner.open_source(moved, workdir, "from_cd").step == 2
-    result = evaluate_run(open_run(workdir), tasks.create, out=tmp_path / "out")
+    result = evaluate_run(open_run(workdir), out=tmp_path / "out")
     (found,) = entries(workdir, "eval")
     assert result.means["iou"] == pytest.approx(found["iou"], rel=1e-6)
     assert "chosen on the split that was evaluated during training: iou" in table_lib.text(result)
@@ -185,8 +184,8 @@ def test_the_source_is_copied_and_evaluation_repeats_training(refined, points_ru
     assert "num_pred_points" not in document
     for wrong in (
         lambda: psgn_jax.load(workdir),
-        lambda: evaluate_run(open_run(workdir), tasks.create, draws=2),
-        lambda: report_runs(tmp_path / "pages", [open_run(workdir)], tasks.create),
+        lambda: evaluate_run(open_run(workdir), draws=2),
+        lambda: report_runs(tmp_path / "pages", [open_run(workdir)]),
     ):
         with pytest.raises(ConfigError, match="expects a run of the task 'points'"):
             wrong()
@@ -234,7 +233,7 @@ def test_3d_r2n2_on_one_to_three_views(data, tmp_path):
     outcome = train(settings, tmp_path / "run")
     (found,) = entries(tmp_path / "run", "eval")
     assert {"iou_1_views", "iou_3_views", "threshold_of_iou_3_views"} <= set(found)
-    result = evaluate_run(open_run(tmp_path / "run"), tasks.create)
+    result = evaluate_run(open_run(tmp_path / "run"))
     assert result.means["iou_3_views"] == pytest.approx(found["iou_3_views"], rel=1e-6)
     check_resuming(settings, tmp_path / "run", outcome.state)
 

@@ -10,12 +10,13 @@ The folder `eval_<split>_<best|last>` of a run (then `_placed` if placed, `_refi
 
 import dataclasses
 import pathlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from absl import logging
 
-from psgn_jax.config.experiment import Config, ConfigError, require_points_task
+from psgn_jax import tasks
+from psgn_jax.config.experiment import ConfigError, require_points_task
 from psgn_jax.evaluation import report as report_lib
 from psgn_jax.evaluation import table
 from psgn_jax.evaluation.results import Evaluation
@@ -30,7 +31,6 @@ FRAMES = ("keep", "place")
 
 def evaluate_run(
     run: Trained,
-    create_task: Callable[[Config, str], Any],
     *,
     split: str | None = None,
     out: str | pathlib.Path | None = None,
@@ -69,7 +69,7 @@ def evaluate_run(
     logging.info("evaluating %s, step %d, split %s", run.source, run.step, split)
     ends = ("_placed" if frame == "place" else "") + ("_refine" if refine else "")
     folder = output_folder(run, out, "eval", split, ends)
-    result: Evaluation = create_task(config, workdir).evaluate(
+    result: Evaluation = tasks.create(config, workdir).evaluate(
         run.params, split=split, on_batch=on_batch, chosen=run.scores, draws=draws
     )
     if not group.is_first():
@@ -99,7 +99,6 @@ def output_folder(
 def report_runs(
     folder: str | pathlib.Path,
     runs: Sequence[Trained],
-    create_task: Callable[[Config, str], Any],
     **options: Any,
 ) -> Evaluation:
     """Evaluates one network, or two for a comparison, and writes the gallery (`evaluation.report`).
@@ -112,7 +111,7 @@ def report_runs(
     reported: list[Any] = []
     for run in runs:
         collector = report_lib.Collector(folder)
-        result = evaluate_run(run, create_task, on_batch=collector, **options)
+        result = evaluate_run(run, on_batch=collector, **options)
         options["out"] = None
         num_fc = len(networks.build(run.config.model).branches.fc)
         reported.append(report_lib.Reported(run.name, result, collector, num_fc))
