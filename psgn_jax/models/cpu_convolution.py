@@ -43,12 +43,10 @@ def _on_cpu() -> bool:
     return not _plain.get() and jax.default_backend() == "cpu"
 
 
-def convolve(x: Array, kernel: Array, stride: int, groups: int) -> Array | None:
-    """`layers.convolve` on a CPU; `groups` is 1 or the channels of x."""
+def convolve(x: Array, kernel: Array, stride: int) -> Array | None:
+    """`layers.convolve` on a CPU."""
     if not _on_cpu():
         return None
-    if groups > 1:
-        return _convolve_depthwise(x, kernel, stride)
     return (_convolve_images if x.ndim == 4 else _convolve_volumes)(x, kernel, stride)
 
 
@@ -116,19 +114,6 @@ def _convolve_volumes(x: Array, kernel: Array, stride: int) -> Array:
     flat = kernel.transpose(1, 2, 0, 3, 4).reshape(kh, kw, kd * c_in, c_out)
     y = _convolve_images(slices, flat, stride)
     return y.reshape(-1, planes, *y.shape[1:])
-
-
-def _convolve_depthwise(x: Array, kernel: Array, stride: int) -> Array:
-    """A sum of shifted images, one for each tap; 5 to 60 times as fast as XLA's loop."""
-    (h, w), (kh, kw) = x.shape[1:3], kernel.shape[:2]
-    rows, columns = -(-h // stride), -(-w // stride)
-    x = jnp.pad(x, ((0, 0), _same_padding(h, kh, stride), _same_padding(w, kw, stride), (0, 0)))
-    total = jnp.zeros((), x.dtype)
-    for i in range(kh):
-        for j in range(kw):
-            bottom, right = i + (rows - 1) * stride + 1, j + (columns - 1) * stride + 1
-            total = total + x[:, i:bottom:stride, j:right:stride] * kernel[i, j][None, None]
-    return total
 
 
 def _by_xla(part: onednn.Part, first: Array, kernel: Array, convolution: Convolution) -> Array:

@@ -46,22 +46,18 @@ _LAYOUT: dict[int, Any] = {4: ("NHWC", "HWIO", "NHWC"), 5: ("NDHWC", "DHWIO", "N
 
 
 def convolve(
-    x: Float[Array, "b *size c_in"], kernel: Float[Array, "*taps c_group c_out"], stride: int = 1
+    x: Float[Array, "b *size c_in"], kernel: Float[Array, "*taps c_in c_out"], stride: int = 1
 ) -> Float[Array, "b *out c_out"]:
     """Convolution (cross-correlation) of images or volumes, SAME padding of TensorFlow.
 
-    The output has `ceil(size / stride)` cells along each axis. If the kernel of a convolution of
-    images has one input channel, each channel of x is convolved by itself.
+    The output has `ceil(size / stride)` cells along each axis.
     """
-    groups = x.shape[-1] if kernel.shape[-2] == 1 else 1
-    if x.shape[-1] != groups * kernel.shape[-2]:
+    if x.shape[-1] != kernel.shape[-2]:
         raise ValueError(f"a kernel of shape {kernel.shape} does not fit {x.shape[-1]} channels")
-    if (y := cpu_convolution.convolve(x, kernel, stride, groups)) is not None:
+    if (y := cpu_convolution.convolve(x, kernel, stride)) is not None:
         return y
     strides, layout = (stride,) * (x.ndim - 2), _LAYOUT[x.ndim]
-    return lax.conv_general_dilated(
-        x, kernel, strides, "SAME", dimension_numbers=layout, feature_group_count=groups
-    )
+    return lax.conv_general_dilated(x, kernel, strides, "SAME", dimension_numbers=layout)
 
 
 def convolve_transposed(
@@ -74,7 +70,7 @@ def convolve_transposed(
 
 
 class Conv(nn.Module):
-    """`convolve(x, kernel, stride) + bias`; `depthwise` convolves each of `features` by itself."""
+    """`convolve(x, kernel, stride) + bias`."""
 
     features: int
     kernel_size: int = 3
@@ -83,12 +79,10 @@ class Conv(nn.Module):
     bias_init: Initializer = nn.initializers.zeros_init()
     dtype: Any = jnp.float32
     ndim: int = 2
-    depthwise: bool = False
 
     @nn.compact
     def __call__(self, x: Float[Array, "b *size c_in"]) -> Float[Array, "b *out c_out"]:
-        channels = 1 if self.depthwise else x.shape[-1]
-        shape = (*(self.kernel_size,) * self.ndim, channels, self.features)
+        shape = (*(self.kernel_size,) * self.ndim, x.shape[-1], self.features)
         kernel = self.param("kernel", self.kernel_init, shape, jnp.float32)
         y = convolve(x.astype(self.dtype), kernel.astype(self.dtype), self.stride)
         return _add_bias(self, y)
