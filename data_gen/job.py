@@ -88,7 +88,7 @@ def text_of(progress: shards.Progress) -> str:
     if any("file_crc32" in line for line in refused):
         out.append("mend refused files and run the command again")
     kinds = Counter(kind_of_warning(w) for x in progress.lines for w in x.get("warnings", ()))
-    out += [f"  warning in {n} models: {kind}" for kind, n in kinds.most_common()]
+    out += [f"  warning in {n} model{'s' * (n > 1)}: {kind}" for kind, n in kinds.most_common()]
     return "\n".join(map(one_line, out))
 
 

@@ -68,7 +68,8 @@ def _json_and_chunk(data: bytes) -> tuple[Any, memoryview | None]:
         if cut:
             raise damaged(f"the file is cut: a chunk ends after the last of its {len(data)} bytes")
     try:
-        return parse_json(bytes(text).decode("utf-8-sig", "replace"), max_depth=64), chunk
+        letters = bytes(text).rstrip(b"\0").decode("utf-8-sig", "replace")  # some pad with zeros
+        return parse_json(letters, max_depth=64), chunk
     except json.JSONDecodeError as error:
         where = f"line {error.lineno}, column {error.colno}"
         raise damaged(f"its JSON is damaged in {where}") from None
@@ -162,7 +163,7 @@ class _File:
         if comma and head[:5].lower() == "data:":
             raw = urllib.parse.unquote_to_bytes(text)
             try:
-                return binascii.a2b_base64(raw + b"==") if head.endswith(";base64") else raw
+                return binascii.a2b_base64(raw + b"==") if head.lower().endswith(";base64") else raw
             except binascii.Error:
                 raise damaged("the base64 text of a data URI is damaged") from None
         try:
@@ -360,9 +361,15 @@ class _File:
         packed = part.extension(DRACO)
         if packed and "bufferView" not in self.root.item("accessors", attributes.whole("POSITION")):
             corners, found = by_draco(packed, self.view(packed.whole("bufferView")))
-            given |= {name: (found[name], given[name][1]) for name in given if name in found}
+            mode = 4
+            for name in given.keys() & found.keys():
+                if found[name].shape[1:] not in [(width,) for width in widths[name]]:
+                    raise damaged(f"{packed.path}.attributes.{name} has the wrong type")
+                given[name] = found[name], given[name][1]
         elif "indices" in part:
             corners = self.accessor(part.whole("indices"), 1)[0][:, 0]
+            if corners.dtype.kind != "u":
+                raise damaged(f"{part.path}.indices have the wrong componentType")
         total = len(given["POSITION"][0])
         count = total if corners is None else len(corners)
         self.faces += (count // 3 if mode == 4 else max(count - 2, 0)) * len(placed)

@@ -80,11 +80,11 @@ class Gltf:
         buffers = [{"uri": uri or inside, "byteLength": len(self.data)}, *self.json["buffers"][1:]]
         return json.dumps({**self.json, "buffers": buffers})
 
-    def glb(self):
+    def glb(self, fill=b" "):
         buffers = [{"byteLength": len(self.data)}, *self.json["buffers"][1:]]
         text = json.dumps({**self.json, "buffers": buffers}).encode()
         chunks = b""
-        for kind, data, fill in ((b"JSON", text, b" "), (b"BIN\0", self.data, b"\0")):
-            data += fill * (-len(data) % 4)
+        for kind, data, pad in ((b"JSON", text, fill), (b"BIN\0", self.data, b"\0")):
+            data += pad * (4 - len(data) % 4)
             chunks += struct.pack("<I4s", len(data), kind) + data
         return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks

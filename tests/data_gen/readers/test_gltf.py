@@ -9,6 +9,7 @@ import json
 import pathlib
 import re
 import sys
+import urllib.parse
 import zipfile
 
 import numpy as np
@@ -238,6 +239,20 @@ def buffer_query():
     return {"a.gltf": text, "a b.bin": g.data}
 
 
+@case(colours=[R, B])
+def data_without_base64():
+    g = Gltf()
+    g.show([textured(g)])
+    g.json["images"] = [{"uri": "data:image/png," + urllib.parse.quote(RED_BLUE)}]
+    return g.text()
+
+
+@case(extents=(1, 1, 0))
+def padded_with_zeros():
+    g = Gltf()
+    return {"a.glb": g.show([g.square()]).glb(fill=b"\0")}
+
+
 @case(extents=(1, 1, 0))
 def trailing():
     g = Gltf()
@@ -378,6 +393,19 @@ def simple_skin():
     return g.text()
 
 
+@case(extents=(1, 3, 0))
+def eight_joints():
+    g = Gltf(skins=[{"joints": [1, 2]}])
+    one, zero = np.eye(4, dtype="f4")[[0] * 4], np.zeros((4, 4), "u1")
+    # The upper corners take two halves of joints in both sets.
+    up = SQUARE[:, 1:2] / 2
+    sets = {"JOINTS_0": zero, "WEIGHTS_0": one * (1 - up), "JOINTS_1": zero + np.uint8(1),
+            "WEIGHTS_1": one * up}  # fmt: skip
+    g.show([g.square(**sets)], skin=0)
+    g.json["nodes"] += [{}, {"matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 4, 0, 1]}]
+    return g.text()
+
+
 @case("RecursiveSkeletons", faces=4, extents=(4, 1, 0))
 def recursive_skeletons():
     g = Gltf(skins=[{"joints": [1]}, {"joints": [3]}], scenes=[{"nodes": [0]}])
@@ -416,6 +444,18 @@ def instances():
     placed = {"TRANSLATION": g.array(moves), "SCALE": g.array(scales)}
     instancing = {"EXT_mesh_gpu_instancing": {"attributes": placed}}
     return g.show([g.square()], extensions=instancing, translation=[9, 9, 9]).text()
+
+
+@case(faces=6, extents=(6, 6, 0), colours=[R, B] * 3)
+def quantised_coordinates_and_turned_instances():
+    g = Gltf(extensionsRequired=["EXT_mesh_gpu_instancing", "KHR_mesh_quantization"])
+    turns = np.array([[0, 0, 0, 127], [0, 0, 90, 90], [0, 0, 127, 0]], "i1")
+    moves = {"TRANSLATION": g.array(np.array([[1, 0, 0], [0, 1, 0], [-1, -1, 0]], "f4"))}
+    placed = moves | {"ROTATION": g.array(turns, normalized=True)}
+    # Positions of a square of edge 2 as plain bytes, texture coordinates as fractions.
+    part = textured(g, positions=(2 * SQUARE).astype("i1"),
+                    TEXCOORD_0=g.array((255 * CORNERS).astype("u1"), normalized=True))  # fmt: skip
+    return g.show([part], extensions={"EXT_mesh_gpu_instancing": {"attributes": placed}}).text()
 
 
 @case("MultiUVTest", faces=4, colours=[R, B, B, R])
