@@ -6,6 +6,8 @@ from data_gen.mesh import face_areas, texels
 
 RED, BLUE, GREY = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.6, 0.6, 0.6)
 
+WHITE = (1.0, 1.0, 1.0)
+
 
 def area(model):
     """The area, relative to the square of the largest extent."""

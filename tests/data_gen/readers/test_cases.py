@@ -4,7 +4,7 @@ import os
 import pathlib
 
 import pytest
-from helpers.looks import BLUE, GREY, RED, area, colours
+from helpers.looks import BLUE, GREY, RED, WHITE, area, colours
 
 from data_gen.mesh import UnusableModelError
 from data_gen.readers.load import load_model
@@ -49,10 +49,33 @@ READ = {
     "stl/cr.stl": (2, 1, {GREY}, ""),
     "stl/long_name.stl": (2, 1, {GREY}, ""),
     "reasons/cr.obj": (12, 22 / 9, {GREY}, ""),
+    "gltf/plain.gltf": (12, 22 / 9, {WHITE}, ""),
+    "gltf/two.gltf": (24, 11 / 9, {WHITE}, ""),
+    "gltf/quant.gltf": (24, 11 / 9, {WHITE}, ""),
+    "gltf/fanmix.gltf": (15, 23.25 / 6.5**2, {WHITE}, ""),
+    "gltf/tex.gltf": (12, 22 / 9, {RED}, ""),
+    "gltf/textr.gltf": (12, 22 / 9, {BLUE}, ""),
+    "gltf/texcoord1.gltf": (12, 22 / 9, {BLUE}, ""),
+    "gltf/ktx2.gltf": (12, 22 / 9, {WHITE}, "KHR_texture_basisu"),
+    "gltf/bom.gltf": (2, 1, {WHITE}, "scenes other than the default"),
+    "gltf/wrong_file/chair.gltf": (2, 1, {WHITE}, "scenes other than the default"),
+    "gltf/mesh_and_camera_in_one_node.gltf": (4, 2 / 16, {WHITE}, ""),
+    "gltf/morph_default_weight.gltf": (2, 2 / 4, {WHITE}, ""),
+    "gltf/skin_scaled_joint.gltf": (4, 4 / 9, {WHITE}, ""),
+    "gltf/specgloss_palette.gltf": (2, 1, {RED, BLUE}, ""),
+    "gltf/specgloss_4096px.gltf": (2, 1, {(0.39, 0.47, 0.55)}, "specularGlossinessTexture"),
+    "gltf/white_by_default.gltf": (4, 2 / 9, {WHITE, (0.95, 0.95, 0.95)}, ""),
+    "gltf/meshopt.gltf": (2, 1, {WHITE}, ""),
+    "gltf/chain_300.gltf": (2, 1, {WHITE}, ""),
+    "gltf/buffer_query.gltf": (2, 1, {WHITE}, ""),
+    "gltf/trailing.glb": (2, 1, {WHITE}, ""),
 }
 
 REFUSED = {
     "ply/truncated.ply": "4 announced, 1 there",
+    "gltf/draco_mixed.gltf": "KHR_draco_mesh_compression",
+    "reasons/draco.gltf": "KHR_draco_mesh_compression",
+    "reasons/v1.gltf": "glTF 1.0",
     "reasons/lfs.obj": "Git LFS pointer",
     "reasons/zeroidx.obj": "index 0, but 1 is the first",
     "reasons/tr1.obj": "all faces are transparent, opacity 0 of material 'a'",
@@ -61,6 +84,8 @@ REFUSED = {
 
 @pytest.mark.parametrize("name", READ)
 def test_cases_that_are_read(name):
+    if name == "gltf/meshopt.gltf":
+        pytest.importorskip("meshoptimizer")
     faces, size, shown, word = READ[name]
     model = load_model(CASES / name)
     assert (len(model.faces), set(colours(model))) == (faces, shown)

