@@ -23,6 +23,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags.integer("clouds", 4, "Largest number of clouds of each file.", lower_bound=1)
     flags.string("turntable", None, "GIF of the first prediction, rotating.")
     flags.bool("branch", False, "Whether the first cloud is also shown with colours by branch.")
+    flags.integer("height", 144, "Height of each picture in pixels; 480 is good for slides.",
+                  lower_bound=48, upper_bound=2160)  # fmt: skip
     return flags.run(_main, argv, wrong_input=(ValueError,))
 
 
@@ -42,7 +44,7 @@ def _main(flags: Flags) -> None:
         first = first or clouds[titles[0]]
         if values.branch:
             clouds["by branch"] = points[0], spheres.colours_by_branch(arrays["branch"])
-        rows.append((pathlib.Path(path).stem, spheres.panels(arrays, clouds, height=144)))
+        rows.append((pathlib.Path(path).stem, spheres.panels(arrays, clouds, height=values.height)))
     sheet = spheres.sheet(rows, columns=values.columns)
     spheres.write_picture(sheet, values.out)
     if values.turntable and first:

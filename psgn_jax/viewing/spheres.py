@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 from scipy import ndimage
 
 from psgn_jax.data import camera
@@ -159,7 +159,8 @@ def sheet(rows: Sequence[tuple[str, Mapping[str, np.ndarray]]], *, columns: int)
     """
     lengths = [sum(picture.shape[1] for picture in pictures.values()) for _, pictures in rows]
     wide, high = max(lengths), next(iter(rows[0][1].values())).shape[0]
-    margin, head = 12, 16
+    font = ImageFont.load_default(max(10, high // 14))
+    margin, head = 12, max(16, high // 9)
     lines = -(-len(rows) // columns)
     size = columns * (wide + margin) + margin, lines * (high + head) + margin
     page = Image.new("RGB", size, "white")
@@ -169,7 +170,9 @@ def sheet(rows: Sequence[tuple[str, Mapping[str, np.ndarray]]], *, columns: int)
         for j, (title, picture) in enumerate(pictures.items()):
             page.paste(Image.fromarray(picture), (left, top + head - 4))
             grey = 130 if j else 60
-            pen.text((left + 8 * bool(j), top), title if j else label, fill=(grey, grey, grey))
+            pen.text(
+                (left + 8 * bool(j), top), title if j else label, font=font, fill=(grey, grey, grey)
+            )
             left += picture.shape[1]
     return page
 

@@ -284,27 +284,27 @@ function dragged({ axis, own, way }) {
 const DIRECTIONS = ["front", "right", "up"];
 const fields = []; // [input, the object that has its number, key]
 
-/** Adds a row of number fields to a panel: its title, and [label, object, key, limits, step] of each. */
+/** Adds a row of number fields to a panel: its title, and [short, label, object, key, limits, step] of each. */
 function row(panel, title, ...columns) {
   panel.append(make("span", { textContent: title }));
-  for (const [ariaLabel, owner, key, [min, max], step = "any"] of columns) {
+  for (const [short, ariaLabel, owner, key, [min, max], step = "any"] of columns) {
     const input = make("input", { type: "number", ariaLabel, min, max, step });
     input.addEventListener("change", () => {
       if (input.value !== "" && input.checkValidity()) edit(() => { owner()[key] = +input.value; });
       else show();
     });
-    panel.append(input);
+    panel.append(make("label", {}, short, input));
     fields.push([input, owner, key]);
   }
 }
 
-const middle = ["x", "y"].map((key, k) => [`Middle of the object, ${DIRECTIONS[k]}`, model, key, [-2, 2]]);
-row($("object"), "Turn, place", ["Direction of the object, degrees", model, "turn", LIMITS.turn], ...middle);
+const middle = ["x", "y"].map((key, k) => [DIRECTIONS[k], `Middle of the object, ${DIRECTIONS[k]}`, model, key, [-2, 2]]);
+row($("object"), "Turn, place", ["degrees", "Direction of the object, degrees", model, "turn", LIMITS.turn], ...middle);
 for (const [key, title] of [["at", "Position"], ["size", "Size"], ["turn", "Turn"]]) {
-  row($("numbers"), title, ...DIRECTIONS.map((direction, k) => [`${title}, ${direction}`, () => selected()?.[key], k, LIMITS[key]]));
+  row($("numbers"), title, ...DIRECTIONS.map((direction, k) => [direction, `${title}, ${direction}`, () => selected()?.[key], k, LIMITS[key]]));
 }
-const sides = ["Sides of a prism", selected, "sides", [3, 12], 1];
-row($("numbers"), "Top, sides", ["Size of the top, 0 to 1", selected, "taper", [0, 1]], sides);
+const sides = ["sides", "Sides of a prism", selected, "sides", [3, 12], 1];
+row($("numbers"), "Shape", ["top", "Size of the top, 0 to 1", selected, "taper", [0, 1]], sides);
 
 function show() {
   const { cases } = data, { at, entries } = state, part = selected();
