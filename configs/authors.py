@@ -9,7 +9,7 @@ Expect: a lower cd_sq_radius2 than `configs/authors_small.py`; a complete run ha
 The recipe of `authors_small.py` with the published two-branch network and the CD as the loss. For
 the authors' own recipe, add:
     --config.loss.name=chamfer_authors --config.loss.l2=authors
-    --config.optim.schedule=constant --config.optim.warmup_steps=0
+    --config.optim.schedule=constant --config.optim.final_fraction=0 --config.optim.warmup_steps=0
     --config.optim.learning_rate=3e-5 --config.optim.clip_norm=0 --config.optim.ema_decay=0
     --config.data.flip=False --config.data.stretch=0 --config.data.num_points=16384
 """

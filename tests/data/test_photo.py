@@ -211,6 +211,7 @@ import json, resource, sys
 import numpy as np
 from PIL import Image
 from psgn_jax.data import framing, photo
+from psgn_jax.prediction import masks
 for width, height, mode in json.loads(sys.argv[1]):
     picture = Image.new(mode, (width, height), (255,) * len(mode))
     box = (width // 4, height // 4, width - width // 4, height - height // 4)
@@ -220,6 +221,7 @@ for width, height, mode in json.loads(sys.argv[1]):
     mask = Image.new("L", (width, height))
     mask.paste(255, box)
     mask.save("mask.png", compress_level=1)
+    masks.find_mask(read.image, read.alpha)
     try:
         framing.place(read.image, photo.read_mask("mask.png", read))
     except photo.PhotoError as error:
