@@ -8,7 +8,6 @@ identical, byte for byte, for any number of workers, restarts and parts, on a cl
 import contextlib
 import dataclasses
 import functools
-import json
 import os
 import pathlib
 from collections import Counter
@@ -144,7 +143,6 @@ def render_catalogue(
     }  # fmt: skip
     about = {"choice": {**dataclasses.asdict(choice), "limit": limit}}
     inputs = [(shards.Tag(e.model_id, e.category, e.split), e) for e in entries]
-    statement, about = json.loads(json.dumps([statement, about]))
     finders = {e.model_id: e.find_file for e in entries}
     checksum_now = functools.cache(checksum)
 

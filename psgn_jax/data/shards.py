@@ -36,6 +36,7 @@ from absl import logging
 from psgn_jax.config import structured
 from psgn_jax.data.dataset import ShardWriter, check_shard, read_shard
 from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
+from psgn_jax.data.schema import RecordError
 from psgn_jax.system.claims import ClaimedError, claim
 from psgn_jax.system.files import file_crc32, remove_temporaries, write_atomic
 from psgn_jax.system.untrusted import one_line, parse_json, read_json
@@ -343,7 +344,8 @@ def _difference(one: Any, two: Any, name: str = "") -> str:
         keys = sorted({*one, *two})
         texts = (_difference(one.get(k), two.get(k), f"{name}.{k}".lstrip(".")) for k in keys)
         return next(filter(None, texts), "")
-    return "" if one == two else f"{name}: {one!r} before, {two!r} now"
+    same = json.dumps(one) == json.dumps(two)  # a tuple is a list in a file
+    return "" if same else f"{name}: {one!r} before, {two!r} now"
 
 
 def _begin(folder: pathlib.Path, job: Job) -> None:
