@@ -242,10 +242,11 @@ def _check_memory(config: Config, state: TrainState, mesh: Mesh) -> None:
         limit = stats.get("bytes_limit")
     sizes = [math.prod(x.shape) * x.dtype.itemsize for x in jax.tree.leaves(state)]
     (height, width), channels = config.data.image_size, config.model.in_channels
-    batch = 4 * config.train.batch_size * height * width * channels
+    samples = max(config.train.batch_size, config.eval.batch_size)
+    batch = 4 * samples * height * width * channels
     for what, size, remedy in (
         ("the network with Adam's moments", copies * sum(sizes), "model.widths, model.fc_points"),
-        ("the images of a batch", batch, "data.image_size, train.batch_size"),
+        ("the images of a batch", batch, "data.image_size, train.batch_size, eval.batch_size"),
     ):
         if limit and size > limit:
             raise ConfigError(

@@ -252,6 +252,7 @@ def test_what_does_not_fit_is_named_before_anything_is_written(tmp_path):
         ),
         ({"model__fc_points": 1_000_000, "model__fc_widths": (1_000_000,)}, "the network with"),
         ({"train__batch_size": 1_000_000, "data__image_size": (192, 256)}, "the images of a batch"),
+        ({"eval__batch_size": 1_000_000, "data__image_size": (192, 256)}, "the images of a batch"),
     ],
 )
 def test_what_is_larger_than_the_memory_is_refused_before_it_is_allocated(changes, named, tmp_path):
