@@ -61,7 +61,7 @@ def _wrong(name: str, why: str) -> UserError:
 
 def _without_devices(given: list[str]) -> UserError | None:
     """The error for platforms that JAX cannot start; None if it has started."""
-    if not given:
+    if not given or "jax" not in sys.modules:
         return None
     import jax
 
