@@ -176,7 +176,8 @@ class EvalConfig:
     # `evaluate` always does.
     aligned: bool = False
     # Whether to measure the clouds as `psgn predict` gives them: averaged with those of the mirror
-    # image, and moved into the mask (`prediction.refine`). Only for the task "points".
+    # image, or with a random input the most typical of 16 draws (`prediction.draws`), and moved
+    # into the mask (`prediction.refine`). Only for the task "points".
     refine: bool = False
 
 
