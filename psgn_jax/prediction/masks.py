@@ -248,7 +248,8 @@ def find_mask(
     if certain < LEAST_CERTAINTY and not accept:
         raise UncertainMaskError(
             f"it is not certain which part is the object ({percent}%, expected at least "
-            f"{LEAST_CERTAINTY:.0%}); give its mask, a box or a point, or set accept_mask",
+            f"{LEAST_CERTAINTY:.0%}); give its mask, a box or a point, or accept this one "
+            "(--accept_mask, in Python accept_mask=True)",
             mask,
         )
     doubtful = certain < DOUBTFUL_BELOW

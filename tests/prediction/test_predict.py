@@ -277,8 +277,8 @@ def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch
     refused = predicted()
     assert isinstance(refused, masks.UncertainMaskError)
     assert (
-        "(67%, expected at least 80%); give its mask, a box or a point, or set accept_mask"
-        in str(refused)
+        "(67%, expected at least 80%); give its mask, a box or a point, or accept this one "
+        "(--accept_mask, in Python accept_mask=True)" in str(refused)
     )
     assert f"its proposal is {out}/a_mask.png" in str(refused)
     assert {path.name for path in out.iterdir()} == {"a_mask.png", "a_overlay.png"}
@@ -299,7 +299,7 @@ def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch
     for hint in ("", "; a_mask.png, beside the photo, is an unchanged proposal"):
         refused = predicted(tmp_path)
         assert isinstance(refused, masks.UncertainMaskError)
-        assert f"set accept_mask{hint}; its proposal is " in str(refused)
+        assert f"accept_mask=True){hint}; its proposal is " in str(refused)
     mended = proposed.copy()
     mended[40:60, 10:20] = True
     Image.fromarray(mended).save(tmp_path / "a_mask.png")
