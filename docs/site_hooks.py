@@ -22,6 +22,7 @@ PAGES = {
     "LICENSE": "LICENSE.txt",
     "notebooks/losses.ipynb": "notebooks/losses.ipynb",
     "notebooks/predict.ipynb": "notebooks/predict.ipynb",
+    **{f"examples/{path.name}": f"examples/{path.stem}.txt" for path in ROOT.glob("examples/*.py")},
 }
 """File in the root -> its place in the site."""
 

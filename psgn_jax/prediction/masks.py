@@ -105,7 +105,8 @@ def mask_of(
       mask: see `photo.read_mask`, also for `label`; None = automatic.
       method: see `find_mask`, also for `accept` and errors.
       invert: whether a given mask is white outside the object; None = if it covers the border.
-      box, point: as for `find_mask`, in pixels of the upright photo in its full size.
+      box: as for `find_mask`, in pixels of the upright photo in its full size.
+      point: likewise.
 
     Raises:
       PhotoError: the mask cannot be used.
