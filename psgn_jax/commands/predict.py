@@ -102,7 +102,8 @@ def _main(flags: Flags) -> int:
         if isinstance(result, Exception):
             failed += 1
             uncertain += isinstance(result, masks.UncertainMaskError)
-            sys.stderr.write(f"failed: {one_line(path)}: {message_line(result)}\n")
+            message = message_line(result).replace("accept_mask=True", "--accept_mask")
+            sys.stderr.write(f"failed: {one_line(path)}: {message}\n")
             continue
         done += 1
         for warning in result.warnings:

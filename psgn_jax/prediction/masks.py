@@ -250,7 +250,7 @@ def find_mask(
         raise UncertainMaskError(
             f"it is not certain which part is the object ({percent}%, expected at least "
             f"{LEAST_CERTAINTY:.0%}); give its mask, a box or a point, or accept this one "
-            "(--accept_mask, in Python accept_mask=True)",
+            "(accept_mask=True)",
             mask,
         )
     doubtful = certain < DOUBTFUL_BELOW

@@ -11,6 +11,7 @@ from helpers.commands import psgn_each
 from helpers.weights import random_params
 from PIL import Image
 
+from psgn_jax.commands import predict
 from psgn_jax.config.experiment import ConfigError, to_dict, to_json
 from psgn_jax.data import camera
 from psgn_jax.prediction import mask_networks, masks
@@ -262,6 +263,13 @@ def test_results_never_replace_other_files_and_are_no_inputs(predictor, tmp_path
     assert sorted(path.name for path in results) == list(names)
 
 
+def test_the_command_names_its_flag_for_a_mask_that_is_not_certain(tmp_path, monkeypatch, capsys):
+    refused = masks.UncertainMaskError("accept this one (accept_mask=True)", np.ones((2, 2), bool))
+    monkeypatch.setattr(predict, "predict_files", lambda *_, **__: [("a.png", refused)])
+    assert predict.main(["a.png", f"--out={tmp_path}"]) == 2
+    assert "failed: a.png: accept this one (--accept_mask)" in capsys.readouterr().err
+
+
 def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch):
     p = np.full((8, 8), 0.01, np.float32)
     p[2:6, 3:6] = 0.7
@@ -278,7 +286,7 @@ def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch
     assert isinstance(refused, masks.UncertainMaskError)
     assert (
         "(67%, expected at least 80%); give its mask, a box or a point, or accept this one "
-        "(--accept_mask, in Python accept_mask=True)" in str(refused)
+        "(accept_mask=True)" in str(refused)
     )
     assert f"its proposal is {out}/a_mask.png" in str(refused)
     assert {path.name for path in out.iterdir()} == {"a_mask.png", "a_overlay.png"}
