@@ -82,7 +82,7 @@ def measure(config: Config, params: Any, split: str) -> tuple[dict[str, np.ndarr
     def predicted(params: Any, batch: Any, r: Any) -> Any:
         predict = functools.partial(networks.predict, config, network, params)
         points = predict(batch, r)
-        return jnp.stack([points, refined(predict, batch, r, points)], axis=1)
+        return jnp.stack([points, refined(predict, batch, r, points).points], axis=1)
 
     def predict(batch: Any, number: int) -> Any:
         size = config.eval.batch_size

@@ -13,7 +13,7 @@ import numpy as np
 
 from psgn_jax.evaluation.aligned import ITERATIONS, LARGEST_SCALE, LEAST_SCALE
 from psgn_jax.evaluation.results import OVER_CATEGORIES, OVER_SAMPLES, Evaluation, SampleName
-from psgn_jax.prediction.refine import largest_share
+from psgn_jax.prediction.silhouette import MOST_OUTSIDE
 from psgn_jax.system.files import finite_or_none
 from psgn_jax.system.untrusted import one_line
 
@@ -162,11 +162,10 @@ each prediction that bring it nearest to its truth ({ITERATIONS} nearest-neighbo
 Images were cropped and placed like photos, and the true points were moved accordingly. The unit is
 that of the frame; an object has radius 1 before it is placed and about 0.8 to 1.2 afterwards."""
     if evaluation.refined:
-        most = largest_share(evaluation.frame == "place")
         frame += f"""
 Predicted clouds were averaged with those of the mirror image, if the network has neither a random
-input nor depth. Points that projected outside the image's mask were moved into it, at their depth,
-if they were at most {most:.0%} of a cloud. Distances of several draws are without both."""
+input nor depth, and fitted to the image's mask if at most {MOST_OUTSIDE:.0%} of their points were
+projected outside it. Distances of several draws are without both."""
     return f"""
 Split {evaluation.split!r}, {num_pred} predicted points against {num_gt} true ones{repeated}.
 radius = that of an object's bounding hemisphere, the unit of all coordinates.

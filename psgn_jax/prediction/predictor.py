@@ -19,7 +19,8 @@ from psgn_jax.data import camera, framing, photo, resize
 from psgn_jax.models import networks
 from psgn_jax.prediction import draws, masks, sampling
 from psgn_jax.prediction.cloud import DECONV, FC, Prediction, colours_from_view, stray_points
-from psgn_jax.prediction.refine import largest_share, refined
+from psgn_jax.prediction.refine import refined
+from psgn_jax.prediction.silhouette import Fit
 from psgn_jax.viewing.predictions import MOST_CLOUDS
 from psgn_jax.weights.leaves import checksum, named_leaves
 from psgn_jax.weights.run_folder import Trained
@@ -51,8 +52,8 @@ class Predictor:
         self._deconv = list(model.branches.deconv)
 
         def network(
-            params: Any, batch: Any, r: Any, most_outside: Any, refine: bool, **choice: Any
-        ) -> Any:
+            params: Any, batch: Any, r: Any, refine: bool, placed: bool, **choice: Any
+        ) -> tuple[Fit, Any]:
             """The clouds [1, samples, n, 3], and the draws from which they were chosen."""
             predict = functools.partial(networks.predict, config, model, params)
             points = drawn = predict(batch, r)
@@ -60,10 +61,10 @@ class Predictor:
                 drawn = jax.lax.map(functools.partial(draws.chosen_first, **choice), points)
                 points = drawn[:, : choice["samples"]]
             if refine:
-                points = refined(predict, batch, r, points, most_outside)
-            return points, drawn
+                return refined(predict, batch, r, points, find_camera=placed), drawn
+            return Fit(points, batch["extrinsics"]), drawn
 
-        self._network = jax.jit(network, static_argnames=("refine", "samples", "first"))
+        self._network = jax.jit(network, static_argnames=("refine", "placed", "samples", "first"))
 
     def __call__(
         self,
@@ -106,9 +107,9 @@ class Predictor:
           normal_form: "yes" moves and scales the clouds so that the lowest point is at z = 0 and
             the farthest at distance 1 from the origin (`framing.normal_form`), because a photo does
             not show the size of its object; "no" does not; "auto" does if the image was placed.
-          refine: whether to average the cloud with the mirror image's, and to move points that
-            project outside the mask into it (`prediction.refine`). We move none if more than half
-            of them are outside, or more than a tenth in an image that was placed.
+          refine: whether to average the cloud with the mirror image's (`prediction.refine`) and to
+            fit it to the mask, with a camera of another elevation if the image was placed
+            (`prediction.silhouette`).
           first: the first cloud, with a random input: "medoid" is the draw that is nearest to all
             others, "mean" the mean of all (`draws.chosen_first`).
 
@@ -155,10 +156,10 @@ class Predictor:
             "intrinsics": camera.scale_intrinsics(view.intrinsics, view.mask.shape, size)[None],
             "extrinsics": view.extrinsics[None],
         }
-        most_outside = np.float32(largest_share(view.placed))
-        arguments = self._params, batch, r, most_outside
-        points, drawn = self._network(*arguments, refine=refine, samples=samples, first=first)
-        points = np.asarray(points).reshape(samples, -1, 3)
+        options = {"refine": refine, "placed": view.placed, "samples": samples, "first": first}
+        found, drawn = self._network(self._params, batch, r, **options)
+        points = np.asarray(found.points).reshape(samples, -1, 3)
+        view = dataclasses.replace(view, extrinsics=np.asarray(found.extrinsics[0]))
         clock.lap("network")
         if not np.isfinite(points).all():
             raise ConfigError("the network's points are not finite; expected intact weights")

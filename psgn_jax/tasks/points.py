@@ -25,7 +25,7 @@ from psgn_jax.losses.min_of_n import MinOfN, min_of_n
 from psgn_jax.models import networks, posterior
 from psgn_jax.prediction import draws as draws_lib
 from psgn_jax.prediction import sampling
-from psgn_jax.prediction.refine import largest_share, refined
+from psgn_jax.prediction.refine import refined
 from psgn_jax.tasks.task import Batch, Task
 from psgn_jax.viewing import spheres
 
@@ -115,12 +115,13 @@ def _measure(
     predict = functools.partial(networks.predict, config, model, params)
     r, settings = batch.get("r"), config.eval
     if settings.refine:
-        share, chosen = largest_share(config.data.eval_frame == "place"), None
+        chosen = None
         if r is not None:
             r = sampling.sample_latents(config, 0, 1, draws_lib.num_draws(1), 0)
             r = jnp.tile(r, (len(batch["image"]), 1, 1))
             chosen = jax.lax.map(draws_lib.chosen_first, predict(batch, r))[:, 0]
-        pred = refined(predict, batch, r, chosen, share)
+        placed = config.data.eval_frame == "place"
+        pred = refined(predict, batch, r, chosen, find_camera=placed).points
     else:
         pred = predict(batch, r)
 
