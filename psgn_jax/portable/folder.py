@@ -46,8 +46,8 @@ LARGEST_CD_CHANGE = 0.01
 """Largest accepted change of the mean CD, relative to JAX's clouds."""
 
 TEMPLATES = pathlib.Path(__file__).resolve().parent / "templates"
-JAVASCRIPT = ("draws.js", "framing.js", "resample.js")
-"""Modules in `TEMPLATES` that frame photos and choose draws like the Python code."""
+JAVASCRIPT = ("draws.js", "framing.js", "resample.js", "silhouette.js")
+"""Modules in `TEMPLATES` that frame photos, choose and fit draws like the Python code."""
 
 _NAMES = ["BOX_WIDTH", "BOX_HEIGHT", "BOX_POWER", "MIDDLE_COLUMN", "MIDDLE_ROW"]
 _NAMES += ["MIDDLE_ROW_PER_WIDTH", "SMALLEST_BOX"]
@@ -144,7 +144,7 @@ def write_folder(run: Trained, out: str | os.PathLike[str], **options: Any) -> d
     out = pathlib.Path(out)
     readme = string.Template((TEMPLATES / "README.md.txt").read_text())
     write_atomic(out / "README.md", readme.substitute(values))
-    for name in ("example.py", "example.html"):
+    for name in ("example.py", "example.html", "silhouette.py"):
         write_atomic(out / name, (TEMPLATES / f"{name}.txt").read_text())
     return description
 

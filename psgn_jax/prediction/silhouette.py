@@ -1,7 +1,7 @@
-"""A cloud fitted to the mask of its image: its silhouette covers the mask, and no part stands apart.
+"""A cloud fitted to the mask of its image.
 
 A network leaves parts of the mask empty, and projects points outside it. `fit` changes a cloud in
-three steps; (**ours**; docs/journal.md, 2026-11-27, has the measurements):
+three steps (**ours**; docs/journal.md, 2026-11-27, has the measurements):
 
 1. Points outside the mask move, at their depth, into the nearest pixel of the mask.
 2. Pixels of the mask that are far from every projected point pull the nearest one toward them, at

@@ -10,8 +10,9 @@ from psgn_jax.data import camera, framing, resize
 from psgn_jax.losses.emd import emd_exact
 from psgn_jax.portable import folder
 from psgn_jax.prediction import draws as own_draws
+from psgn_jax.prediction import silhouette
 from psgn_jax.prediction.cloud import colours_from_view, stray_points
-from psgn_jax.prediction.refine import into_silhouette, mean_of_matched
+from psgn_jax.prediction.refine import mean_of_matched
 
 MODULES = {name: folder.TEMPLATES / f"{name}.js" for name in ("draws", "framing", "resample")}
 pytestmark = pytest.mark.skipif(javascript.NODE is None, reason="no node")
@@ -141,19 +142,27 @@ return [framing.normalForm(input.points, stray), stray, colours];
     assert (own != expected).any(axis=1).mean() < 0.02  # points on a pixel's border
 
 
-@pytest.mark.parametrize(("share", "most_outside"), [(0.4, 0.5), (0.4, 0.1)])
-def test_points_move_into_the_mask(share, most_outside):
+@pytest.mark.parametrize("find_camera", [False, True])
+@pytest.mark.parametrize("image_size", [(96, 128), (192, 256)])
+def test_a_cloud_is_fitted_to_the_mask(find_camera, image_size):
     rng = np.random.default_rng(2)
-    points = rng.uniform(-share, share, (300, 3)).astype(np.float32)
-    mask = np.zeros((96, 128), bool)
-    mask[30:75, 45:90] = rng.random((45, 45)) < 0.9
-    body = "return framing.intoSilhouette(input.points, input.mask, input.most, input.about);"
-    given = {"points": points, "mask": mask, "most": most_outside, "about": about()}
-    own = np.reshape(run_node(body, **given), (-1, 3))
-    view = camera.default_camera(mask.shape)
-    expected = np.asarray(jax.jit(into_silhouette)(points, mask, *view, most_outside))
-    assert (own != points).any() == (share < most_outside)
-    np.testing.assert_allclose(own, expected, atol=1e-5)
+    points = rng.uniform((-0.3, -0.4, 0), (0.4, 0.4, 0.5), (300, 3)).astype(np.float32)
+    mask = np.zeros(image_size, bool)
+    height, width = image_size
+    mask[height // 3 : 3 * height // 4, width // 3 : 2 * width // 3] = True
+    mask &= rng.random(mask.shape) < 0.9
+    body = "return framing.fit([input.points], input.mask, input.find, input.about);"
+    given = {"points": points, "mask": mask, "find": find_camera, "about": about(image_size)}
+    own = javascript.node(body, {"framing": folder.TEMPLATES / "silhouette.js"}, **given)
+    fitted = jax.jit(silhouette.fit, static_argnames="find_camera")
+    expected = fitted(
+        points[None], mask, *camera.default_camera(mask.shape), find_camera=find_camera
+    )
+    extrinsics = own["camera"]["extrinsics"]
+    np.testing.assert_allclose(extrinsics, expected.extrinsics, atol=1e-4)
+    gaps = np.abs(np.reshape(own["clouds"][0], (-1, 3)) - expected.points[0]).max(axis=1)
+    assert (gaps < 1e-3).mean() > 0.99  # points on the border of a pixel may go another way
+    assert (np.abs(points - expected.points[0]).max(axis=1) > 0.02).mean() > 0.1
 
 
 def test_the_mean_with_the_mirror_image_is_of_optimally_matched_points():

@@ -91,33 +91,6 @@ export function networkInputs(view, { view_size: [height, width], image_size: [o
   return { image: Uint8Array.from(image, Math.round), mask: Uint8Array.from(mask, level => +(level > 0.5 - 1e-6)) };
 }
 
-/** The largest share of points outside the mask that are moved: the elevation of a placed photo's camera is not known. */
-export const mostOutside = view => view.placed ? 0.1 : 0.5;
-
-/**
- * Points moved, at their depth, into the mask of the network's input, as by psgn_jax.prediction.refine.
- * All points stay if a larger share than most is outside.
- */
-export function intoSilhouette(points, mask, most, { camera: { intrinsics, extrinsics: e }, view_size: [viewHeight, viewWidth], image_size: [height, width] }) {
-  const result = Float32Array.from(points), inside = [];
-  const k = intrinsics.map((row, i) => row.map(v => v * [width / viewWidth, height / viewHeight, 1][i]));
-  mask.forEach((on, i) => { if (on) inside.push([i % width, Math.floor(i / width)]); });
-  let outside = 0;
-  for (let i = 0; i < points.length; i += 3) {
-    const [x, y, z] = e.map(r => r[0] * points[i] + r[1] * points[i + 1] + r[2] * points[i + 2] + r[3]);
-    if (!(z > 1e-3)) continue;
-    const pixel = [(k[0][0] * x + k[0][2] * z) / z, (k[1][1] * y + k[1][2] * z) / z], cell = pixel.map(Math.floor);
-    const within = cell.every((c, axis) => c >= 0 && c < [width, height][axis]);
-    if (!inside.length || within && mask[cell[1] * width + cell[0]]) continue;
-    const squared = ([column, row]) => (column - cell[0]) ** 2 + (row - cell[1]) ** 2;
-    const nearest = inside.reduce((a, b) => squared(b) < squared(a) ? b : a);
-    outside += 1;
-    const move = pixel.map((p, axis) => (Math.min(Math.max(p, nearest[axis] + 0.01), nearest[axis] + 0.99) - p) * z / k[axis][axis]);
-    for (let axis = 0; axis < 3; axis++) result[i + axis] += e[0][axis] * move[0] + e[1][axis] * move[1];
-  }
-  return outside > most * (points.length / 3) ? Float32Array.from(points) : result;
-}
-
 /** The values of an array whose rows have this many elements, with the elements of each row in reverse order. */
 export const mirrored = (values, width, channels) =>
   values.map((_, i) => values[i - i % (width * channels) + (width - 1 - Math.floor(i / channels) % width) * channels + i % channels]);

@@ -4,9 +4,10 @@ import * as ort from "./runtime/ort.wasm.min.mjs";
 import { CloudView, pathThrough, save } from "./cloud.js";
 import { ranked, spread } from "./draws.js";
 import { FORMATS } from "./files.js";
-import { coloursFromView, intoSilhouette, meanWithMirror, mirrored, mostOutside, networkInputs, normalForm, PhotoError, place, sameProportions, strayPoints } from "./framing.js";
+import { coloursFromView, meanWithMirror, mirrored, networkInputs, normalForm, PhotoError, place, sameProportions, strayPoints } from "./framing.js";
 import { objectIn } from "./levels.js";
 import { findMask } from "./mask.js";
+import { fit } from "./silhouette.js";
 
 const CLICK = 0.02, SAMPLES = 8, PAUSE = 120, HISTORY = 10, VEIL = "rgba(18, 24, 40, .68)", EDGE = "#ffb020";
 const RUNTIME = "runtime/ort-wasm-simd-threaded.wasm.gz", MAX_BYTES = 80e6, MAX_SIDE = 1600, MIN_SIDE = 16;
@@ -297,12 +298,12 @@ const predict = guarded(async () => {
   if (!about.random_size) predicted = meanWithMirror(predicted, await run(mirrored(image, w, 3), mirrored(small, w, 1)));
   let draws = Array.from({ length: count }, (_, k) => predicted.slice(k * length, (k + 1) * length));
   if (count > 1) draws = ranked(draws, samples, about.compared_points);
-  const parts = draws.slice(0, samples).map(draw => intoSilhouette(draw, small, mostOutside(view), about));
+  const { clouds: parts, camera } = fit(draws.slice(0, samples), small, view.placed, about);
   if (page.photo !== photo) return;
   const points = Float32Array.from(parts.flatMap(part => [...part])), stray = parts.map(strayPoints);
   const { points: normal, scale = 1 } = view.placed ? normalForm(points, stray.flat()) : { points };
   page.clouds = parts.map((part, k) => ({
-    points: normal.slice(k * length, (k + 1) * length), colours: coloursFromView(part, view, about), stray: stray[k],
+    points: normal.slice(k * length, (k + 1) * length), colours: coloursFromView(part, view, { ...about, camera }), stray: stray[k],
   }));
   Object.assign(page, { draws, scale });
   document.body.classList.add("has-cloud");

@@ -1,0 +1,161 @@
+// Fits clouds to the mask of their image, with the same result as the Python module
+// psgn_jax.prediction.silhouette, up to rounding. Pixels are pairs [column, row].
+
+const MOST_OUTSIDE = 0.5, COLUMNS = 128, FAR = 1.05, ROUNDS = 20, STEP = 0.35, NEIGHBOURHOOD = 8, TAIL = 0.015;
+const ELEVATIONS = [-20, -10, 0, 10, 20], SAMPLES = 128, HALF = 0.49;
+
+const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
+const squared = (a, b) => (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2;
+const average = values => values.reduce((a, b) => a + b, 0) / values.length;
+
+/**
+ * The clouds of an image (arrays of coordinates) fitted to the mask of the network's input, and the camera that sees
+ * them: { clouds, camera }. `about` is the content of network.json. With `findCamera`, the elevation, size and position
+ * from which the first cloud fits best replace those of its camera.
+ */
+export function fit(clouds, given, findCamera, { camera, view_size: [viewHeight, viewWidth], image_size }) {
+  const inside = reduced(given, image_size), { mask, width, height } = inside, factor = [width / viewWidth, height / viewHeight, 1];
+  const intrinsics = camera.intrinsics.map((row, i) => row.map(v => v * factor[i]));
+  let { extrinsics } = camera;
+  if (mask.includes(1) && findCamera) extrinsics = cameraOf(clouds[0], inside, intrinsics, extrinsics);
+  const one = points => {
+    const { pixels, depth } = project(points, intrinsics, extrinsics);
+    const front = Array.from(depth, z => z > 1e-3), start = pixels.map(pixel => intoMask(pixel, inside));
+    const outside = start.filter((pixel, i) => front[i] && pixel !== pixels[i]).length;
+    if (!mask.includes(1) || outside > MOST_OUTSIDE * pixels.length || !points.every(Number.isFinite)) return points;
+    const moved = cover(start, inside), layers = withoutTails(moved, depth), result = Float32Array.from(points);
+    moved.forEach(([column, row], i) => {
+      if (!front[i]) return;
+      const z = layers[i], x = (column - intrinsics[0][2]) / intrinsics[0][0] * z, y = (row - intrinsics[1][2]) / intrinsics[1][1] * z;
+      const local = [x, y, z].map((v, axis) => v - extrinsics[axis][3]);
+      for (let axis = 0; axis < 3; axis++) result[3 * i + axis] = local.reduce((sum, v, k) => sum + v * extrinsics[k][axis], 0);
+    });
+    return result;
+  };
+  return { clouds: clouds.map(one), camera: { ...camera, extrinsics } };
+}
+
+/** { mask, width, height, nearest } of every few pixels, so that there are about COLUMNS columns. */
+function reduced(mask, [fullHeight, fullWidth]) {
+  const stride = Math.max(1, Math.floor(fullWidth / COLUMNS)), first = Math.floor(stride / 2), kept = [];
+  let width = 0;
+  for (let y = first; y < fullHeight; y += stride) {
+    width = 0;
+    for (let x = first; x < fullWidth; x += stride, width++) kept.push(mask[y * fullWidth + x]);
+  }
+  const height = kept.length / width;
+  return { mask: kept, width, height, nearest: nearestPixels(kept, width, height) };
+}
+
+function project(points, intrinsics, extrinsics) {
+  const pixels = [], depth = [];
+  for (let i = 0; i < points.length; i += 3) {
+    const [x, y, z] = extrinsics.map(r => r[0] * points[i] + r[1] * points[i + 1] + r[2] * points[i + 2] + r[3]);
+    const divisor = z > 1e-3 ? z : 1;
+    pixels.push([0, 1].map(k => (intrinsics[k][0] * x + intrinsics[k][1] * y + intrinsics[k][2] * z) / divisor));
+    depth.push(z);
+  }
+  return { pixels, depth };
+}
+
+/** For each pixel the index of the nearest one that is on: first within its row, then over the rows. */
+function nearestPixels(on, width, height) {
+  const beside = new Int32Array(width * height).fill(-1), result = new Int32Array(width * height);
+  for (let start = 0; start < beside.length; start += width) {
+    for (let x = 0, last = -1; x < width; x++) beside[start + x] = last = on[start + x] ? x : last;
+    for (let x = width - 1, last = -1; x >= 0; x--) {
+      if (on[start + x]) last = x;
+      const left = beside[start + x];
+      if (last >= 0 && (left < 0 || last - x < x - left)) beside[start + x] = last;
+    }
+  }
+  const filled = Array.from({ length: height }, (_, y) => y).filter(y => beside[y * width] >= 0);
+  for (let y = 0; y < height; y++) {
+    for (let x = 0; x < width; x++) {
+      let least = Infinity;
+      for (const row of filled) {
+        const column = beside[row * width + x], distance = (column - x) ** 2 + (row - y) ** 2;
+        if (distance < least) [least, result[y * width + x]] = [distance, row * width + column];
+      }
+    }
+  }
+  return result;
+}
+
+const cellOf = ([column, row], { width, height }) =>
+  clamp(Math.floor(row), 0, height - 1) * width + clamp(Math.floor(column), 0, width - 1);
+const within = ([column, row], { width, height }) => column >= 0 && row >= 0 && column < width && row < height;
+const centreOf = (index, width) => [index % width + 0.5, Math.floor(index / width) + 0.5];
+
+/** The pixel itself if it is on the mask, else in the nearest pixel of the mask. */
+function intoMask(pixel, inside) {
+  const cell = cellOf(pixel, inside), target = inside.nearest[cell];
+  if (target === cell && within(pixel, inside)) return pixel;
+  return centreOf(target, inside.width).map((centre, axis) => clamp(pixel[axis], centre - HALF, centre + HALF));
+}
+
+function cover(start, inside) {
+  const { mask, width, height } = inside, on = [...mask.keys()].filter(i => mask[i]);
+  const far = Math.max(FAR, Math.sqrt(on.length / start.length)) ** 2;
+  let pixels = start;
+  for (let round = 0; round < ROUNDS; round++) {
+    const owner = new Int32Array(width * height).fill(-1), total = pixels.map(() => [0, 0, 0]);
+    pixels.forEach((pixel, i) => { if (within(pixel, inside)) owner[cellOf(pixel, inside)] = i; });
+    const nearest = nearestPixels(owner.map(i => +(i >= 0)), width, height);
+    for (const i of on) {
+      const centre = centreOf(i, width), point = owner[nearest[i]];
+      if (squared(pixels[point], centre) <= far) continue;
+      total[point] = [total[point][0] + centre[0], total[point][1] + centre[1], total[point][2] + 1];
+    }
+    pixels = pixels.map((pixel, i) => total[i][2] ? pixel.map((v, axis) => v + STEP * (total[i][axis] / total[i][2] - v)) : pixel);
+  }
+  return pixels;
+}
+
+function withoutTails(pixels, depth) {
+  const near = pixels.map(a => [...pixels.keys()].filter(j => squared(a, pixels[j]) < NEIGHBOURHOOD ** 2));
+  const kept = near.map((others, i) => {
+    const count = compare => others.filter(compare).length >= TAIL * others.length;
+    return count(j => depth[j] < depth[i]) && count(j => depth[j] > depth[i]);
+  });
+  return depth.map((z, i) => {
+    const layers = near[i].filter(j => kept[j]).map(j => depth[j]);
+    return layers.length ? clamp(z, Math.min(...layers), Math.max(...layers)) : z;
+  });
+}
+
+function cameraOf(points, inside, intrinsics, extrinsics) {
+  const { mask, width } = inside, on = [...mask.keys()].filter(i => mask[i]), focal = intrinsics[0][0];
+  const sample = Array.from({ length: SAMPLES }, (_, k) => centreOf(on[Math.ceil((k + 0.5) / SAMPLES * on.length) - 1], width));
+  const middle = [0, 1, 2].map(axis => average(Array.from(points).filter((_, i) => i % 3 === axis)));
+  const seenBy = camera => camera.map(r => r[0] * middle[0] + r[1] * middle[1] + r[2] * middle[2] + r[3]);
+  const start = seenBy(extrinsics);
+  const pairs = camera => {
+    const { pixels } = project(points, intrinsics, camera), target = pixels.map(pixel => intoMask(pixel, inside));
+    const partner = sample.map(at => pixels.reduce((a, b) => squared(b, at) < squared(a, at) ? b : a));
+    return { pixels, target, partner };
+  };
+  const resized = camera => {
+    const { pixels, target, partner } = pairs(camera), sides = [[pixels, target], [partner, sample]];
+    const mean = side => [0, 1].map(axis => average(sides.map(pair => average(pair[side].map(pixel => pixel[axis])))));
+    const from = mean(0), to = mean(1);
+    const sum = other => sides.reduce((all, pair) => all + average(pair[0].map((a, i) =>
+      (a[0] - from[0]) * other(pair, i, 0) + (a[1] - from[1]) * other(pair, i, 1))), 0);
+    const product = sum((pair, i, axis) => pair[1][i][axis] - to[axis]);
+    const square = sum((pair, i, axis) => pair[0][i][axis] - from[axis]);
+    const scale = clamp(product / Math.max(square, 1e-6), 0.8, 1.25), now = seenBy(camera), depth = now[2] / scale;
+    const moved = [0, 1].map(k => {
+      const pixel = scale * (intrinsics[k].reduce((all, v, i) => all + v * now[i], 0) / now[2] - from[k]) + to[k];
+      return (pixel - intrinsics[k][2]) / focal * depth;
+    });
+    return camera.map((r, k) => [r[0], r[1], r[2], r[3] + [...moved, depth][k] - now[k]]);
+  };
+  const tried = ELEVATIONS.map(degrees => {
+    const c = Math.cos(degrees * Math.PI / 180), s = Math.sin(degrees * Math.PI / 180), [right, down, ahead] = extrinsics;
+    const turned = [right, down.map((v, i) => c * v - s * ahead[i]), ahead.map((v, i) => s * down[i] + c * v)];
+    const camera = resized(turned.map((r, k) => [r[0], r[1], r[2], start[k] - r[0] * middle[0] - r[1] * middle[1] - r[2] * middle[2]]));
+    const { pixels, target, partner } = pairs(camera);
+    return { camera, cost: average(pixels.map((p, i) => squared(p, target[i]))) + average(sample.map((p, i) => squared(p, partner[i]))) };
+  });
+  return resized(resized(tried.reduce((a, b) => b.cost < a.cost ? b : a).camera));
+}
