@@ -157,9 +157,9 @@ class Predictor:
             "extrinsics": view.extrinsics[None],
         }
         options = {"refine": refine, "placed": view.placed, "samples": samples, "first": first}
-        found, drawn = self._network(self._params, batch, r, **options)
-        points = np.asarray(found.points).reshape(samples, -1, 3)
-        view = dataclasses.replace(view, extrinsics=np.asarray(found.extrinsics[0]))
+        fitted, drawn = self._network(self._params, batch, r, **options)
+        points = np.asarray(fitted.points).reshape(samples, -1, 3)
+        view = dataclasses.replace(view, extrinsics=np.asarray(fitted.extrinsics[0]))
         clock.lap("network")
         if not np.isfinite(points).all():
             raise ConfigError("the network's points are not finite; expected intact weights")

@@ -82,7 +82,7 @@ def fit(
     def one(points: Array) -> Array:
         pixels, depth = _project(points, intrinsics, extrinsics)
         in_front = depth > 1e-3
-        inside = _into_mask(pixels, nearest, mask.shape)
+        inside = _into_mask(pixels, nearest)
         outside = (inside != pixels).any(axis=1) & in_front
         fits = mask.any() & (outside.mean() <= MOST_OUTSIDE) & jnp.isfinite(points).all()
         moved = _cover(inside, mask)
@@ -113,7 +113,7 @@ def camera_of(
 
     def pairs(camera: Array) -> tuple[Array, Array, Array, Array]:
         projected, _ = _project(points, intrinsics, camera)
-        target = _into_mask(projected, nearest, mask.shape)
+        target = _into_mask(projected, nearest)
         squared = jnp.square(pixels[:, None] - projected[None]).sum(axis=-1)
         return projected, target, projected[jnp.argmin(squared, axis=1)], squared.min(axis=1)
 
@@ -183,19 +183,19 @@ def _centres(index: Array, width: int) -> Array:
     return jnp.stack([index % width, index // width], axis=-1).astype(jnp.float32) + 0.5
 
 
-def _cells(pixels: Array, shape: tuple[int, int]) -> tuple[Array, Array]:
+def _cells(pixels: Array, height: int, width: int) -> tuple[Array, Array]:
     """The index of each pixel, of the nearest one in the image, and whether it is that one."""
-    size = jnp.array([shape[::-1]], pixels.dtype)
+    size = jnp.array([[width, height]], pixels.dtype)
     clipped = jnp.clip(jnp.floor(pixels), 0, size - 1).astype(jnp.int32)
     inside = ((pixels >= 0) & (pixels < size)).all(axis=1)
-    return clipped[:, 1] * shape[1] + clipped[:, 0], inside
+    return clipped[:, 1] * width + clipped[:, 0], inside
 
 
-def _into_mask(pixels: Array, nearest: Array, shape: tuple[int, int]) -> Array:
+def _into_mask(pixels: Array, nearest: Int[Array, "h w"]) -> Array:
     """Pixels [n, 2]; those outside the mask in the nearest pixel of the mask."""
-    cell, within = _cells(pixels, shape)
+    cell, within = _cells(pixels, *nearest.shape)
     target = nearest.ravel()[cell]
-    centre = _centres(target, shape[1])
+    centre = _centres(target, nearest.shape[1])
     outside = (target != cell) | ~within
     return jnp.where(outside[:, None], jnp.clip(pixels, centre - _HALF, centre + _HALF), pixels)
 
@@ -208,7 +208,7 @@ def _cover(pixels: Float[Array, "n 2"], mask: Bool[Array, "h w"]) -> Float[Array
     numbers = jnp.arange(count, dtype=jnp.int32)
 
     def pull(_: int, pixels: Array) -> Array:
-        cell, within = _cells(pixels, mask.shape)
+        cell, within = _cells(pixels, height, width)
         at = jnp.where(within, cell, height * width)
         # Of several points in a pixel, the last one counts.
         owner = jnp.full(height * width + 1, -1, jnp.int32).at[at].max(numbers)[:-1]
