@@ -5,7 +5,6 @@ U2-Netp (Qin et al., "U2-Net: Going Deeper with Nested U-Structure for Salient O
 """
 
 import functools
-import importlib.util
 import pathlib
 from typing import Any
 
@@ -75,10 +74,13 @@ def rembg_session(model: str) -> Any:
       ConfigError: rembg is not installed, does not know the model, or cannot load it.
     """
     name = f"mask_from=rembg:{model}"
-    if importlib.util.find_spec("rembg") is None:
-        raise ConfigError(f"{name}: rembg is not installed; pip install 'rembg[cpu]'")
-    import rembg
-    from rembg.sessions import sessions_names
+    try:
+        import rembg
+        from rembg.sessions import sessions_names
+    except (ImportError, SystemExit) as error:  # it exits without one of its extras
+        raise ConfigError(
+            f"{name}: rembg cannot be imported ({brief(error)}); pip install 'rembg[cpu]'"
+        ) from None
 
     if model not in sessions_names:
         raise ConfigError(f"{name}: accepted by the installed rembg: {', '.join(sessions_names)}")

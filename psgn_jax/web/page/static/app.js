@@ -124,7 +124,10 @@ async function lookFor(photo, hint) {
   const { about: { mask_network: about }, maskBytes } = await network;
   say("Looking for the object");
   page.maskSession ??= await startSession(maskBytes);
-  const run = async input => (await page.maskSession.run({ "input.1": new ort.Tensor("float32", input, [1, 3, about.side, about.side]) }, [page.maskSession.outputNames[0]]))[page.maskSession.outputNames[0]].data;
+  const run = async pixels => {
+    const { inputNames: [input], outputNames: [output] } = page.maskSession, shape = [1, 3, about.side, about.side];
+    return (await page.maskSession.run({ [input]: new ort.Tensor("float32", pixels, shape) }, [output]))[output].data;
+  };
   const { mask, certainty } = await findMask(photo, about, run, hint);
   const doubt = certainty >= about.doubtful_below ? "" : ` It is not certain which part is the object (${Math.floor(100 * certainty)} %): draw a frame around it or click on it with the tool Find, or correct the mask.`;
   return { mask, doubt };
@@ -254,6 +257,7 @@ const startSession = bytes => ort.InferenceSession.create(bytes, { executionProv
 
 /** Everything that the page needs: the networks, the runtime and the examples. */
 async function load() {
+  ort.env.wasm.proxy = true; // a worker runs the networks, so that the page answers meanwhile; it takes the inputs away
   ort.env.wasm.numThreads = 1; // several threads need headers that plain file servers do not send
   ort.env.wasm.wasmPaths = new URL("runtime/", import.meta.url).href;
   const damaged = new Error("The network's file is damaged or belongs to another page; build the page again.");
@@ -287,7 +291,7 @@ const predict = guarded(async () => {
   const view = place(photo, mask, about), { image, mask: small } = networkInputs(view, about), [h, w] = about.image_size;
   const count = about.random_size ? about.latents.length : 1, samples = Math.min(SAMPLES, count), length = 3 * about.num_points;
   const run = async (rgb, inside) => {
-    const feeds = { image: new ort.Tensor("uint8", rgb, [1, h, w, 3]), mask: new ort.Tensor("bool", inside, [1, h, w]) };
+    const feeds = { image: new ort.Tensor("uint8", rgb.slice(), [1, h, w, 3]), mask: new ort.Tensor("bool", inside.slice(), [1, h, w]) };
     if (about.random_size) {
       feeds.r = new ort.Tensor("float32", Float32Array.from(about.latents.flat()), [1, count, about.random_size]);
     }
