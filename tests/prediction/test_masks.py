@@ -149,9 +149,7 @@ def test_wrong_hints_are_named(hints, message):
 
 def test_the_masks_of_an_installed_rembg_are_taken(monkeypatch):
     monkeypatch.setitem(sys.modules, "rembg", None)
-    with pytest.raises(
-        ConfigError, match=r"rembg:isnet: rembg cannot be .*; pip install"
-    ):
+    with pytest.raises(ConfigError, match=r"rembg:isnet: rembg cannot be .*; pip install"):
         masks.find_mask(np.zeros((100, 100, 3), np.uint8), method="rembg:isnet")
     with pytest.raises(ValueError, match=r"mask_from='plain:x': accepted: .*, rembg:MODEL"):
         masks.find_mask(np.zeros((100, 100, 3), np.uint8), method="plain:x")
