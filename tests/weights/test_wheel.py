@@ -112,6 +112,7 @@ def test_an_installed_wheel_predicts_converts_trains_and_evaluates(psgn, package
     write_solids(work / "records")
     psgn("human", "--data=records", "--cases=2", "--out=study")
     fields = ["data.path=records", "data.image_size=(16,32)", "loss.name=chamfer_sq_mean"]
+    fields += ["loss.emd_tolerance=0.01"]
     fields += ["train.steps=2", "train.eval_every=0", "train.batch_size=4", "optim.warmup_steps=0"]
     fields += ["data.num_workers=2"]
     psgn("train", "--config=quickstart", *(f"--config.{field}" for field in fields))
