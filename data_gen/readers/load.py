@@ -40,8 +40,8 @@ READERS: dict[str, Callable[[bytes, Assets], dict[str, Any]]] = {
     "glb": read_gltf, "gltf": read_gltf,
 }  # fmt: skip
 """Suffixes of the formats that can be read; `.gz` may follow them."""
-if importlib.util.find_spec("lxml") and importlib.util.find_spec("networkx"):
-    READERS["3mf"] = read_3mf  # of trimesh, which needs them
+if all(map(importlib.util.find_spec, ("trimesh", "lxml", "networkx"))):  # which needs the others
+    READERS["3mf"] = read_3mf
 
 
 def load_model(
@@ -110,8 +110,6 @@ def _read(name: str, data: bytes, assets: Assets) -> dict[str, Any]:
         return READERS[kind](data, assets)
     except (UnusableModelError, MemoryError):
         raise
-    except ImportError as error:
-        raise UnreadableModelError(f"{title} needs the package {error.name}") from error
     except Exception as error:  # of a parser that does not expect this damage
         raise UnusableModelError(f"not readable as {title}: the file is damaged") from error
 

@@ -1,9 +1,9 @@
-"""Reader of PLY files, over plyfile, which gets a header without what it does not accept."""
+"""Reader of PLY files, binary and text."""
 
-import io
+import itertools
+import math
 import re
-import tempfile
-import warnings
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,12 @@ from data_gen.mesh import Material, UnusableModelError, check_face_count
 from data_gen.parts import Part, rgba
 from data_gen.polygons import strip
 from data_gen.readers.textures import TRAILING, TWO_COLOURS, Assets
+
+_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+
+_TYPES = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
+          "float": "f4", "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
+          "int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8"}  # fmt: skip
 
 _TEXTURE = re.compile(r"(?:comment|obj_info)\s+texturefile\s+(.+)", re.IGNORECASE)
 
@@ -22,26 +28,31 @@ _COLOURS = (("red", "green", "blue", "alpha"), ("r", "g", "b", "a"),
 
 _UNUSED = ("camera", "range_grid")  # elements that say nothing about the surface
 
+# By its property: the lengths of the lists [n], None for single numbers, and all numbers in order.
+_Rows = dict[str, tuple[np.ndarray | None, np.ndarray]]
+
+_Property = tuple[str, str, str]  # a name, the type of its numbers, that of the length of a list
+
+
+def _damaged(what: str) -> UnusableModelError:
+    return UnusableModelError(f"not readable as PLY: {what}")
+
 
 def read_ply(data: bytes, assets: Assets) -> dict[str, Any]:
     """Arrays of a PLY file for `mesh.build_model`."""
-    header, body, images = _split(data, assets)
-    elements = _elements(header, body, assets)
-    for name, rows in elements.items():
-        if len(rows) and name not in ("vertex", "face", "tristrips", *_UNUSED):
-            assets.warn("elements of PLY not read", repr(name))
-    vertex, faces, strips = (
-        elements.get(name, np.zeros(0)) for name in ("vertex", "face", "tristrips")
-    )
+    elements, images = _elements(data, assets)
+    for name in elements.keys() - {"vertex", "face", "tristrips", *_UNUSED}:
+        assets.warn("elements of PLY not read", repr(name))
+    vertex, faces, strips = (elements.get(name, {}) for name in ("vertex", "face", "tristrips"))
     vertices = _columns(vertex, ("x", "y", "z"))
     if vertices is None:
-        raise UnusableModelError("not readable as PLY: the vertices have no x, y and z")
-    counts, corners = _polygons(faces)
-    triangles = _from_strips(_polygons(strips)[1])
+        raise _damaged("it has no vertices with x, y and z")
+    counts, corners = _lists(faces, "vertex_indices", "vertex_index")
+    triangles = _from_strips(_lists(strips, "vertex_indices", "vertex_index")[1].astype(np.int64))
     if not len(counts) + len(triangles):
         raise UnusableModelError(f"it has {len(vertices)} points, but no faces")
     own, counts = counts, np.append(counts, np.full(len(triangles) // 3, 3))
-    corners = np.append(corners, triangles)
+    corners = np.append(corners.astype(np.int64), triangles)
     index = np.where((corners >= 0) & (corners < len(vertices)), corners, -1)
 
     uv = next((c[index] for names in _UV if (c := _columns(vertex, names)) is not None), None)
@@ -87,102 +98,126 @@ def read_ply(data: bytes, assets: Assets) -> dict[str, Any]:
     return assets.arrays([part])
 
 
-def _split(data: bytes, assets: Assets) -> tuple[list[list[str]], bytes, list[str]]:
-    """The words of the header's lines without comments, the data, the names of the images."""
+def _elements(data: bytes, assets: Assets) -> tuple[dict[str, _Rows], list[str]]:
+    """The rows of each element that has some, and the names of the images."""
     data = data.removeprefix(b"\xef\xbb\xbf")
     first = re.match(rb"ply[ \t]*(\r\n|\r|\n)", data)
     if not first:
-        raise UnusableModelError("not readable as PLY: it does not begin with a line 'ply'")
+        raise _damaged("it does not begin with a line 'ply'")
     # After a single carriage return, data may begin with the byte of a line feed.
     stop = rb"[\r\n][ \t]*end_header[ \t]*" + (rb"\r" if first[1] == b"\r" else rb"\r?\n")
     last = re.search(stop, data[: 1 << 20])
     if not last:
-        raise UnusableModelError("not readable as PLY: the header has no line 'end_header'")
-    header, images = [], []
-    for line in re.split(r"[\r\n]+", data[: last.start()].decode("utf-8", "surrogateescape")):
-        words = line.split()
-        if found := _TEXTURE.match(line.strip()):
-            images.append(found[1])
-        elif words and words[0] in ("ply", "format", "element", "property"):
-            header.append(words)
-        elif words and words[0] not in ("comment", "obj_info"):
-            assets.warn("lines of the header not read", repr(line))
-    body = data[last.end() :]
-    if ["format", "ascii", "1.0"] in header:
-        lines = body.replace(b"\r", b"\n").split(b"\n")
-        body = b"\n".join(line for line in lines if line.strip()) + b"\n"
-    return header, body, images
-
-
-def _elements(header: list[list[str]], body: bytes, assets: Assets) -> dict[str, np.ndarray]:
-    """The rows of each element."""
-    import plyfile
-
-    lists: dict[str, dict[str, int]] = {}
-    here = ""
-    for words in header:
-        if words[:2] == ["element", "face"] and words[-1].isdecimal():
-            check_face_count(int(words[-1]), assets.max_faces)
-    for words in header:
-        if words[0] == "element":
-            here = words[1] if len(words) == 3 else ""
-            count = int(words[2]) if len(words) == 3 and words[2].isdecimal() else -1
-            if not 0 <= count <= len(body):
-                what = f"element {' '.join(words[1:])!r} in {len(body)} bytes"
-                raise UnusableModelError(f"the file is cut off or damaged: {what}")
-        elif words[:2] == ["property", "list"]:
-            lists.setdefault(here, {})[words[-1]] = 6 if words[-1] == "texcoord" else 3
-    text = "".join(" ".join(words) + "\n" for words in [*header, ["end_header"]])
-    form = io.BytesIO if ["format", "ascii", "1.0"] in header else tempfile.TemporaryFile
-    # From a file, plyfile reads binary lists of one length at once.
-    for known in ({},) if form is io.BytesIO else (lists, {}):
-        with form() as stream:
-            stream.write(text.encode("ascii", "replace") + body)
-            stream.seek(0)
-            try:
-                with warnings.catch_warnings(action="ignore"):  # about empty lists
-                    read = plyfile.PlyData.read(stream, known_list_len=known)
-            except plyfile.PlyElementParseError as error:
-                if known:
-                    continue
-                where = f"element {error.element.name!r}: {len(error.element)} announced"
-                what = f"not readable as PLY: {where}, row {error.row}: {error.message}"
-                if "early end-of-file" in error.message:
-                    what = f"the file is cut off: {where}, {error.row} there"
-                raise UnusableModelError(what) from error
-            except (plyfile.PlyParseError, OverflowError, UnicodeDecodeError) as error:
-                what = str(error) if isinstance(error, plyfile.PlyParseError) else "strange values"
-                raise UnusableModelError(f"not readable as PLY: {what}"[:200]) from error
-            rows = {element.name: np.array(element.data) for element in read}
-            left = len(body) + len(text) - (0 if read.text else stream.tell())
-            break
-    if read.text:
-        left = body.count(b"\n") - sum(map(len, rows.values()))
-    if left > 0:
+        raise _damaged("the header has no line 'end_header'")
+    form = here = ""
+    images: list[str] = []
+    counts: dict[str, int] = {}
+    properties: dict[str, list[_Property]] = {}
+    text = data[first.end() : last.start()].decode("utf-8", "surrogateescape")
+    for line in filter(None, map(str.strip, re.split(r"[\r\n]+", text))):
+        match line.split():
+            case ["format", form, "1.0"] if form in _ORDERS:
+                pass
+            case ["element", here, number] if number.isdecimal() and here not in counts:
+                counts[here], properties[here] = int(number), []
+            case ["property", kind, name] if here and kind in _TYPES:
+                properties[here].append((name, _TYPES[kind], ""))
+            case ["property", "list", length, kind, name] if here and {kind, length} <= {*_TYPES}:
+                properties[here].append((name, _TYPES[kind], _TYPES[length]))
+            case ["property" | "element" | "format", *_]:
+                raise _damaged(f"line {line[:80]!r} of the header")
+            case ["comment" | "obj_info", *_]:
+                images += _TEXTURE.findall(line)
+            case _:
+                assets.warn("lines of the header not read", repr(line))
+    if not form:
+        raise _damaged("the header has no line 'format'")
+    check_face_count(counts.get("face", 0), assets.max_faces)
+    body, lines = data[last.end() :], None
+    if form == "ascii":  # a line is a row
+        lines = [words for line in body.splitlines() if (words := line.split())]
+        used = itertools.chain(*lines[: sum(counts.values())])
+        try:
+            body = np.array(list(used), np.float64).tobytes()
+        except ValueError:
+            raise _damaged("a word that is not a number") from None
+    result: dict[str, _Rows] = {}
+    at = 0
+    for name, count in counts.items():
+        if not count or not properties[name]:
+            continue
+        runs = list(_runs(properties[name], _ORDERS[form], count, body, at))
+        at += sum(run.nbytes for run in runs)
+        done = sum(map(len, runs))
+        if lines is not None:
+            widths = [run.itemsize // 8 for run in runs for _ in run]
+            if widths != [len(words) for words in lines[:done]]:
+                raise _damaged(f"lines of element {name!r} have too few or too many words")
+            lines = lines[done:]
+        if done < count:
+            what = f"element {name!r}: {count} announced, {done} there"
+            raise UnusableModelError(f"the file is cut off: {what}")
+        result[name] = {}
+        for key, (own, kind, length) in enumerate(properties[name]):
+            sizes = [run[f"n{key}"] for run in runs if length]
+            values = np.concatenate([run[f"{key}"].ravel() for run in runs])
+            typed = values.astype(kind)
+            if kind[0] != "f" and (typed != values).any():
+                raise _damaged(f"a number of {own!r} that does not fit its type")
+            result[name][own] = np.concatenate(sizes).astype(np.int64) if sizes else None, typed
+    if left := len(body) - at if lines is None else len(lines):
         assets.warn(TRAILING, left)
-    return rows
+    return result, images
 
 
-def _columns(rows: np.ndarray, names: tuple[str, ...]) -> np.ndarray | None:
+def _runs(
+    properties: list[_Property], order: str, count: int, data: bytes, at: int
+) -> Iterator[np.ndarray]:
+    """Arrays of rows whose lists have the same lengths, up to the end of the data.
+
+    Field `n2` is the length of the list in field `2`. Without an order, all numbers are doubles.
+    """
+    most = count
+    while count:
+        fields: list[tuple[str, np.dtype, tuple[int, ...]]] = []
+        stop = at
+        for key, (_, kind, length) in enumerate(properties):
+            shape: tuple[int, ...] = ()
+            if length:
+                stored = np.dtype(order + length if order else "f8")
+                if stop + stored.itemsize > len(data):
+                    return
+                given = np.frombuffer(data, stored, 1, stop)[0]
+                if not 0 <= given <= len(data) or given % 1:
+                    raise _damaged(f"a list of {given} numbers")
+                shape = (int(given),)
+                fields.append((f"n{key}", stored, ()))
+                stop += stored.itemsize
+            fields.append((f"{key}", np.dtype(order + kind if order else "f8"), shape))
+            stop += math.prod(shape) * fields[-1][1].itemsize
+        there = min(most, count, (len(data) - at) // (stop - at))
+        if not there:
+            return
+        rows = np.frombuffer(data, np.dtype(fields), there, at)
+        same = [rows[name] == rows[name][0] for name, _, _ in fields if name[0] == "n"]
+        found = int(np.argmin([*np.all(same, axis=0), False])) if same else there
+        yield rows[:found]
+        at, count = at + found * rows.itemsize, count - found
+        most = 4 * found  # so that short runs do not compare all that follows
+
+
+def _columns(rows: _Rows, names: tuple[str, ...]) -> np.ndarray | None:
     """Properties with one number as [n, len(names)], None if one is missing."""
-    if not set(names) <= set(rows.dtype.names or ()) or any(rows[n].dtype == object for n in names):
-        return None
-    return np.stack([rows[name].astype(np.float64) for name in names], axis=1)
+    found = [rows[name][1] for name in names if name in rows and rows[name][0] is None]
+    return np.stack(found, axis=1).astype(np.float64) if len(found) == len(names) else None
 
 
-def _lists(rows: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """The lengths of the lists of a property, and their numbers one after the other."""
-    given = len(rows) and name in (rows.dtype.names or ())
-    if not given or (rows[name].dtype != object and rows[name].ndim < 2):
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    values = rows[name]
-    return np.array([len(v) for v in values]), np.concatenate(list(values))
-
-
-def _polygons(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    name = "vertex_indices" if "vertex_indices" in (rows.dtype.names or ()) else "vertex_index"
-    counts, corners = _lists(rows, name)
-    return counts, corners.astype(np.int64)
+def _lists(rows: _Rows, *names: str) -> tuple[np.ndarray, np.ndarray]:
+    """The lengths of the lists of the first property that is there, and their numbers in order."""
+    for sizes, values in (rows[name] for name in names if name in rows):
+        if sizes is not None:
+            return sizes, values
+    return np.zeros(0, np.int64), np.zeros(0, np.int64)
 
 
 def _from_strips(corners: np.ndarray) -> np.ndarray:
@@ -192,12 +227,12 @@ def _from_strips(corners: np.ndarray) -> np.ndarray:
     return np.concatenate([one[strip(len(one)).ravel()] for one in strips])
 
 
-def _colours(rows: np.ndarray) -> np.ndarray | None:
+def _colours(rows: _Rows) -> np.ndarray | None:
     """Display RGBA [n, 4] in [0, 1] of a property's integers or floats; None if there are none."""
     for names in _COLOURS:
-        if (rgb := _columns(rows, names[:3])) is None or not len(rgb):
+        if (rgb := _columns(rows, names[:3])) is None:
             continue
-        kind = rows[names[0]].dtype
+        kind = rows[names[0]][1].dtype
         white = 0 if kind.kind == "f" else 65535 if kind.itemsize == 2 else 255
         alpha = _columns(rows, names[3:])
         return rgba(rgb if alpha is None else np.hstack([rgb, alpha]), white)

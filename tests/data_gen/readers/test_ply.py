@@ -170,12 +170,17 @@ def test_ply_headers_and_strips(write):
     assert len({tuple(n) for n in model.normals[:3, 0].round(3)}) == 1  # the same side of a strip
     for words, text in {
         "it has 4 points, but no faces": ply(faces=[]),
-        "no x, y and z": ply().replace("float z", "float w"),
+        "no vertices with x, y and z": ply().replace("float z", "float w"),
         "does not begin with a line 'ply'": "x" + ply(),
         "no line 'end_header'": ply().replace("end_header", ""),
         "more than the limit": ply().replace("face 2", "face 999999999"),
-        "cut off or damaged": ply().replace("vertex 4", "vertex 999999999"),
-        "'vertex': 4 announced, row 0: malformed": ply().replace("0 0 0", "a 0 0"),
+        "lines of element 'vertex'": ply().replace("vertex 4", "vertex 999999999"),
+        "a word that is not a number": ply().replace("0 0 0", "a 0 0"),
+        "'vertex' have too few or too many words": ply().replace("\n1 0 0", "\n1 0"),
+        "'red' that does not fit its type": ply(with_each(PLAIN, "256 0 0"), properties=RGB),
+        "line 'property float' of the header": ply().replace("float z", "float"),
+        "line 'element face 2' of the header": ply(more="element face 2"),
+        "a list of -1.0 numbers": ply(faces=["-1 0 1 2"]),
     }.items():
         with pytest.raises(UnusableModelError, match=words):
             load_model(write("a.ply", text))

@@ -3,7 +3,6 @@ import gzip
 import io
 import lzma
 import re
-import sys
 import zipfile
 
 import pytest
@@ -62,14 +61,6 @@ def test_reasons_have_no_words_of_python(write, monkeypatch):
         load_model(write("a.obj", OBJ))
     assert str(caught.value) == "not readable as OBJ: the file is damaged"
     assert not re.search(r"\w+Error", str(caught.value))
-
-
-def test_reasons_name_a_missing_package(write, monkeypatch):
-    monkeypatch.setitem(sys.modules, "plyfile", None)
-    text = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n0\n"
-    with pytest.raises(UnusableModelError, match="PLY needs the package plyfile") as caught:
-        load_model(write("a.ply", text))
-    assert caught.value.status == "unreadable"
 
 
 def test_reasons_of_compressed_files(write):
