@@ -199,8 +199,10 @@ def _runs(
         if not there:
             return
         rows = np.frombuffer(data, np.dtype(fields), there, at)
-        same = [rows[name] == rows[name][0] for name, _, _ in fields if name[0] == "n"]
-        found = int(np.argmin([*np.all(same, axis=0), False])) if same else there
+        same = np.ones(there, bool)
+        for name in [name for name, _, _ in fields if name[0] == "n"]:
+            same &= rows[name] == rows[name][0]
+        found = there if same.all() else int(same.argmin())
         yield rows[:found]
         at, count = at + found * rows.itemsize, count - found
         most = 4 * found  # so that short runs do not compare all that follows
