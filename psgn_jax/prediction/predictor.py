@@ -61,7 +61,7 @@ class Predictor:
                 drawn = jax.lax.map(functools.partial(draws.chosen_first, **choice), points)
                 points = drawn[:, : choice["samples"]]
             if refine:
-                return refined(predict, batch, r, points, find_camera=placed), drawn
+                return refined(predict, batch, r, points, placed=placed), drawn
             return Fit(points, batch["extrinsics"]), drawn
 
         self._network = jax.jit(network, static_argnames=("refine", "placed", "samples", "first"))

@@ -33,7 +33,7 @@ def refined(
     r: Array | None,
     points: Array | None = None,
     *,
-    find_camera: bool = False,
+    placed: bool = False,
 ) -> Fit:
     """Points [B, N, 3], or [B, draws, N, 3], averaged and fitted, and their cameras [B, 3, 4].
 
@@ -46,7 +46,7 @@ def refined(
         each with the leading axis B; `depth` if it is an input.
       r: random input, or None.
       points: `predict(batch, r)` if it is known.
-      find_camera: for images whose camera is not known, see `silhouette.camera_of`.
+      placed: whether the images were placed, see `silhouette.fit`.
     """
     points = predict(batch, r) if points is None else points
     if r is None and "depth" not in batch:
@@ -55,5 +55,5 @@ def refined(
         points = map_pairs(mean_of_matched)(points, other)
     clouds = points.reshape(len(points), -1, *points.shape[-2:])
     camera = batch["mask"], batch["intrinsics"], batch["extrinsics"]
-    found = map_pairs(functools.partial(fit, find_camera=find_camera))(clouds, *camera)
+    found = map_pairs(functools.partial(fit, placed=placed))(clouds, *camera)
     return Fit(found.points.reshape(points.shape), found.extrinsics)

@@ -10,9 +10,11 @@ three steps (**ours**; docs/journal.md, 2026-11-27, has the measurements):
    rearmost `TAIL` are tails. A point in front of or behind all its neighbours that are not tails
    moves along its ray to the nearest of them.
 
-The depths of steps 1 and 2 are those that the network predicts. For a photo, whose camera is not
-known, `camera_of` first finds the elevation, size and position from which the cloud covers the
-mask best.
+The depths of steps 1 and 2 are those that the network predicts. For a placed photo, whose camera is
+not known, `camera_of` first finds the elevation, size and position from which the cloud covers the
+mask best. Its thin parts become thin in depth, too: before step 3, a point's depth is limited to
+`DEEPEST` half widths of the mask there from the mean of its neighbours, as it is for 95 % of the
+surface points of training objects.
 """
 
 from typing import NamedTuple
@@ -34,15 +36,18 @@ FAR, FAR_PER_SPACING = 1.05, 1.0
 """A pixel's centre is far from a point beyond the larger one of `FAR` pixels and `FAR_PER_SPACING`
 times the side of the square that each point would have if they shared the mask evenly."""
 
-ROUNDS, STEP = 20, 0.35
+ROUNDS, STEP = 16, 0.4
 """A round moves a point by `STEP` of the way to the mean of the pixels that pull it."""
 
 NEIGHBOURHOOD, TAIL = 8.0, 0.015
+DEEPEST, NARROWEST = 3.0, 3.0
+"""`DEEPEST`: see the module. Neighbours there are those within the half width of the mask, at least
+`NARROWEST` pixels."""
 
 ELEVATIONS = (-20, -10, 0, 10, 20)
 """Degrees from the elevation of the given camera that `camera_of` tries."""
 
-_SAMPLES = 128  # pixels of the mask that `camera_of` compares
+_SAMPLES = 96  # pixels of the mask that `camera_of` compares
 _HALF = 0.49  # of a pixel; a point moves to within this distance of a pixel's centre
 
 
@@ -59,7 +64,7 @@ def fit(
     intrinsics: Float[Array, "3 3"],
     extrinsics: Float[Array, "3 4"],
     *,
-    find_camera: bool = False,
+    placed: bool = False,
 ) -> Fit:
     """Clouds of one image, fitted to its mask as the module states.
 
@@ -70,13 +75,15 @@ def fit(
       clouds: in the project's frame, unit = radius of the bounding hemisphere.
       mask: True on the object.
       intrinsics: for images of the size of the mask; extrinsics: see `data.schema`.
-      find_camera: whether to replace the camera by `camera_of` the first cloud.
+      placed: whether the image is a photo that was placed (`framing.place`): the camera is that of
+        `camera_of` the first cloud, and thin parts are made thin.
     """
     stride = max(1, mask.shape[1] // COLUMNS)
     mask = jnp.asarray(mask, bool)[stride // 2 :: stride, stride // 2 :: stride]
     intrinsics = intrinsics * jnp.array([[1 / stride], [1 / stride], [1]], intrinsics.dtype)
     nearest = nearest_pixels(mask)
-    if find_camera:
+    half_widths = _half_widths(mask)
+    if placed:
         extrinsics = camera_of(clouds[0], mask, intrinsics, extrinsics)
 
     def one(points: Array) -> Array:
@@ -86,7 +93,8 @@ def fit(
         outside = (inside != pixels).any(axis=1) & in_front
         fits = mask.any() & (outside.mean() <= MOST_OUTSIDE) & jnp.isfinite(points).all()
         moved = _cover(inside, mask)
-        fitted = _back(moved, _without_tails(moved, depth), intrinsics, extrinsics)
+        layers = _thinned(moved, depth, half_widths, intrinsics[0, 0]) if placed else depth
+        fitted = _back(moved, _without_tails(moved, layers), intrinsics, extrinsics)
         return jnp.where((fits & in_front)[:, None], fitted, points)
 
     return Fit(jax.lax.map(one, clouds), extrinsics)
@@ -222,6 +230,26 @@ def _cover(pixels: Float[Array, "n 2"], mask: Bool[Array, "h w"]) -> Float[Array
         return pixels + STEP * jnp.where(total[:, 2:] > 0, mean - pixels, 0)
 
     return jax.lax.fori_loop(0, ROUNDS, pull, pixels)
+
+
+def _half_widths(mask: Bool[Array, "h w"]) -> Float[Array, "h w"]:
+    """The largest distance to a pixel outside the mask, over 5x5 pixels around each pixel."""
+    rows, columns = jnp.mgrid[: mask.shape[0], : mask.shape[1]]
+    outside = nearest_pixels(~mask)
+    gap = jnp.hypot(outside // mask.shape[1] - rows, outside % mask.shape[1] - columns)
+    return jax.lax.reduce_window(gap, -jnp.inf, jax.lax.max, (5, 5), (1, 1), "SAME")
+
+
+def _thinned(
+    pixels: Float[Array, "n 2"], depth: Float[Array, " n"], half_widths: Array, focal: Array
+) -> Float[Array, " n"]:
+    """Depths near the mean of their neighbours, by the rule of the module for placed photos."""
+    half = half_widths.ravel()[_cells(pixels, *half_widths.shape)[0]]
+    reach = jnp.maximum(NARROWEST, half)[:, None]
+    near = jnp.square(pixels[:, None] - pixels[None]).sum(axis=-1) <= jnp.square(reach)
+    middle = jnp.where(near, depth[None], 0).sum(axis=1) / near.sum(axis=1)
+    most = DEEPEST * half * middle / focal
+    return jnp.clip(depth, middle - most, middle + most)
 
 
 def _without_tails(pixels: Float[Array, "n 2"], depth: Float[Array, " n"]) -> Float[Array, " n"]:

@@ -121,7 +121,7 @@ def _measure(
             r = jnp.tile(r, (len(batch["image"]), 1, 1))
             chosen = jax.lax.map(draws_lib.chosen_first, predict(batch, r))[:, 0]
         placed = config.data.eval_frame == "place"
-        pred = refined(predict, batch, r, chosen, find_camera=placed).points
+        pred = refined(predict, batch, r, chosen, placed=placed).points
     else:
         pred = predict(batch, r)
 

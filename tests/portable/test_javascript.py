@@ -142,9 +142,9 @@ return [framing.normalForm(input.points, stray), stray, colours];
     assert (own != expected).any(axis=1).mean() < 0.02  # points on a pixel's border
 
 
-@pytest.mark.parametrize("find_camera", [False, True])
+@pytest.mark.parametrize("placed", [False, True])
 @pytest.mark.parametrize("image_size", [(96, 128), (192, 256)])
-def test_a_cloud_is_fitted_to_the_mask(find_camera, image_size):
+def test_a_cloud_is_fitted_to_the_mask(placed, image_size):
     rng = np.random.default_rng(2)
     points = rng.uniform((-0.3, -0.4, 0), (0.4, 0.4, 0.5), (300, 3)).astype(np.float32)
     mask = np.zeros(image_size, bool)
@@ -152,12 +152,10 @@ def test_a_cloud_is_fitted_to_the_mask(find_camera, image_size):
     mask[height // 3 : 3 * height // 4, width // 3 : 2 * width // 3] = True
     mask &= rng.random(mask.shape) < 0.9
     body = "return framing.fit([input.points], input.mask, input.find, input.about);"
-    given = {"points": points, "mask": mask, "find": find_camera, "about": about(image_size)}
+    given = {"points": points, "mask": mask, "find": placed, "about": about(image_size)}
     own = javascript.node(body, {"framing": folder.TEMPLATES / "silhouette.js"}, **given)
-    fitted = jax.jit(silhouette.fit, static_argnames="find_camera")
-    expected = fitted(
-        points[None], mask, *camera.default_camera(mask.shape), find_camera=find_camera
-    )
+    fitted = jax.jit(silhouette.fit, static_argnames="placed")
+    expected = fitted(points[None], mask, *camera.default_camera(mask.shape), placed=placed)
     extrinsics = own["camera"]["extrinsics"]
     np.testing.assert_allclose(extrinsics, expected.extrinsics, atol=1e-4)
     gaps = np.abs(np.reshape(own["clouds"][0], (-1, 3)) - expected.points[0]).max(axis=1)

@@ -11,7 +11,7 @@ from psgn_jax.prediction import silhouette
 
 SIZE = (96, 128)
 VIEW = camera.default_camera(SIZE)
-fit = jax.jit(silhouette.fit, static_argnames="find_camera")
+fit = jax.jit(silhouette.fit, static_argnames="placed")
 
 
 @pytest.fixture
@@ -90,7 +90,7 @@ def test_the_camera_of_a_photo_is_found(rng, elevation):
     mask = np.zeros(SIZE, bool)
     mask[tuple(pixels.astype(int).T[::-1])] = True
     mask = ndimage.binary_closing(mask, iterations=2)
-    found = fit(points[None, :1024], mask, *VIEW, find_camera=True)
+    found = fit(points[None, :1024], mask, *VIEW, placed=True)
     angle = np.rad2deg(np.arcsin(-found.extrinsics[2, 2]))
     np.testing.assert_allclose(angle, elevation, atol=0.1)
     assert distances(points, mask, (VIEW[0], np.asarray(found.extrinsics)))[1].mean() < 0.7
@@ -101,3 +101,17 @@ def test_a_large_mask_is_fitted_at_a_smaller_size(rng, mask):
     large = mask.repeat(2, axis=0).repeat(2, axis=1)
     found = fit(points[None], large, *camera.default_camera((192, 256))).points
     np.testing.assert_allclose(found, fit(points[None], mask, *VIEW).points, atol=1e-5)
+
+
+def test_thin_parts_of_a_placed_photo_become_thin(rng):
+    # A pole seen as two pixels wide, which the network predicts as a slab along the ray.
+    mask = np.zeros(SIZE, bool)
+    mask[20:70, 63:65] = True
+    points = rng.uniform((-0.3, -0.02, 0), (0.3, 0.02, 0.8), (600, 3)).astype(np.float32)
+    depth = [
+        distances(np.asarray(fit(points[None], mask, *VIEW, placed=placed).points[0]), mask)[
+            2
+        ].std()
+        for placed in (False, True)
+    ]
+    assert depth[1] < depth[0] / 2

@@ -1,8 +1,8 @@
 // Fits clouds to the mask of their image, with the same result as the Python module
 // psgn_jax.prediction.silhouette, up to rounding. Pixels are pairs [column, row].
 
-const MOST_OUTSIDE = 0.5, COLUMNS = 128, FAR = 1.05, ROUNDS = 20, STEP = 0.35, NEIGHBOURHOOD = 8, TAIL = 0.015;
-const ELEVATIONS = [-20, -10, 0, 10, 20], SAMPLES = 128, HALF = 0.49;
+const MOST_OUTSIDE = 0.5, COLUMNS = 128, FAR = 1.05, ROUNDS = 16, STEP = 0.4, NEIGHBOURHOOD = 8, TAIL = 0.015;
+const ELEVATIONS = [-20, -10, 0, 10, 20], SAMPLES = 96, HALF = 0.49, DEEPEST = 3, NARROWEST = 3;
 
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 const squared = (a, b) => (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2;
@@ -10,20 +10,20 @@ const average = values => values.reduce((a, b) => a + b, 0) / values.length;
 
 /**
  * The clouds of an image (arrays of coordinates) fitted to the mask of the network's input, and the camera that sees
- * them: { clouds, camera }. `about` is the content of network.json. With `findCamera`, the elevation, size and position
- * from which the first cloud fits best replace those of its camera.
+ * them: { clouds, camera }. `about` is the content of network.json. If the photo was placed, the elevation, size and
+ * position from which the first cloud fits best replace those of its camera, and thin parts become thin in depth.
  */
-export function fit(clouds, given, findCamera, { camera, view_size: [viewHeight, viewWidth], image_size }) {
+export function fit(clouds, given, placed, { camera, view_size: [viewHeight, viewWidth], image_size }) {
   const inside = reduced(given, image_size), { mask, width, height } = inside, factor = [width / viewWidth, height / viewHeight, 1];
   const intrinsics = camera.intrinsics.map((row, i) => row.map(v => v * factor[i]));
   let { extrinsics } = camera;
-  if (mask.includes(1) && findCamera) extrinsics = cameraOf(clouds[0], inside, intrinsics, extrinsics);
+  if (mask.includes(1) && placed) extrinsics = cameraOf(clouds[0], inside, intrinsics, extrinsics);
   const one = points => {
     const { pixels, depth } = project(points, intrinsics, extrinsics);
     const front = Array.from(depth, z => z > 1e-3), start = pixels.map(pixel => intoMask(pixel, inside));
     const outside = start.filter((pixel, i) => front[i] && pixel !== pixels[i]).length;
     if (!mask.includes(1) || outside > MOST_OUTSIDE * pixels.length || !points.every(Number.isFinite)) return points;
-    const moved = cover(start, inside), layers = withoutTails(moved, depth), result = Float32Array.from(points);
+    const moved = cover(start, inside), layers = withoutTails(moved, placed ? thinned(moved, depth, inside, intrinsics[0][0]) : depth), result = Float32Array.from(points);
     moved.forEach(([column, row], i) => {
       if (!front[i]) return;
       const z = layers[i], x = (column - intrinsics[0][2]) / intrinsics[0][0] * z, y = (row - intrinsics[1][2]) / intrinsics[1][1] * z;
@@ -110,6 +110,22 @@ function cover(start, inside) {
     pixels = pixels.map((pixel, i) => total[i][2] ? pixel.map((v, axis) => v + STEP * (total[i][axis] / total[i][2] - v)) : pixel);
   }
   return pixels;
+}
+
+/** Depths near the mean of their neighbours: at most DEEPEST half widths of the mask from it. */
+function thinned(pixels, depth, { mask, width, height }, focal) {
+  const outside = nearestPixels(mask.map(on => 1 - on), width, height);
+  const gaps = Array.from(outside, (other, i) => Math.sqrt(squared(centreOf(i, width), centreOf(other, width))));
+  return depth.map((z, i) => {
+    const cell = cellOf(pixels[i], { width, height }), column = cell % width, row = Math.floor(cell / width);
+    let half = 0;
+    for (let y = Math.max(0, row - 2); y <= Math.min(height - 1, row + 2); y++) {
+      for (let x = Math.max(0, column - 2); x <= Math.min(width - 1, column + 2); x++) half = Math.max(half, gaps[y * width + x]);
+    }
+    const near = depth.filter((_, j) => squared(pixels[i], pixels[j]) <= Math.max(NARROWEST, half) ** 2);
+    const middle = average(near), most = DEEPEST * half * middle / focal;
+    return clamp(z, middle - most, middle + most);
+  });
 }
 
 function withoutTails(pixels, depth) {
