@@ -15,7 +15,13 @@ from data_gen.mesh import Material, UnusableModelError, check_face_count
 from data_gen.parts import Part, picked, rgba
 from data_gen.polygons import fan, strip, with_holes
 from data_gen.readers.mtl import GREY
-from data_gen.readers.textures import MISSING_TEXTURE, NOT_REPEATED, Assets, with_alpha
+from data_gen.readers.textures import (
+    MISSING_TEXTURE,
+    NO_COORDINATES,
+    NOT_REPEATED,
+    Assets,
+    with_alpha,
+)
 
 _MAX_BYTES = 64 << 20
 
@@ -129,6 +135,8 @@ class _Document:
             scene = self.root.find("library_visual_scenes/visual_scene")
             used = "all geometries are" if scene is None else "the first is"
             self.assets.warn(f"no scene, {used} read")
+        if self.root.find("library_animations/animation") is not None:
+            self.assets.warn("animations not read, the pose of the nodes is taken")
         places = self.root.findall("library_geometries") if scene is None else [scene]
         stack = [(place, turn) for place in places]
         parts: list[Part] = []
@@ -239,6 +247,8 @@ class _Document:
         if chosen and chosen not in sets:
             self.assets.warn("missing sets of texture coordinates, others are used", chosen)
         uv = of_corners("TEXCOORD", chosen if chosen in sets else first, 2)
+        if uv is None and material is not None and material.texture is not None:
+            self.assets.warn(NO_COORDINATES, primitive.get("material"))
         colours = of_corners("COLOR", min((n for s, n in inputs if s == "COLOR"), default="0"), 3)
         colours = None if colours is None else rgba(colours)
         normals = of_corners("NORMAL", "0", 3)

@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 
 from data_gen.mesh import UnreadableModelError, UnusableModelError, check_face_count
+from data_gen.polygons import fan, strip
 from data_gen.readers.gltf_compressed import DRACO, MESHOPT, by_draco, by_meshopt
 from data_gen.readers.gltf_json import Object, damaged
 from data_gen.readers.gltf_materials import Looks
-from data_gen.readers.textures import Assets
+from data_gen.readers.textures import NO_COORDINATES, Assets
 from psgn_jax.system.untrusted import parse_json
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -81,10 +82,7 @@ def _triangles(mode: int, corners: np.ndarray) -> np.ndarray:
     """The triangles [f, 3] of a list (4), a strip (5) or a fan (6)."""
     if mode == 4:
         return corners[: len(corners) // 3 * 3].reshape(-1, 3)
-    first = np.arange(max(len(corners) - 2, 0))
-    odd = first % 2
-    second, third = (first + 1 + odd, first + 2 - odd) if mode == 5 else (first + 1, first + 2)
-    faces = corners[np.stack([first if mode == 5 else first * 0, second, third], axis=1)]
+    faces = corners[(strip if mode == 5 else fan)(len(corners))]
     # A strip that goes on elsewhere repeats corners in between.
     return faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
 
@@ -354,7 +352,7 @@ class _File:
         if look.image >= 0:
             widths[coordinates] = (2,)
             if coordinates not in attributes:
-                self.assets.warn("texture coordinates missing, 0 is used", coordinates)
+                self.assets.warn(NO_COORDINATES, coordinates)
         given = {name: self.accessor(attributes.whole(name), *width)
                  for name, width in widths.items() if name in attributes}  # fmt: skip
         corners: np.ndarray | None = None

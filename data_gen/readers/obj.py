@@ -17,8 +17,8 @@ import numpy as np
 from data_gen.mesh import Material, UnusableModelError, check_face_count
 from data_gen.parts import Part, picked, rgba
 from data_gen.readers.model_files import reason, whole_lines
-from data_gen.readers.mtl import Look, read_mtl
-from data_gen.readers.textures import NOT_REPEATED, Assets
+from data_gen.readers.mtl import Look, floats, read_mtl
+from data_gen.readers.textures import NO_COORDINATES, NOT_REPEATED, Assets
 from psgn_jax.system.untrusted import one_line
 
 
@@ -36,6 +36,7 @@ _MOST_LIBRARIES = 1000  # largest number of material files of a model; others ar
 _COLUMNS = {"v": 3, "vt": 2, "vn": 3}
 
 _UNREAD = {
+    "v": "weights of vertices not read",
     "l": "lines and points not read", "p": "lines and points not read",
     "curv": "curves and surfaces not read", "curv2": "curves and surfaces not read",
     "surf": "curves and surfaces not read", "call": "files that OBJ calls not read",
@@ -100,6 +101,8 @@ def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
                 if key == "v" and len(words) > 5:  # with a colour
                     painted.append(read["v"])
                     paint.append(words[3:6])
+                elif key == "v" and len(words) > 3 and floats(words[3:], 1) != [1.0]:
+                    unread["v"] += 1
                 fresh[key].append(words[: _COLUMNS[key]])
                 read[key] += 1
             elif key in ("f", "fo"):
@@ -160,6 +163,8 @@ def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
             table.append(None if paint else Material(name=one_line(name)))
             continue
         table.append(look.material)
+        if look.material.texture is not None and (corners[owner_of_corners == index, 1] < 0).any():
+            assets.warn(NO_COORDINATES, repr(name))
         if uv is not None and look != Look(look.material):
             chosen = owner_of_corners == index
             uv[chosen] = uv[chosen] * look.scale + look.offset

@@ -62,6 +62,8 @@ def read_off(data: bytes, assets: Assets) -> dict[str, Any]:
         rest, lines = iter(words[points * width :]), []
         for number in rest:
             lines.append([number, *itertools.islice(rest, _count(number))])
+        if len(lines) > faces:  # or not all vertices have as many numbers
+            raise UnusableModelError("not readable as OFF: lines of vertices differ in length")
     else:
         rows, lines = lines[:points], lines[points:]
     if len(lines) < faces:

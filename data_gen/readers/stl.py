@@ -34,7 +34,7 @@ def _from_text(text: str, assets: Assets) -> np.ndarray:
     end = text.rfind("endsolid")
     if end < 0:
         assets.warn("no line 'endsolid', the file may be cut off")
-    else:
+    elif not re.search(r"\bfacet\s+normal\b", text[end:]):  # of a solid without an end
         text = text[:end]
     # Without the names of solids, which may contain anything.
     text = re.sub(r"(?m)^[ \t]*(?:end)?solid\b.*?(?=\bfacet\s+normal\b|$)", "", text)

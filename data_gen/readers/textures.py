@@ -31,6 +31,8 @@ TWO_COLOURS = "colours of faces beside colours of vertices not read"
 _MAX_TEXELS = 1 << 24  # of all textures of a model, 64 MB
 _MAX_DECODED_TEXELS = 1 << 28  # before the joint reduction, 1 GB
 
+NO_COORDINATES = "texture coordinates missing, 0 is used"
+
 MISSING_TEXTURE = "textures missing, the plain colour is used"
 
 BROKEN_TEXTURE = "textures not readable, the plain colour is used"

@@ -130,6 +130,7 @@ def test_features_are_read_as_the_table_says(write):
             + mesh("", name="g2").replace("mesh>", "spline>"),
             TWO.format("g2"),
         ),
+        "animations": dae(more="<library_animations><animation/></library_animations>"),
         "cut-off files": dae()[:-400],
     }  # fmt: skip
     assert {f: outcome(write("a.dae", text)) for f, text in texts.items()} == promised("COLLADA")

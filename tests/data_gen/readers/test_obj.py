@@ -81,7 +81,7 @@ def test_features_are_read_as_the_table_says(write):
     }.items():  # fmt: skip
         write(f"{name}.mtl", f"newmtl a\n{more}\n")
     painted = CUBE.replace("\n", " 1 0 0\n")
-    square = "vt 0 0\nvt 2 0\nvt 0 2\nf 1/1 2/2 3/3\n" + FACES
+    square = "vt 0 0\nvt 2 0\nvt 0 2\nf 1/1 2/2 3/3\nf 1/1 3/3 8/2\n"
 
     def made_of(name, vertices=CUBE, faces=FACES):
         return f"mtllib {name}.mtl\n{vertices}usemtl a\n{faces}"
@@ -152,9 +152,8 @@ map_Kd gone.jpg
     assert "materials missing, grey is used: 'nothing'" in model.warnings
     missing = "'../../../../etc/passwd', 'gone.jpg'"
     assert f"textures missing, the plain colour is used: {missing}" in model.warnings
-    assert len(model.warnings) == 3
-    assert all("missing" in w for w in model.warnings)
-    assert len({kind_of_warning(w) for w in model.warnings}) == 3
+    assert "texture coordinates missing, 0 is used: 'picture', 'leaf'" in model.warnings
+    assert len(model.warnings) == len({kind_of_warning(w) for w in model.warnings}) == 4
     sample = sample_surface(model, 500, 0)
     names_of_points = {model.materials[i].name for i in model.face_material[sample.face]}
     assert names_of_points == set(names) - {"leaf"}
@@ -167,7 +166,8 @@ def test_textures_beside_the_material_file_and_byte_order_marks(write, name):
     write(place, f"{mark}newmtl a\nmap_Kd x.png\nnewmtl b\nmap_Kd y.png\n")
     write(f"{beside}/x.png", png((1, 2, 3)))
     write("y.png", png((4, 5, 6)))
-    body = f"{CUBE}usemtl a\n{FACES}usemtl b\n{FACES}mtllib {name}\n"
+    faces = "vt 0 0\n" + "".join(f"f {' '.join(f'{k}/1' for k in q.split())}\n" for q in QUADS)
+    body = f"{CUBE}usemtl a\n{faces}usemtl b\n{faces}mtllib {name}\n"
     model = load_model(write("a.obj", mark + body))
     texels = [material.texture[0, 0, :3].tolist() for material in model.materials]
     assert (texels, model.warnings) == ([[1, 2, 3], [4, 5, 6]], ())
@@ -198,7 +198,7 @@ def test_mtl_names_and_comments(write):
         "m.mtl",
         "newmtl a b  # 1\nmap_Kd bild ü.png # 2\nnewmtl M #2\nKd 0 0 1 # 3\n".encode("latin-1"),
     )
-    faces = f"usemtl a b\nf {QUADS[0]}\nusemtl M #2\nf {QUADS[1]} # 4\n"
+    faces = f"vt 0 0\nusemtl a b\nf 4/1 3/1 2/1 1/1\nusemtl M #2\nf {QUADS[1]} # 4\n"
     model = load_model(write("a.obj", f"mtllib m.mtl # 0\n{CUBE}{faces}"))
     assert (colours(model), model.warnings) == ([RED] * 2 + [BLUE] * 2, ())
 
@@ -236,6 +236,17 @@ def test_colours_at_vertices(write, colour):
     write("m.mtl", "newmtl a\nKd .5 1 1\n")
     model = load_model(write("a.obj", f"mtllib m.mtl\n{painted}usemtl a\n{FACES}"))
     assert set(colours(model)) == {(0.5, 0, 0)}
+
+
+def test_numbers_that_are_missing_or_not_read_are_named(write):
+    write("x.png", png((255, 0, 0)))
+    write("m.mtl", "newmtl a\nmap_Kd x.png\n")
+    for line, text in {
+        "texture coordinates missing, 0 is used: 'a'": f"mtllib m.mtl\nusemtl a\n{CUBE}{FACES}",
+        "weights of vertices not read: 8": CUBE.replace("\n", " 2\n") + FACES,
+    }.items():
+        assert load_model(write("a.obj", text)).warnings == (line,)
+    assert load_model(write("a.obj", CUBE.replace("\n", " 1.0\n") + FACES)).warnings == ()
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-8-sig"])

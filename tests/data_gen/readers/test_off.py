@@ -78,6 +78,7 @@ def test_off_polygons_free_form_and_refusals(write):
         "cut off: 4 vertices announced, 3 there": off(faces=[]).replace("0 1 0", ""),
         "more than the limit": off().replace("4 2 0", "4 999999999 0"),
         "a word that is not a number": off(faces=["3 0 1 x"]),
+        "lines of vertices differ in length": off(["0 0 0", "1 0 0 9", *POINTS[2:]]),
         "not a number": off(faces=["-3 0 1 2"]),
         "the numbers of vertices": "OFF\nabc\n",
         "does not begin with a line 'OFF'": "abc\n",

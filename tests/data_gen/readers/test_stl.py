@@ -74,6 +74,7 @@ def test_stl_counts_and_refusals(write):
         "cut off: 3 facets announced, 2 there": binary(count=3),
         "2 facets begin, but it has 5 corners": text().rpartition("vertex")[0],
         "2 facets begin, but it has 6 corners": text().rpartition("endloop")[0],
+        "4 facets begin, but it has 10 corners": text() + text().rpartition("vertex 1.0 1.0")[0],
         "a corner without numbers": text().replace("1.0", "1,0"),
         "neither binary data nor": "solid a\nendsolid a\n",
         "no faces": binary(FACETS[:0], (), head=b"a"),
