@@ -11,6 +11,7 @@ In a notebook: `psgn_jax.load()(image)`.
 
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 from psgn_jax.commands.common import define_network_flags, keep_compiled
 from psgn_jax.config.command_line import Flags
@@ -65,11 +66,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     return flags.run(_main, argv)
 
 
-def _numbers(name: str, texts: list[str] | None) -> list[float] | None:
+def _numbers(name: str, texts: list[str] | None, kind: type = float) -> list[Any] | None:
     try:
-        return None if texts is None else [float(text) for text in texts]
+        return list(map(kind, texts)) if texts else None
     except ValueError:
-        raise ConfigError(f"--{name}={','.join(texts or ())}: accepted: numbers") from None
+        what = "an integer, or a colour R,G,B" if kind is int else "numbers"
+        raise ConfigError(f"--{name}={','.join(texts or ())}: accepted: {what}") from None
 
 
 def _main(flags: Flags) -> int:
@@ -78,13 +80,7 @@ def _main(flags: Flags) -> int:
         raise ConfigError(
             f"--formats={','.join(values.formats)}: accepted: any of {', '.join(FORMATS)}"
         )
-    try:
-        label = [int(part) for part in values.mask_label or ()] or None
-    except ValueError:
-        label = [0, 0]
-    if label and len(label) not in (1, 3):
-        shown = ",".join(values.mask_label)
-        raise ConfigError(f"--mask_label={shown}: accepted: an integer, or a colour R,G,B")
+    label = _numbers("mask_label", values.mask_label, int)
     check_folder(values.out, "--out")
 
     def opened() -> Predictor:

@@ -110,9 +110,6 @@ class Flags:
                 raise
             # The library names the wrong argument first; if that is a flag, it gets dashes.
             message = message_line(error)
-            for given in (each.partition("=")[2] or each for each in argv if "://" in each):
-                # A path has only one of an address's slashes.
-                message = message.replace(str(pathlib.PurePath(given)), given)
             dashes = "--" * (message.partition("=")[0] in self.values)
             sys.stderr.write(f"error: {dashes}{message}\n")
             return code

@@ -312,9 +312,8 @@ def _without_removed(config: Any) -> Any:
     tree = config.to_dict() if hasattr(config, "to_dict") else config
     for (section, field), idle in _REMOVED.items():
         values = tree.get(section) if isinstance(tree, Mapping) else None
-        if isinstance(values, Mapping) and field in values and values[field] == idle:
-            kept = {key: value for key, value in values.items() if key != field}
-            tree = {**tree, section: kept}
+        if isinstance(values, Mapping) and values.get(field) == idle:
+            tree = {**tree, section: {k: v for k, v in values.items() if k != field}}
     return tree
 
 

@@ -1,7 +1,8 @@
 """Tells what is probably wrong with the samples of a data set: units, ground, and the splits."""
 
+import itertools
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -42,8 +43,7 @@ class Doubts:
             return
         if model[1] and (first := self._models.setdefault(model, split)) != split:
             self._twice.setdefault(model, (first, split))
-        other = self._clouds.setdefault(cloud, split)
-        if other != split:
+        if (other := self._clouds.setdefault(cloud, split)) != split:
             self._same.setdefault(model, (other, split))
 
     def lines(self) -> Iterator[str]:
@@ -76,12 +76,10 @@ def _range(values: np.ndarray) -> str:
     return " to ".join(dict.fromkeys(ends))
 
 
-def _in_two_splits(what: str, found: Mapping[tuple[str, str], tuple[str, str]]) -> Sequence[str]:
-    if not found:
-        return []
-    (category, model), (one, other) = next(iter(found.items()))
-    shown = repr(model) + (f" ({category})" if category else "")
-    return [
-        f"{len(found)} {what} in two splits, such as {shown} in {one!r} and {other!r}: keep "
-        "all samples of an object in one split, or the evaluation measures what was trained on"
-    ]
+def _in_two_splits(what: str, found: Mapping[tuple[str, str], tuple[str, str]]) -> Iterator[str]:
+    for (category, model), (one, other) in itertools.islice(found.items(), 1):
+        shown = repr(model) + (f" ({category})" if category else "")
+        yield (
+            f"{len(found)} {what} in two splits, such as {shown} in {one!r} and {other!r}: keep "
+            "all samples of an object in one split, or the evaluation measures what was trained on"
+        )

@@ -146,24 +146,14 @@ def open_mask(
 
 def _mask_picture(mask: Source, bound: int) -> tuple[Image.Image, tuple[int, int], int]:
     """A mask as stored, with at most `bound` pixels a side; its (H, W) and EXIF's orientation."""
-
-    def read(picture: Image.Image) -> tuple[Image.Image, int]:
-        picture.load()
-        orientation = _orientation_of(picture)
-        factor = max(picture.size) / bound
-        if factor > 1:  # without averages, which would be levels that the mask does not have
-            width, height = (max(1, round(side / factor)) for side in picture.size)
-            return picture.resize((width, height), Image.Resampling.NEAREST), orientation
-        return picture.copy(), orientation
-
-    if isinstance(mask, Image.Image):
-        size = mask.height, mask.width
-        _check_size("the mask", size)
-        with _as_photo_error("the mask"):
-            return read(mask)[0], size, _orientation_of(mask)
     with _opened(mask, "the mask") as (file, size):
-        picture, orientation = read(file)
-    return picture, size, orientation
+        file.load()
+        factor, orientation = max(file.size) / bound, _orientation_of(file)
+        if factor <= 1:
+            return file.copy(), size, orientation
+        # Without averages, which would be levels that the mask does not have.
+        width, height = (max(1, round(side / factor)) for side in file.size)
+        return file.resize((width, height), Image.Resampling.NEAREST), size, orientation
 
 
 def _levels_of(picture: Image.Image) -> tuple[np.ndarray, np.ndarray | None]:
@@ -227,11 +217,6 @@ def _stored(image: Source, noun: str) -> Photo:
         colours = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
         alpha = colours[..., 3] if colours.shape[2] == 4 else None
         return Photo(colours[..., :3], useful_alpha(alpha), size)
-    if isinstance(image, Image.Image):
-        _check_size(noun, (image.height, image.width))
-        with _as_photo_error(noun):
-            image.load()
-        return _from_picture(image, (image.height, image.width))
     with _opened(image, noun) as (file, size):
         file.load()
         return _from_picture(file, size)
@@ -287,7 +272,12 @@ def _orientation_of(picture: Image.Image) -> int:
 
 @contextlib.contextmanager
 def _opened(path: Any, noun: str) -> Iterator[tuple[Image.Image, tuple[int, int]]]:
-    """Context with an opened file and its (H, W); errors in the block become `PhotoError`."""
+    """Context with a picture or an opened file, and its (H, W).
+
+    Errors in the block become `PhotoError`. Pillow's warnings, of odd metadata and of sizes that
+    are bounded here, are not shown.
+    """
+    shown = noun
     if isinstance(path, str | os.PathLike):
         shown = one_line(path)
         try:
@@ -296,6 +286,8 @@ def _opened(path: Any, noun: str) -> Iterator[tuple[Image.Image, tuple[int, int]
             raise PhotoError(f"{shown}: no such file") from None
         if kind is not None:
             raise PhotoError(f"{shown} is {kind}, expected a file")
+    elif isinstance(path, Image.Image):
+        pass
     elif hasattr(path, "seek"):
         shown = one_line(getattr(path, "name", noun))
         path.seek(0)
@@ -306,21 +298,17 @@ def _opened(path: Any, noun: str) -> Iterator[tuple[Image.Image, tuple[int, int]
         )
     Image.init()
     formats = [name for name in _FORMATS if name in Image.OPEN]
-    # Pillow warns of odd metadata and of sizes that are bounded here.
-    with _as_photo_error(shown), warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        with Image.open(path, formats=formats) as file:
+    given = isinstance(path, Image.Image)
+    try:
+        with (
+            warnings.catch_warnings(action="ignore"),
+            contextlib.nullcontext(path) if given else Image.open(path, formats=formats) as file,
+        ):
             width, height = file.size
             _check_size(shown, (height, width))
-            file.draft(file.mode, (MAX_SIDE, MAX_SIDE))  # a JPEG can be decoded smaller
+            if not given:
+                file.draft(file.mode, (MAX_SIDE, MAX_SIDE))  # a JPEG can be decoded smaller
             yield file, (height, width)
-
-
-@contextlib.contextmanager
-def _as_photo_error(shown: str) -> Iterator[None]:
-    """Context in which errors of Pillow become `PhotoError`."""
-    try:
-        yield
     except PhotoError:
         raise
     except UnidentifiedImageError:

@@ -214,6 +214,7 @@ def _cover(pixels: Float[Array, "n 2"], mask: Bool[Array, "h w"]) -> Float[Array
     centres = _centres(jnp.arange(height * width), width)
     far = jnp.maximum(FAR, FAR_PER_SPACING * jnp.sqrt(mask.sum() / count))
     numbers = jnp.arange(count, dtype=jnp.int32)
+    nothing = jnp.zeros((count, 3), pixels.dtype)
 
     def pull(_: int, pixels: Array) -> Array:
         cell, within = _cells(pixels, height, width)
@@ -225,7 +226,7 @@ def _cover(pixels: Float[Array, "n 2"], mask: Bool[Array, "h w"]) -> Float[Array
         squared = jnp.square(pixels[point] - centres).sum(axis=1)
         pulls = mask.ravel() & (squared > jnp.square(far))
         weighted = jnp.pad(centres, ((0, 0), (0, 1)), constant_values=1)
-        total = jnp.zeros((count, 3)).at[point].add(jnp.where(pulls[:, None], weighted, 0))
+        total = nothing.at[point].add(jnp.where(pulls[:, None], weighted, 0))
         mean = total[:, :2] / jnp.maximum(total[:, 2:], 1)
         return pixels + STEP * jnp.where(total[:, 2:] > 0, mean - pixels, 0)
 

@@ -14,14 +14,10 @@ from psgn_jax.system.errors import UserError
 from psgn_jax.system.untrusted import brief
 
 CONVOLUTIONS = "PSGN_CONVOLUTIONS"
-_PLATFORMS = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME", "JAX_NUM_CPU_DEVICES")
-_GUARDS = (
-    "JAX_TRANSFER_GUARD",
-    "JAX_TRANSFER_GUARD_HOST_TO_DEVICE",
-    "JAX_TRANSFER_GUARD_DEVICE_TO_HOST",
-    "JAX_TRANSFER_GUARD_DEVICE_TO_DEVICE",
-)
-_FINITE = ("JAX_DEBUG_NANS", "JAX_DEBUG_INFS")
+# With what the names of variables begin.
+_PLATFORMS = "JAX_PLATFORM", "JAX_NUM_CPU_DEVICES"
+_GUARDS = ("JAX_TRANSFER_GUARD",)
+_FINITE = "JAX_DEBUG_NANS", "JAX_DEBUG_INFS"
 # XLA reads its flags when the first options are made; this takes .1 s of CPU time.
 _READ_FLAGS = "from jaxlib import _jax; _jax.CompileOptions().executable_build_options"
 
@@ -51,8 +47,8 @@ def explained(error: BaseException) -> UserError | None:
     return None
 
 
-def _given(names: tuple[str, ...]) -> list[str]:
-    return [name for name in names if os.environ.get(name)]
+def _given(begins: tuple[str, ...]) -> list[str]:
+    return sorted(name for name, value in os.environ.items() if value and name.startswith(begins))
 
 
 def _wrong(name: str, why: str) -> UserError:

@@ -8,6 +8,7 @@ import json
 import math
 import os
 import pathlib
+import re
 import stat
 import zipfile
 import zlib
@@ -159,9 +160,13 @@ def size_of(path: str | os.PathLike[str]) -> int:
 
 
 def one_line(text: object) -> str:
-    r"""A text in one line: line breaks (`\n`) and unprintable characters are escaped."""
+    r"""A text in one line: line breaks (`\n`) and unprintable characters are escaped.
+
+    Addresses, which lose a slash as paths, get it back.
+    """
+    shown = re.sub(r"\b(https?|ftp|s3|gs):/(?!/)", r"\1://", str(text))
     return "".join(
-        c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in str(text)
+        c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in shown
     )
 
 

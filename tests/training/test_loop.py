@@ -199,25 +199,16 @@ def test_scores_of_records_that_change_during_training_are_forgotten(
     assert Checkpoints(workdir / "checkpoints", read_only=True).scores.keys() == {12}
 
 
-@pytest.mark.parametrize(
-    ("section", "field", "value", "accepted"),
-    [
-        ("optim", "final_fraction", 0.5, "0 unless optim.schedule='cosine'"),
-        ("loss", "kl_warmup_steps", 3, "0 unless model.posterior=True"),
-    ],
-)
-def test_settings_without_effect_are_refused_but_an_older_run_goes_on(
-    config, tmp_path, section, field, value, accepted
-):
-    changed = dataclasses.replace(getattr(config, section), **{field: value})
-    config = dataclasses.replace(config, **{section: changed})
-    message = f"^{section}.{field}={value}: accepted: {accepted}$"
+def test_a_setting_without_effect_is_refused_but_an_older_run_goes_on(config, tmp_path):
+    loss = dataclasses.replace(config.loss, kl_warmup_steps=3)
+    config = dataclasses.replace(config, loss=loss)
+    message = "^loss.kl_warmup_steps=3: accepted: 0 unless model.posterior=True$"
     with pytest.raises(ConfigError, match=message):
         train(config, tmp_path / "run")
     assert not (tmp_path / "run").exists()
     (tmp_path / "run/checkpoints").mkdir(parents=True)  # of an older run, before its first one
     train(shorter(config, 1), tmp_path / "run")
-    assert getattr(getattr(open_run(tmp_path / "run").config, section), field) == value
+    assert open_run(tmp_path / "run").config.loss == loss
     train(shorter(config, 2), tmp_path / "run")
 
 
@@ -246,13 +237,10 @@ def test_what_does_not_fit_is_named_before_anything_is_written(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
-        (
-            {"model__widths": (1_000_000, 1_000_000, 8)},
-            "model.widths, model.fc_points: the network",
-        ),
+        ({"model__widths": (1_000_000, 1_000_000, 8)}, "^model.widths, model.fc_points: the netw"),
         ({"model__fc_points": 1_000_000, "model__fc_widths": (1_000_000,)}, "the network with"),
-        ({"train__batch_size": 1_000_000, "data__image_size": (192, 256)}, "the images of a batch"),
-        ({"eval__batch_size": 1_000_000, "data__image_size": (192, 256)}, "the images of a batch"),
+        ({"train__batch_size": 100_000_000}, "the images of a batch"),
+        ({"eval__batch_size": 100_000_000}, "the images of a batch"),
     ],
 )
 def test_what_is_larger_than_the_memory_is_refused_before_it_is_allocated(changes, named, tmp_path):
