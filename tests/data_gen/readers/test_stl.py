@@ -72,6 +72,7 @@ def test_stl_counts_and_refusals(write):
     assert "the file may be cut off" in model.warnings[0]
     for words, content in {
         "cut off: 3 facets announced, 2 there": binary(count=3),
+        "more than the limit": binary(count=5_000_000),
         "2 facets begin, but it has 5 corners": text().rpartition("vertex")[0],
         "2 facets begin, but it has 6 corners": text().rpartition("endloop")[0],
         "4 facets begin, but it has 10 corners": text() + text().rpartition("vertex 1.0 1.0")[0],
@@ -101,3 +102,4 @@ def word(red, green, blue, top):
 def test_stl_colours_of_viscam_and_magics(write, words, head, shown):
     model = load_model(write("a.stl", binary(words=words, head=head)))
     assert colours(model) == shown
+    assert not model.materials[0].has_alpha  # texels of its palette that are not used
