@@ -29,17 +29,16 @@ def read_off(data: bytes, assets: Assets) -> dict[str, Any]:
     text = as_utf8(data).decode("utf-8", "replace")
     lines = [words for line in text.split("\n") if (words := line.split("#")[0].split())]
     first = lines[0][0] if lines else ""
-    kind = re.fullmatch(r"(ST)?(CN?|NC?)?(4?n?)(?:OFF|off)(\d*)", first)
-    if kind:  # some files of ModelNet have no space between the word and the first count
-        lines[0][:1] = [kind[4]] if kind[4] else []
-    elif not first.isdecimal():
+    # Some files of ModelNet have no space between the word and the first count.
+    kind = re.fullmatch(r"(?:(ST)?(CN?|NC?)?(4?n?)(?:OFF|off))?(\d*)", first)
+    if not kind or not first:
         raise UnusableModelError("not readable as OFF: it does not begin with a line 'OFF'")
+    lines[0][:1] = filter(None, [kind[4]])
     if lines[0][:1] == ["BINARY"]:
         raise UnusableModelError("binary OFF is not read")
-    if kind and kind[3]:
+    if kind[3]:
         raise UnusableModelError(f"{first} is not read: its points do not have three coordinates")
-    extra = (kind[2] or "") if kind else ""
-    lines = [words for words in lines if words]
+    extra = kind[2] or ""
     head: list[str] = []
     while lines and len(head) < 2:
         head += lines.pop(0)
@@ -52,7 +51,7 @@ def read_off(data: bytes, assets: Assets) -> dict[str, Any]:
     points, faces = int(head[0]), int(head[1])
     check_face_count(faces, assets.max_faces)
 
-    tail = 2 if kind and kind[1] else 0  # texture coordinates, but OFF names no image
+    tail = 2 if kind[1] else 0  # texture coordinates, but OFF names no image
     width = 3 + 3 * ("N" in extra) + 4 * ("C" in extra) + tail
     if len({len(words) for words in lines[:points]}) > 1 or len(lines) < points:
         words = list(itertools.chain(*lines))  # lines have no meaning
