@@ -33,9 +33,6 @@ _TURNS = {
     "X_UP": ((0, -1, 0, 0), (1, 0, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
 }
 
-# From the name of texture coordinates in an effect to their set in the geometry.
-_Sets = dict[str, str]
-
 
 class _BrokenError(Exception):
     """A part of the file cannot be read; the text says why."""

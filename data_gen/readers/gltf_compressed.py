@@ -24,7 +24,8 @@ def by_draco(packed: Object, data: memoryview) -> tuple[np.ndarray, dict[str, np
         import DracoPy
     except ImportError:
         raise _absent(DRACO) from None
-    names = {name: packed.object("attributes").whole(name) for name in packed.object("attributes")}
+    attributes = packed.object("attributes")
+    names = {name: attributes.whole(name) for name in attributes.fields}
     try:
         found: Any = DracoPy.decode(bytes(data))
         own = {k: np.asarray(found.get_attribute_by_unique_id(n)["data"]) for k, n in names.items()}

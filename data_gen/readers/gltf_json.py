@@ -1,6 +1,6 @@
 """Objects of the JSON of a glTF file, whose fields are read with their types checked."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,12 +33,6 @@ class Object:
 
     def __contains__(self, key: str) -> bool:
         return key in self.fields
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.fields)
-
-    def __bool__(self) -> bool:
-        return True
 
     def at(self, key: str) -> str:
         """The path of a field."""

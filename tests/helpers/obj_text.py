@@ -1,7 +1,8 @@
-"""Texts of OBJ files, and a small picture."""
+"""Texts of OBJ files, and small pictures."""
 
 import io
 
+import numpy as np
 from PIL import Image
 
 _SQUARE = ("-1 -1", "1 -1", "1 1", "-1 1")
@@ -14,3 +15,13 @@ def png(colour, size=(4, 4), mode="RGB"):
     stream = io.BytesIO()
     Image.new(mode, size, colour).save(stream, "PNG")
     return stream.getvalue()
+
+
+def picture(rows, kind="PNG", **options):
+    """An image of given pixels as a file."""
+    stream = io.BytesIO()
+    Image.fromarray(np.array(rows, np.uint8)).save(stream, kind, **options)
+    return stream.getvalue()
+
+
+RED_BLUE = picture([[(255, 0, 0), (0, 0, 255)]])

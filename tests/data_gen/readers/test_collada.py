@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers.features import outcome, promised
 from helpers.looks import BLUE, GREY, RED, area, colours
-from helpers.obj_text import png
+from helpers.obj_text import RED_BLUE, png
 
 from data_gen.mesh import UnusableModelError
 from data_gen.readers.load import load_model
@@ -84,17 +84,8 @@ def textured(shading=TEXTURED, inputs="", shader="lambert"):
     return dae(mesh(body, more=sets), nodes, shading, shader=shader)
 
 
-def halves(write):
-    pixels = np.zeros((2, 4, 3), np.uint8)
-    pixels[:, :2, 0] = pixels[:, 2:, 2] = 255
-    from PIL import Image
-
-    path = write("halves.png", b"")
-    Image.fromarray(pixels).save(path)
-
-
 def test_features_are_read_as_the_table_says(write):
-    halves(write)
+    write("halves.png", RED_BLUE)
     scaled = "<extra><technique profile='MAYA'><repeatU>2</repeatU></technique></extra></texture>"
     texts = {
         "concave polygons": dae(
@@ -181,7 +172,7 @@ def test_collada_transparency(write, shading, opacity):
 
 
 def test_collada_textures_and_colours(write):
-    halves(write)
+    write("halves.png", RED_BLUE)
     bound = "<bind_vertex_input semantic='UV' input_semantic='TEXCOORD' input_set='1'/>"
     assert colours(load_model(write("a.dae", textured()))) == [RED] * 2
     assert colours(load_model(write("a.dae", textured(inputs=bound)))) == [BLUE] * 2
@@ -253,12 +244,12 @@ def test_collada_axes_and_transforms(write, up, extent):
 
 
 def test_collada_archives(write, tmp_path):
-    halves(write)
+    write("halves.png", RED_BLUE)
     for texts, words in (
         (
             {
                 "b/a.dae": textured().encode(),
-                "b/halves.png": (tmp_path / "halves.png").read_bytes(),
+                "b/halves.png": RED_BLUE,
             },
             None,
         ),

@@ -19,6 +19,7 @@ from helpers.commands import python
 from helpers.features import outcome, promised
 from helpers.gltf_files import CORNERS, SQUARE, TWO, Gltf
 from helpers.looks import area, colours
+from helpers.obj_text import RED_BLUE, picture
 from PIL import Image
 
 from data_gen.mesh import UnusableModelError, face_normals, opacity_at
@@ -58,18 +59,8 @@ def opacities(model):
     return opacity_at(model, np.arange(count), np.full((count, 3), 1 / 3)).tolist()
 
 
-def picture(rows, kind="PNG", **options):
-    """An image of given pixels as a file."""
-    stream = io.BytesIO()
-    Image.fromarray(np.array(rows, np.uint8)).save(stream, kind, **options)
-    return stream.getvalue()
-
-
-RED_BLUE = picture([[RED, BLUE]])  # the first triangle of the square is red, the second blue
-
-
 def textured(g, image=RED_BLUE, *, texture=None, sampler=None, **attributes):
-    """A square with a texture."""
+    """A square with a texture; of the usual one, the first triangle is red, the second blue."""
     info = {"index": g.image(image, **(sampler or {})), **(texture or {})}
     return painted(g, {"baseColorTexture": info}, **{"TEXCOORD_0": CORNERS, **attributes})
 

@@ -1,12 +1,10 @@
 import contextlib
-import io
 
 import numpy as np
 import pytest
 from helpers.features import outcome, promised
 from helpers.looks import BLUE, RED, colours
-from helpers.obj_text import CUBE, FACES, QUADS, png
-from PIL import Image
+from helpers.obj_text import CUBE, FACES, QUADS, RED_BLUE, png
 
 from data_gen.mesh import UnusableModelError, face_areas, kind_of_warning
 from data_gen.readers import textures
@@ -213,20 +211,12 @@ def test_mtl_names_and_comments(write):
     ],
 )  # fmt: skip
 def test_mtl_options_of_textures(write, statement, shown):
-    write("x.png", two_pixels())
+    write("x.png", RED_BLUE)
     write("m.mtl", f"newmtl a\n{statement}\n")
     text = f"mtllib m.mtl\nvt .25 .5\n{CUBE}usemtl a\nf 1/1 2/1 3/1\nf 4/1 5/1 6/1\n"
     model = load_model(write("a.obj", text))
     np.testing.assert_allclose(colours(model), [shown] * 2, atol=0.01)
     assert model.warnings == ()
-
-
-def two_pixels():
-    """A picture, red on the left and blue on the right."""
-    pixels = np.array([[(255, 0, 0), (0, 0, 255)]], np.uint8)
-    stream = io.BytesIO()
-    Image.fromarray(pixels).save(stream, "PNG")
-    return stream.getvalue()
 
 
 @pytest.mark.parametrize("colour", ["1 0 0", "255 0 0", "1.0 0 0 1"])
