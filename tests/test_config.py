@@ -107,6 +107,8 @@ def test_the_last_one_of_repeated_flags_counts(arguments, field, value):
          "model.posterior=True: accepted: False unless task='points'"),
         ({"loss": {"kl_weight": 2}}, "loss.kl_weight=2.0: accepted: 1 unless model.posterior"),
         ({"loss": {"kl_warmup_steps": 2}}, "accepted: 0 unless model.posterior=True"),
+        ({"model": {"random_at": "all"}}, "'bottleneck' unless model.random_size > 0"),
+        ({"task": "volume", "eval": {"aligned": True}}, "False unless task='points'"),
         ({"model": {"posterior_hidden": 2}}, "accepted: 128 unless model.posterior=True"),
         ({"loss": {"l2_scale": 2}}, "accepted: 0.1 unless loss.l2='authors'"),
         ({"loss": {"emd_tolerance": 0.1}}, "accepted: 0.01 unless loss.name has an EMD"),

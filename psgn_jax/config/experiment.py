@@ -256,7 +256,8 @@ def parse(config: Any) -> Config:
 _LOSS = tuple(f"loss.{field.name}" for field in dataclasses.fields(LossConfig))
 _NEEDS: tuple[tuple[str, Callable[[Config], object], tuple[str, ...]], ...] = (
     ("task='points'", lambda config: config.task == "points",
-     ("model.posterior", "model.random_size", *_LOSS)),
+     ("model.posterior", "model.random_size", "eval.aligned", *_LOSS)),
+    ("model.random_size > 0", lambda config: config.model.random_size, ("model.random_at",)),
     ("model.posterior=True", lambda config: config.model.posterior,
      ("loss.kl_weight", "loss.kl_warmup_steps", "model.posterior_widths",
       "model.posterior_hidden")),

@@ -29,7 +29,7 @@ _OUTSIDE, _LEAST_SHARE = 0.1, 2e-4
 # at least .2 of the object, and differ by at least .124 on average. Of their masks, at 96 pixels or
 # whole, blurred with a deviation of up to 2 pixels, they are fewer or differ by at most .117.
 _NEAR, _OFF, _MOST_BETWEEN, _MOST_DIFFERENT = 0.25, 0.5, 0.17, 0.12
-_MANY = 64  # levels that labels do not have
+_MANY = 64  # levels that labels do not have, unless they cover most of the mask
 _BLURS = (2, 4, 8, 16, 32)  # factors of reduction
 
 _OUTLINE = f"label {VOID} of the mask was taken as an outline that is not of the object"
@@ -81,12 +81,13 @@ def object_in(
     if inner is not None:
         return (values == levels[inner]).all(2), (_OUTLINE,)
     share = _share_between(*_between(small, levels[low], levels[high]))
-    if (share or own.sum() > 2) and len(levels) > _MANY:
-        raise MaskLevelsError(
-            f"looks like a photograph: {share:.0%} of it is neither dark nor bright; accepted: "
-            "white on the object, black elsewhere"
-        )
     if share or own.sum() > 2:
+        labelled = own.sum() > 2 and counts[own].sum() > 0.5 * codes.size
+        if len(levels) > _MANY and not labelled:
+            raise MaskLevelsError(
+                f"looks like a photograph: {share:.0%} of it is neither dark nor bright; accepted: "
+                "white on the object, black elsewhere"
+            )
         raise MaskLevelsError(
             f"has {len(levels)} levels ({shown}): accepted: two, the object and the rest; name the "
             "object's with mask_label, or in Python give mask=array == level"

@@ -80,6 +80,10 @@ def test_two_levels_are_a_mask_and_their_edge_may_be_soft(mask):
         (labels(26001, 26002, 7, np.int64), (26001,)),
         (in_file(labels(7, 255)), 7),  # 255 is no outline of the object
         (in_file(outlined(255, 128)), None),  # a trimap
+        (
+            in_file(np.where(OBJECT, 255, (ROWS // 20 * 16 + COLUMNS // 20) % 95).astype(np.uint8)),
+            255,
+        ),
         (in_file(with_palette(labels(1, 2), *RED_AND_GREEN)), 1),
         (in_file(with_palette(labels(1, 2), *RED_AND_GREEN), transparency=0), 1),
         (in_file(with_palette(labels(1, 2), *[(0, 0, 0)] * 4)), 1),
