@@ -30,6 +30,7 @@ from psgn_jax.weights.run_folder import locked, open_run
 
 pytestmark = pytest.mark.usefixtures("keep_compiled")
 TINY = {"model__name": "vanilla", "model__widths": (4, 6, 8)}
+LARGE = {"data__image_size": (192, 256)}
 
 
 @pytest.fixture(autouse=True)
@@ -239,8 +240,8 @@ def test_what_does_not_fit_is_named_before_anything_is_written(tmp_path):
     [
         ({"model__widths": (1_000_000, 1_000_000, 8)}, "^model.widths, model.fc_points: the netw"),
         ({"model__fc_points": 1_000_000, "model__fc_widths": (1_000_000,)}, "the network with"),
-        ({"train__batch_size": 100_000_000}, "the images of a batch"),
-        ({"eval__batch_size": 100_000_000}, "the images of a batch"),
+        ({"train__batch_size": 1_000_000, **LARGE}, "the images of a batch"),
+        ({"eval__batch_size": 1_000_000, **LARGE}, "the images of a batch"),
     ],
 )
 def test_what_is_larger_than_the_memory_is_refused_before_it_is_allocated(changes, named, tmp_path):
