@@ -89,8 +89,9 @@ def read_ply(data: bytes, assets: Assets) -> dict[str, Any]:
         colours = colours[index]
         if painted is not None:
             assets.warn(TWO_COLOURS)
-    elif painted is not None and not len(triangles):
-        colours = np.repeat(painted, counts, axis=0)
+    elif painted is not None:  # strips have no colours
+        grey = rgba(np.full((len(triangles), 4), np.nan))
+        colours = np.append(np.repeat(painted, own, axis=0), grey, axis=0)
     part = Part(
         vertices, counts, corners, materials, owner, uv,
         None if normals is None else normals[index], colours,

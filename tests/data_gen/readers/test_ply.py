@@ -167,6 +167,8 @@ def test_ply_headers_and_strips(write):
     strips = ply(points, faces=[], more=STRIPS) + "9 0 1 2 3 4 -1 4 5 7\n"
     model = load_model(write("a.ply", strips))
     assert len(model.faces) == 4
+    both = ply(points, ["3 0 1 2 255 0 0"], of_faces=RGB, more=STRIPS) + "4 4 5 6 7\n"
+    assert colours(load_model(write("b.ply", both))) == [RED, GREY, GREY]
     assert len({tuple(n) for n in model.normals[:3, 0].round(3)}) == 1  # the same side of a strip
     for words, text in {
         "it has 4 points, but no faces": ply(faces=[]),
