@@ -15,8 +15,8 @@ from data_gen.readers.model_files import FolderFiles
 # Formats in which z usually points up; in the others it is y.
 _Z_UP = (".stl", ".ply", ".off", ".3mf")
 
-# Formats that cannot be read here, or only with further packages (3MF: lxml and networkx).
-_OTHERS = {".3mf", ".3ds", ".blend", ".fbx", ".step", ".stp", ".usd", ".usdz", ".wrl", ".x3d",
+# Formats that cannot be read.
+_OTHERS = {".3ds", ".blend", ".fbx", ".step", ".stp", ".usd", ".usdz", ".wrl", ".x3d",
            ".sh3f"}  # fmt: skip
 
 

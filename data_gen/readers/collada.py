@@ -23,7 +23,7 @@ from data_gen.readers.textures import (
     with_alpha,
 )
 
-_MAX_BYTES = 64 << 20
+MAX_XML_BYTES = 64 << 20
 
 _MAX_NODES = 100_000  # a node may be in several places of the scene
 
@@ -38,18 +38,24 @@ class _BrokenError(Exception):
     """A part of the file cannot be read; the text says why."""
 
 
-def read_collada(data: bytes, assets: Assets) -> dict[str, Any]:
-    """Arrays of a COLLADA file for `mesh.build_model`, turned to +y up."""
-    if len(data) > _MAX_BYTES:
-        raise UnusableModelError(f"{len(data)} bytes of dae, more than the limit {_MAX_BYTES}")
+def parsed_xml(data: bytes, title: str) -> Element:
+    """The root of an XML file, whose tags are without namespaces: some files have none."""
+    if len(data) > MAX_XML_BYTES:
+        raise UnusableModelError(f"{len(data)} bytes of XML, more than the limit {MAX_XML_BYTES}")
     if b"<!ENTITY" in data.replace(b"\0", b""):  # UTF-16 has zeros
         raise UnusableModelError("XML entities are refused")
     try:
         root = ElementTree.fromstring(data.lstrip())
     except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise UnusableModelError(f"not readable as COLLADA: XML, {error}"[:200]) from error
+        raise UnusableModelError(f"not readable as {title}: XML, {error}"[:200]) from error
     for element in root.iter():
-        element.tag = element.tag.rpartition("}")[2]  # some files have no namespace
+        element.tag = element.tag.rpartition("}")[2]
+    return root
+
+
+def read_collada(data: bytes, assets: Assets) -> dict[str, Any]:
+    """Arrays of a COLLADA file for `mesh.build_model`, turned to +y up."""
+    root = parsed_xml(data, "COLLADA")
     if root.tag != "COLLADA":
         raise UnusableModelError(f"not readable as COLLADA: it is XML with <{root.tag[:40]}>")
     parts = _Document(root, assets).parts()

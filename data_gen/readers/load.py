@@ -1,6 +1,5 @@
 """Loads a model from a file, with the reader of its format, and normalises it."""
 
-import importlib.util
 import io
 import os
 import pathlib
@@ -36,12 +35,10 @@ def _read_zae(data: bytes, assets: Assets) -> dict[str, Any]:
 
 READERS: dict[str, Callable[[bytes, Assets], dict[str, Any]]] = {
     "obj": read_obj, "ply": read_ply, "off": read_off, "stl": read_stl, "dae": read_collada,
-    "zae": _read_zae,
+    "zae": _read_zae, "3mf": read_3mf,
     "glb": read_gltf, "gltf": read_gltf,
 }  # fmt: skip
 """Suffixes of the formats that can be read; `.gz` may follow them."""
-if all(map(importlib.util.find_spec, ("trimesh", "lxml", "networkx"))):  # which needs the others
-    READERS["3mf"] = read_3mf
 
 
 def load_model(

@@ -1,0 +1,70 @@
+import io
+import zipfile
+
+import numpy as np
+import pytest
+from helpers.looks import area
+
+from data_gen.mesh import UnusableModelError, face_normals
+from data_gen.readers.load import load_model
+
+POINTS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+FACES = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+VERTICES = "".join(f"<vertex x='{x}' y='{y}' z='{z}'/>" for x, y, z in POINTS)
+TRIANGLES = "".join(f"<triangle v1='{a}' v2='{b}' v3='{c}'/>" for a, b, c in FACES)
+MESH = f"<mesh><vertices>{VERTICES}</vertices><triangles>{TRIANGLES}</triangles></mesh>"
+SHAPE = f"<object id='1'>{MESH}</object>"
+TWO = (
+    "<object id='2'><components><component objectid='1' transform='-1 0 0 0 1 0 0 0 1 -1 0 0'/>"
+    "<component objectid='1' p:path='/3D/b.model'/></components></object>"
+)
+
+
+def three_mf(objects=SHAPE, items="<item objectid='1'/>", head=""):
+    space = "xmlns='http://schemas.microsoft.com/3dmanufacturing/core/2015/02' xmlns:p='p'"
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, inner in {"a": objects, "b": SHAPE}.items():
+            build = f"<build>{items}</build>" if name == "a" else ""
+            text = f"{head}<model {space}><resources>{inner}</resources>{build}</model>"
+            archive.writestr(f"3D/{name}.model", text)
+    return stream.getvalue()
+
+
+def test_3mf_places_and_parts_in_other_files(write):
+    model = load_model(write("a.3mf", three_mf()))
+    assert (len(model.faces), model.warnings) == (4, ())
+    moved = "<item objectid='2' transform='2 0 0 0 1 0 0 0 1 5 5 5'/>"
+    model = load_model(write("a.3mf", three_mf(SHAPE + TWO, moved)))
+    assert len(model.faces) == 8
+    size = np.ptp(model.vertices, axis=0)
+    np.testing.assert_allclose(
+        np.sort(size / size.min()), [1, 1, 6]
+    )  # from -2 to 1, stretched by 2
+    for faces in (model.faces[:4], model.faces[4:]):  # the mirrored one is not inside out
+        corners = model.vertices[faces]
+        outward = corners.mean(axis=1) - corners.mean(axis=(0, 1))
+        assert (outward * face_normals(model.vertices, faces)).sum(axis=1).min() > 0
+
+
+def test_3mf_what_is_not_read_is_named_or_refused(write):
+    painted = SHAPE.replace("v3='1'", "v3='1' pid='7'")
+    assert load_model(write("a.3mf", three_mf(painted))).warnings == (
+        "colours and textures of 3MF not read",
+    )
+    lost = three_mf(items="<item objectid='1'/><item objectid='9'/>")
+    assert load_model(write("a.3mf", lost)).warnings == ("objects of 3MF missing: 9",)
+    loop = "<object id='1'><components><component objectid='1'/></components></object>"
+    for words, content in {
+        "more than 100000 places": three_mf(loop),
+        "no faces": three_mf(items=""),
+        "XML entities": three_mf(head="<!DOCTYPE a [<!ENTITY b 'b'>]>"),
+        "not readable as 3MF: XML": three_mf(SHAPE[:-3]),
+        "not readable as 3MF: the file is damaged": three_mf()[:300],
+        "not readable as 3MF: the file is": three_mf(SHAPE.replace("v1='0'", "v1='a'")),
+    }.items():
+        with pytest.raises(UnusableModelError, match=words):
+            load_model(write("a.3mf", content))
+    with pytest.raises(UnusableModelError, match="more than the limit of 3"):
+        load_model(write("a.3mf", three_mf()), max_faces=3)
+    assert area(load_model(write("a.3mf", three_mf()))) == pytest.approx(1.5 + 3**0.5 / 2)
