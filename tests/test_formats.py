@@ -1,6 +1,7 @@
 """Files of version 1, `version_1.zip`, are read; those of a later version are refused."""
 
 import json
+import os
 import pathlib
 import shutil
 import subprocess
@@ -84,6 +85,8 @@ def test_the_example_of_an_exported_network_refuses_a_later_version(stored):
     about.write_text(about.read_text().replace("psgn_jax network 1", "psgn_jax network 2"))
     template = pathlib.Path(folder.__file__).with_name("templates") / "example.py.txt"
     example = shutil.copy(template, stored / "network" / "example.py")
-    done = subprocess.run([sys.executable, example], capture_output=True, text=True, timeout=100)
+    command, environment = [sys.executable, example], os.environ | {"PYTHONSAFEPATH": ""}
+    shutil.copy(template.with_name("silhouette.py.txt"), example.with_name("silhouette.py"))
+    done = subprocess.run(command, capture_output=True, text=True, timeout=100, env=environment)
     assert done.returncode == 1
     assert done.stderr.endswith("has the format 'psgn_jax network 2': use the example beside it\n")

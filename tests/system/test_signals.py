@@ -85,6 +85,7 @@ def test_ctrl_c_ends_imports_at_once_and_raises_elsewhere(statement, code, said,
     )
     script = f"""
 import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may start tests that ignore it
 from psgn_jax.system.signals import end_during_imports
 end_during_imports()
 sys.path.append({str(tmp_path)!r})
