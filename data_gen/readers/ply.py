@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from data_gen.mesh import Material, UnusableModelError, check_face_count
+from data_gen.mesh import Material, UnusableModelError
 from data_gen.parts import Part, rgba
 from data_gen.polygons import strip
 from data_gen.readers.textures import TRAILING, TWO_COLOURS, Assets
@@ -133,7 +133,10 @@ def _elements(data: bytes, assets: Assets) -> tuple[dict[str, _Rows], list[str]]
                 assets.warn("lines of the header not read", repr(line))
     if not form:
         raise _damaged("the header has no line 'format'")
-    check_face_count(counts.get("face", 0), assets.max_faces)
+    for name, count in counts.items():
+        if count > assets.max_faces and any(length for *_, length in properties[name]):
+            what = f"{count} rows of element {name!r} are more than the limit of"
+            raise UnusableModelError(f"{what} {assets.max_faces}")
     body, lines = data[last.end() :], None
     if form == "ascii":  # a line is a row
         lines = [words for line in body.splitlines() if (words := line.split())]
