@@ -56,5 +56,5 @@ def test_many_textures_share_a_budget(write, monkeypatch):
     # A texture of several materials counts once.
     write("m.mtl", "".join(f"newmtl {n}\nmap_Kd t0.png\n" for n in names))
     model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}{body}"))
-    assert model.warnings == ()
+    assert not any("reduced" in w for w in model.warnings)
     assert {m.texture.shape for m in model.materials} == {(64, 64, 4)}
