@@ -133,9 +133,12 @@ class _Document:
         turn = np.array(_TURNS.get(axis, np.eye(4)), np.float64)
         instance = self.root.find("scene/instance_visual_scene")
         url = "" if instance is None else (instance.get("url") or "").strip().removeprefix("#")
+        scenes = self.root.findall("library_visual_scenes/visual_scene")
+        if len(scenes) > 1:
+            self.assets.warn("scenes other than the default one not read", len(scenes) - 1)
         scene = self.ids.get(("visual_scene", url))
         if scene is None:
-            scene = self.root.find("library_visual_scenes/visual_scene")
+            scene = scenes[0] if scenes else None
             used = "all geometries are" if scene is None else "the first is"
             self.assets.warn(f"no scene, {used} read")
         if self.root.find("library_animations/animation") is not None:

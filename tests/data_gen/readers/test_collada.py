@@ -121,6 +121,9 @@ def test_features_are_read_as_the_table_says(write):
             + mesh("", name="g2").replace("mesh>", "spline>"),
             TWO.format("g2"),
         ),
+        "scenes other than the default": dae().replace(
+            "<visual_scene", "<visual_scene id='other'/><visual_scene"
+        ),
         "animations": dae(more="<library_animations><animation/></library_animations>"),
         "cut-off files": dae()[:-400],
     }  # fmt: skip
