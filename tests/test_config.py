@@ -105,14 +105,14 @@ def test_the_last_one_of_repeated_flags_counts(arguments, field, value):
           "loss": {"min_of_n": 2}}, "model.random_size=2: accepted: 0 unless task='points'"),
         ({"task": "views", "model": {"posterior": True, "random_size": 2}},
          "model.posterior=True: accepted: False unless task='points'"),
-        ({"loss": {"kl_weight": 2}}, "loss.kl_weight=2.0: accepted: 1 unless model.posterior"),
+        ({"loss": {"kl_weight": 2}}, "loss.kl_weight=2.0: accepted: 1.0 unless model.posterior"),
         ({"loss": {"kl_warmup_steps": 2}}, "accepted: 0 unless model.posterior=True"),
         ({"model": {"random_at": "all"}}, "'bottleneck' unless model.random_size > 0"),
         ({"task": "volume", "eval": {"aligned": True}}, "False unless task='points'"),
         ({"model": {"posterior_hidden": 2}}, "accepted: 128 unless model.posterior=True"),
         ({"loss": {"l2_scale": 2}}, "accepted: 0.1 unless loss.l2='authors'"),
         ({"loss": {"emd_tolerance": 0.1}}, "accepted: 0.01 unless loss.name has an EMD"),
-        ({"optim": {"final_fraction": 0.1}}, "accepted: 0 unless optim.schedule='cosine'"),
+        ({"optim": {"final_fraction": 0.1}}, "accepted: 0.0 unless optim.schedule='cosine'"),
         ({"voxels": {"max_views": 2}}, "voxels.max_views=2: accepted: 5 unless task='views'"),
         ({"task": "views", "voxels": {"from_emd": "x"}}, "accepted: '' unless task='refiner'"),
     ],
@@ -150,6 +150,7 @@ def test_names_of_folders_may_have_commas_and_a_home(tmp_path, monkeypatch):
         ("b,c *2", ("b,c", "b,c")),
         ("~/a,~/b,c", (f"{tmp_path}/a", f"{tmp_path}/b,c")),
         ("a,,no,b", ("a", "no", "b")),
+        (",".join("x" * 3000), ("x",) * 3000),  # at once
         ("", ()),
     ):
         assert parse({"data": {"path": path}}).data.folders == folders

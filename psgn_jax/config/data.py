@@ -114,14 +114,12 @@ def _folders(path: str) -> tuple[str, ...]:
     folders: list[str] = []
     parts = path.split(",")
     while parts:
-        # The name of a folder may contain commas.
-        ends = range(1, len(parts) + 1)
-        found = (_folder(",".join(parts[:end])) for end in ends)
-        there = (end for end, (name, _) in zip(ends, found, strict=True) if os.path.isdir(name))
-        end = next(there, 1)
-        name, factor = _folder(",".join(parts[:end]))
+        # The name of a folder may contain commas, at most 15.
+        joined = [_folder(",".join(parts[:end])) for end in range(1, min(len(parts), 16) + 1)]
+        last = next((i for i, (name, _) in enumerate(joined) if os.path.isdir(name)), 0)
+        name, factor = joined[last]
         folders += [name] * factor if name else []
-        parts = parts[end:]
+        parts = parts[last + 1 :]
     return tuple(folders)
 
 

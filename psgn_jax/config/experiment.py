@@ -279,9 +279,7 @@ def check_new(config: Config) -> None:
     for needed, is_there, paths in _NEEDS:
         for path in paths if not is_there(config) else ():
             if values[path] != defaults[path]:
-                default = defaults[path]
-                shown = f"{default:g}" if isinstance(default, float) else repr(default)
-                raise wrong(path, values[path], f"{shown} unless {needed}")
+                raise wrong(path, values[path], f"{defaults[path]!r} unless {needed}")
 
 
 def check_paths(config: Config, *, training: bool = True) -> None:

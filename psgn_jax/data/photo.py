@@ -166,12 +166,9 @@ def _levels_of(picture: Image.Image) -> tuple[np.ndarray, np.ndarray | None]:
     if alpha is not None:
         shown = mask_levels.sample(rgba)
         opaque = shown[shown[..., 3] > 127, :3]
-        labels = 1 < mask_levels.count(opaque) <= mask_levels.FEW and opaque.any(axis=1).all()
-        return (
-            (np.where(alpha[..., None] > 127, colours, np.uint8(0)), ids)
-            if labels
-            else (alpha, None)
-        )
+        if 1 < mask_levels.count(opaque) <= mask_levels.FEW and opaque.any(axis=1).all():
+            return np.where(alpha[..., None] > 127, colours, np.uint8(0)), ids
+        return alpha, None
     if ids is not None:
         small = [mask_levels.sample(np.atleast_3d(each)) for each in (ids, colours)]
         if mask_levels.count(small[0]) > mask_levels.count(small[1]):
