@@ -30,6 +30,7 @@ def read_3mf(data: bytes, assets: Assets) -> dict[str, Any]:
     if not objects:
         raise UnusableModelError("not readable as 3MF: it contains no .model file with objects")
     parts: list[Part] = []
+    meshes: dict[Element, tuple[np.ndarray, np.ndarray]] = {}
     faces = places = 0
     while stack:
         name, place, matrix = stack.pop()
@@ -45,13 +46,24 @@ def read_3mf(data: bytes, assets: Assets) -> dict[str, Any]:
             assets.warn("objects of 3MF missing", place.get("objectid"))
             continue
         stack += [(path, inner, matrix) for inner in shape.iterfind("components/component")]
-        found = shape.findall("mesh/triangles/triangle")
-        faces += len(found)
+        if shape not in meshes:
+            meshes[shape] = _mesh(shape)
+        vertices, corners = meshes[shape]
+        faces += len(corners)
         check_face_count(faces, assets.max_faces)
-        rows = [[v.get(k) for k in "xyz"] for v in shape.iterfind("mesh/vertices/vertex")]
-        corners = np.array([[t.get(k) for k in ("v1", "v2", "v3")] for t in found], np.int64)
-        if len(found):
-            vertices = np.array(rows, np.float64) @ matrix[:3, :3] + matrix[3, :3]
+        if len(corners):
             corners = corners[:, ::-1] if np.linalg.det(matrix) < 0 else corners
-            parts.append(Part(vertices, np.full(len(corners), 3), corners.ravel()))
+            placed = vertices @ matrix[:3, :3] + matrix[3, :3]
+            parts.append(Part(placed, np.full(len(corners), 3), corners.ravel()))
     return assets.arrays(parts)
+
+
+def _mesh(shape: Element) -> tuple[np.ndarray, np.ndarray]:
+    """The vertices [V, 3] of an object that faces use, and its faces [F, 3]."""
+    rows = [[v.get(k) for k in "xyz"] for v in shape.iterfind("mesh/vertices/vertex")]
+    found = shape.iterfind("mesh/triangles/triangle")
+    index = np.array([[t.get(k) for k in ("v1", "v2", "v3")] for t in found], np.int64)
+    used, corners = np.unique(index, return_inverse=True)
+    if len(used) and not 0 <= used[0] <= used[-1] < len(rows):
+        raise UnusableModelError("not readable as 3MF: faces have missing vertices")
+    return np.array(rows, np.float64).reshape(-1, 3)[used], corners.reshape(-1, 3)

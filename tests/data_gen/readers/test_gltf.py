@@ -147,11 +147,6 @@ def morphed(defaults, **node):
     return g
 
 
-@case(extents=(1, 2, 0))
-def morph_default_weight():
-    return morphed([1.0, 0]).text()
-
-
 @case(faces=4, extents=(3, 3, 0), area=4 / 9)
 def skin_scaled_joint():
     g = Gltf(skins=[{"joints": [2], "inverseBindMatrices": 0}])
@@ -746,7 +741,7 @@ FEATURES = {
     "sparse accessors": "SimpleSparseAccessor",
     "instances": "SimpleInstancing",
     "skins": "skin_scaled_joint",
-    "morph targets": "morph_default_weight",
+    "morph targets": "MorphPrimitivesTest",
     "several sets of texture coordinates": "MultiUVTest",
     "transforms of textures": "TextureTransformTest: all",
     "textures that do not repeat": "TextureSettingsTest: clamp",

@@ -58,6 +58,7 @@ def test_3mf_what_is_not_read_is_named_or_refused(write):
     for words, content in {
         "more than 100000 places": three_mf(loop),
         "no faces": three_mf(items=""),
+        "faces have missing vertices": three_mf(SHAPE.replace("v1='0'", "v1='9'")),
         "XML entities": three_mf(head="<!DOCTYPE a [<!ENTITY b 'b'>]>"),
         "not readable as 3MF: XML": three_mf(SHAPE[:-3]),
         "not readable as 3MF: the file is damaged": three_mf()[:300],
