@@ -52,8 +52,13 @@ def run(config, tmp_path_factory):
     return workdir, outcome
 
 
+def changed(config, section, **fields):
+    section_of = dataclasses.replace(getattr(config, section), **fields)
+    return dataclasses.replace(config, **{section: section_of})
+
+
 def shorter(config, steps):
-    return dataclasses.replace(config, train=dataclasses.replace(config.train, steps=steps))
+    return changed(config, "train", steps=steps)
 
 
 def newest(workdir):
@@ -90,7 +95,7 @@ def test_a_run_leaves_everything_behind(run, config):
 
 def test_a_run_in_parts_ends_with_the_same_bits(run, config, tmp_path):
     """The parts end between two lines of metrics and two evaluations; they draw no images."""
-    plain = dataclasses.replace(config, train=dataclasses.replace(config.train, images_every=0))
+    plain = changed(config, "train", images_every=0)
     for steps in (5, 12):
         train(shorter(plain, steps), tmp_path / "run")
     assert_same_leaves(newest(tmp_path / "run"), newest(run[0]))
@@ -101,12 +106,9 @@ def test_a_run_in_parts_ends_with_the_same_bits(run, config, tmp_path):
 
 def test_a_finished_run_has_nothing_to_do_and_another_is_refused(run, config):
     before = lines(run[0])
-    kept = dataclasses.replace(config.train, keep_checkpoints=3)  # a harmless change
-    train(dataclasses.replace(config, train=kept), run[0])
+    train(changed(config, "train", keep_checkpoints=3), run[0])  # a harmless change
     assert lines(run[0]) == before
-    model = dataclasses.replace(config.model, fc_points=16)
-    optim = dataclasses.replace(config.optim, b1=0.8)
-    other = dataclasses.replace(config, model=model, optim=optim)
+    other = changed(changed(config, "model", fc_points=16), "optim", b1=0.8)
     message = r"model.fc_points=8 \(now 16\), optim.b1=0.9 \(now 0.8\)"
     with pytest.raises(ConfigError, match=message):
         train(other, run[0])
@@ -118,8 +120,7 @@ def test_the_best_checkpoint_is_chosen_anew_if_it_is_measured_otherwise(run, con
     workdir = shutil.copytree(run[0], tmp_path / "run")
     folder = workdir / "checkpoints"
     before = Checkpoints(folder, read_only=True).scores
-    fewer = dataclasses.replace(config.eval, max_samples=3)
-    train(dataclasses.replace(config, eval=fewer), workdir)
+    train(changed(config, "eval", max_samples=3), workdir)
     after = Checkpoints(folder, read_only=True).scores
     assert before.keys() > after.keys() == {12}
     assert before[12] != after[12]
@@ -128,13 +129,11 @@ def test_the_best_checkpoint_is_chosen_anew_if_it_is_measured_otherwise(run, con
 def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, monkeypatch, caplog):
     folder, workdir, file = tmp_path / "records", tmp_path / "run", "checkpoints/scores.json"
     write_solids(folder)
-    config = dataclasses.replace(config, data=dataclasses.replace(config.data, path=str(folder)))
 
     def scores(eval_split="validation", path=folder):
         caplog.clear()
-        data = dataclasses.replace(config.data, path=str(path), eval_split=eval_split)
         with caplog.at_level(logging.WARNING, "absl"):
-            train(dataclasses.replace(config, data=data), workdir)
+            train(changed(config, "data", path=str(path), eval_split=eval_split), workdir)
         return Checkpoints(workdir / "checkpoints", read_only=True).scores
 
     first = scores()
@@ -189,8 +188,7 @@ def test_scores_of_records_that_change_during_training_are_forgotten(
             write_others(records)
 
     monkeypatch.setattr(Checkpoints, "score", score_and_change)
-    data = dataclasses.replace(config.data, eval_path=str(records))
-    config = dataclasses.replace(config, data=data)
+    config = changed(config, "data", eval_path=str(records))
     with caplog.at_level(logging.WARNING, "absl"):
         train(config, workdir)
         assert caplog.text.count("the evaluation has changed (records)") == 1
@@ -201,15 +199,14 @@ def test_scores_of_records_that_change_during_training_are_forgotten(
 
 
 def test_a_setting_without_effect_is_refused_but_an_older_run_goes_on(config, tmp_path):
-    loss = dataclasses.replace(config.loss, kl_warmup_steps=3)
-    config = dataclasses.replace(config, loss=loss)
+    config = changed(config, "loss", kl_warmup_steps=3)
     message = "^loss.kl_warmup_steps=3: accepted: 0 unless model.posterior=True$"
     with pytest.raises(ConfigError, match=message):
         train(config, tmp_path / "run")
     assert not (tmp_path / "run").exists()
     (tmp_path / "run/checkpoints").mkdir(parents=True)  # of an older run, before its first one
     train(shorter(config, 1), tmp_path / "run")
-    assert open_run(tmp_path / "run").config.loss == loss
+    assert open_run(tmp_path / "run").config.loss == config.loss
     train(shorter(config, 2), tmp_path / "run")
 
 
