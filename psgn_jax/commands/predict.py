@@ -99,6 +99,7 @@ def _main(flags: Flags) -> int:
             failed += 1
             uncertain += isinstance(result, masks.UncertainMaskError)
             message = message_line(result).replace("accept_mask=True", "--accept_mask")
+            message = message.replace("with mask_label,", "with --mask_label,")
             sys.stderr.write(f"failed: {one_line(path)}: {message}\n")
             continue
         done += 1

@@ -200,7 +200,8 @@ class Predictor:
     def _sample_latents(self, samples: int, seed: int) -> np.ndarray | None:
         size = self.config.model.random_size
         most = MOST_CLOUDS if size else 1
-        if not isinstance(samples, int | np.integer) or not 1 <= samples <= most:
+        integer = isinstance(samples, int | np.integer) and samples is not True
+        if not integer or not 1 <= samples <= most:
             accepted = f"1 to {most}" if size else "1, as this network has no random input"
             raise ConfigError(f"samples={samples}: accepted: {accepted}")
         if not size:

@@ -13,7 +13,7 @@ from PIL import Image
 
 from psgn_jax.commands import predict
 from psgn_jax.config.experiment import ConfigError, to_dict, to_json
-from psgn_jax.data import camera
+from psgn_jax.data import camera, mask_levels
 from psgn_jax.prediction import mask_networks, masks
 from psgn_jax.prediction.cloud import DECONV, FC, Prediction
 from psgn_jax.prediction.photos import predict_files
@@ -118,6 +118,7 @@ def test_what_a_mask_shows_of_an_object_is_told(predictor):
 def test_wrong_arguments(predictor, params):
     for options, message in (
         ({"samples": 65}, "samples=65: accepted: 1 to 64"),  # `psgn view` reads no more
+        ({"samples": True}, "samples=True: accepted: 1 to 64"),
         ({"seed": 2**31}, "seed=2147483648: accepted: an integer of 32"),
         ({"first": "x"}, "first='x': accepted: medoid, mean"),
         ({"frame": "x"}, "frame='x': accepted: auto, place, keep"),
@@ -263,11 +264,16 @@ def test_results_never_replace_other_files_and_are_no_inputs(predictor, tmp_path
     assert sorted(path.name for path in results) == list(names)
 
 
-def test_the_command_names_its_flag_for_a_mask_that_is_not_certain(tmp_path, monkeypatch, capsys):
+def test_the_command_names_its_flags_for_masks(tmp_path, monkeypatch, capsys):
     refused = masks.UncertainMaskError("accept this one (accept_mask=True)", np.ones((2, 2), bool))
-    monkeypatch.setattr(predict, "predict_files", lambda *_, **__: [("a.png", refused)])
+    with pytest.raises(mask_levels.MaskLevelsError) as several:
+        mask_levels.object_in(np.arange(48 * 64).reshape(48, 64) // 1024)
+    results = [("a.png", refused), ("b.png", several.value)]
+    monkeypatch.setattr(predict, "predict_files", lambda *_, **__: results)
     assert predict.main(["a.png", f"--out={tmp_path}"]) == 2
-    assert "failed: a.png: accept this one (--accept_mask)" in capsys.readouterr().err
+    shown = capsys.readouterr().err
+    assert "failed: a.png: accept this one (--accept_mask)" in shown
+    assert "name the object's with --mask_label, or" in shown
 
 
 def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch):
