@@ -125,7 +125,7 @@ def test_points_and_files_are_those_of_python(open_page, predictor, tmp_path):
     give(page, tmp_path / "my chair_mask.png", tmp_path / "my chair.png")
     np.testing.assert_array_equal(mask_of(page), mask)
     points, colours = clouds(page)
-    np.testing.assert_allclose(points, expected.points, atol=1e-4)
+    np.testing.assert_allclose(points, expected.points, atol=1e-3)
     assert (colours != expected.colours).any(axis=-1).mean() < 0.01
     page.locator("#sample").fill("2")
     page.click("#another")
@@ -196,7 +196,7 @@ def test_masks_from_transparency_from_files_and_drawn(open_page, address, predic
     page = open_page()
     give(page, tmp_path / "cut.png")
     expected = predictor(rgba, samples=8).points
-    np.testing.assert_allclose(clouds(page)[0], expected, atol=1e-4)
+    np.testing.assert_allclose(clouds(page)[0], expected, atol=1e-3)
     # If the mask is refused, the photo is shown without the earlier cloud.
     shutil.copy(tmp_path / "my chair.png", tmp_path / "chair_mask.png")
     give(page, tmp_path / "my chair.png", tmp_path / "chair_mask.png")
@@ -251,7 +251,7 @@ def test_masks_from_transparency_from_files_and_drawn(open_page, address, predic
     assert outlined[65:155, 55:145].all()
     assert outlined.sum() == pytest.approx(100 * 100, rel=0.03)
     expected = predictor(image, outlined, samples=8).points
-    np.testing.assert_allclose(clouds(page)[0], expected, atol=1e-4)
+    np.testing.assert_allclose(clouds(page)[0], expected, atol=1e-3)
     page.check("input[value=brush]", force=True)
     page.locator("#brush").fill(str(round(20 * scale)))
     settled(page, lambda: draw((200, 100), (280, 100)))
