@@ -167,7 +167,8 @@ def write_dataset(
                 part = itertools.islice(remaining, records_per_shard - 1)
                 with ShardWriter(folder, split, number) as writer:
                     for sample in itertools.chain([first], part):
-                        doubts.add(split, writer.write(encode(sample)), sample.points)
+                        record = writer.write(encode(sample))
+                        doubts.add(split, record, (sample.points, sample.mask))
                 shards.append(writer.shard)
                 number += 1
             if not number:
@@ -284,15 +285,18 @@ class RecordReader:
 def doubts_of(splits: Mapping[str, RecordReader], most: int = 4096) -> list[str]:
     """What is probably wrong with named splits of data sets (`data.doubts`), a line each.
 
-    At most `most` records of each split are read, evenly spaced, and the points of 64 of them.
+    At most `most` records of each split are read, evenly spaced, and the points and masks of 64.
     """
     doubts = Doubts()
     for name, reader in splits.items():
         chosen = spread(len(reader), most)
         shown = set(spread(len(chosen), 64))
         for number, index in enumerate(chosen):
-            points = reader.stored(index, ("points",)).points if number in shown else None
-            doubts.add(name, reader.unpacked(index), points and points.points())
+            record, content = reader.unpacked(index), None
+            if number in shown:
+                fields = reader.stored(index, ("points", "mask"))
+                content = fields.points.points(), fields.mask
+            doubts.add(name, record, content)
     return list(doubts.lines())
 
 

@@ -18,15 +18,18 @@ class Doubts:
     """Samples are added one by one; `lines` tells what is probably wrong with them."""
 
     def __init__(self) -> None:
-        self._sizes: list[tuple[float, float, float]] = []  # radius, lowest z, extent
+        # Radius, lowest z, extent, and the number of pixels of the mask.
+        self._sizes: list[tuple[float, float, float, int]] = []
         # The split in which a model or a cloud was first; then the models that are in two splits.
         self._models: dict[tuple[str, str], str] = {}
         self._clouds: dict[tuple[int, int], str] = {}
         self._twice: dict[tuple[str, str], tuple[str, str]] = {}
         self._same: dict[tuple[str, str], tuple[str, str]] = {}
 
-    def add(self, split: str, stored: Mapping[str, Any], points: np.ndarray | None = None) -> None:
-        """Adds a record, the map of `codec.unpack`, and its points [n, 3].
+    def add(
+        self, split: str, stored: Mapping[str, Any], content: tuple[np.ndarray, np.ndarray] | None
+    ) -> None:
+        """Adds a record, the map of `codec.unpack`, and its points [n, 3] and mask.
 
         Without them, only models and clouds are compared. ValueError if it is no record.
         """
@@ -35,10 +38,11 @@ class Doubts:
             cloud = len(own["steps"]), zlib.crc32(own["steps"], zlib.crc32(own["matrix"]))
         except (KeyError, TypeError) as error:
             raise ValueError(f"a field is not as expected: {error}") from None
-        if points is not None:
+        if content is not None:
+            points, mask = content
             radius = float(np.linalg.norm(points, axis=1).max())
             extent = float(np.ptp(points, axis=0).max())
-            self._sizes.append((radius, float(points[:, 2].min()), extent))
+            self._sizes.append((radius, float(points[:, 2].min()), extent, mask.sum()))
         if split == DUPLICATES:
             return
         if model[1] and (first := self._models.setdefault(model, split)) != split:
@@ -48,13 +52,15 @@ class Doubts:
 
     def lines(self) -> Iterator[str]:
         """One line for each kind of doubt, with the remedy."""
-        radius, lowest, extent = np.array(self._sizes).reshape(-1, 3).T
+        radius, lowest, extent, pixels = np.array(self._sizes).reshape(-1, 4).T
         one_place = extent <= SMALLEST_EXTENT * np.minimum(radius, 1)
         far = ~one_place & ((radius < _RADII[0]) | (radius > _RADII[1]))
         off = ~one_place & (np.abs(lowest) > _GROUND * radius)
         of = f"of {len(radius)} samples"
         if one_place.any():
             yield f"{one_place.sum()} {of} have all points in one place: leave them out"
+        if not pixels.all():
+            yield f"{(pixels == 0).sum()} {of} have an empty mask: leave them out"
         if far.any():
             yield (
                 f"{far.sum()} {of} have their farthest point {_range(radius[far])} from the "

@@ -307,6 +307,8 @@ def test_probable_mistakes_are_told_where_records_are_written_and_inspected(
     )
     (line,) = told(train=[one("a", np.ones((5, 3)))])
     assert line == "1 of 1 samples have all points in one place: leave them out"
+    (line,) = told(train=[one("a", mask=np.zeros((24, 32), bool), depth=None), one("b")])
+    assert line == "1 of 2 samples have an empty mask: leave them out"
     (line,) = told(train=[one("a")], validation=[one("a"), one("b")], test=[one("b")])
     assert line.startswith("2 models are in two splits, such as 'a' (chair) in 'train' and 'val")
     (line,) = told(train=[one("a", points)], validation=[one("b", points[::-1])])
