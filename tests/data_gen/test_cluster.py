@@ -82,7 +82,7 @@ def test_a_scheduler_that_is_killed_ends_the_command_in_one_line(tmp_path):
         command = start("data_gen.render", "--catalogue=procedural", "--source=chair=400",
                         "--out=out", "--config.views=1", "--config.job.variant=scalar",
                         "--scheduler", address, log=log)  # fmt: skip
-        assert processes.wait_until(lambda: list(tmp_path.glob("out/.work/*.block")))
+        assert processes.wait_until(lambda: "samples/s" in log.read_text())
         scheduler.kill()
         assert command.wait(60) == 2
         text = log.read_text()
