@@ -39,6 +39,23 @@ def plain_convolutions() -> Iterator[None]:
         _plain.reset(token)
 
 
+_stored: contextvars.ContextVar[bool] = contextvars.ContextVar("stored_programs", default=False)
+
+
+@contextlib.contextmanager
+def stored_programs() -> Iterator[None]:
+    """Context in which oneDNN is traced only if `PSGN_CONVOLUTIONS` asks for it.
+
+    JAX keeps a compiled program on the disk only if it does not call back into Python, as oneDNN
+    does. A prediction then starts in 3.5 instead of 6.7 s.
+    """
+    token = _stored.set(True)
+    try:
+        yield
+    finally:
+        _stored.reset(token)
+
+
 def _on_cpu() -> bool:
     return not _plain.get() and jax.default_backend() == "cpu"
 
@@ -78,7 +95,7 @@ def _uses_onednn(convolution: Convolution) -> bool:
     asked = os.environ.get("PSGN_CONVOLUTIONS", "")
     if asked not in ("", "onednn", "xla"):
         raise ValueError(f"PSGN_CONVOLUTIONS={asked!r}: accepted: onednn, xla, or unset")
-    if asked == "xla":
+    if asked == "xla" or (not asked and _stored.get()):
         return False
     library, why_not = onednn.library()
     if asked and library is None:

@@ -239,3 +239,16 @@ many(x)  # still runs when the interpreter ends
 @pytest.mark.parametrize("code", [DEVICES, ENDING], ids=["two devices", "end during a call"])
 def test_in_a_process_of_its_own(code):
     assert python(code).stderr == ""
+
+
+@NEEDS_ONEDNN
+def test_programs_that_are_stored_do_not_call_onednn():
+    x, kernel, _ = make((8, 8), 4, 4, 3, 1, False)
+
+    def text():
+        return str(jax.make_jaxpr(lambda x, kernel: convolve(x, kernel, 1))(x, kernel))
+
+    with cpu_convolution.stored_programs():
+        stored = text()
+    assert "callback" not in stored
+    assert "callback" in text()
