@@ -223,7 +223,8 @@ class Prediction:
           ValueError: no such sample, a length that is out of range, or a focal length so short
             that the camera would be inside the object.
         """
-        for name, value, most in (("focal", focal, 1e6), ("height", height, 1e6)):
+        most = 1e6
+        for name, value in (("focal", focal), ("height", height)):
             is_number = isinstance(value, int | float | np.integer | np.floating)
             if value is not None and not (is_number and 1 / most <= value <= most):
                 raise ValueError(
