@@ -304,7 +304,7 @@ def _initial(config: Config, task: tasks.Task) -> Callable[[Any], Any] | None:
         return None
     opened = open_initial(config)
     init = functools.partial(initial_params, config, trained=opened.params)
-    init(jax.eval_shape(task.init_params))
+    jax.eval_shape(lambda: init(task.init_params()))  # refuses parameters that do not fit
     logging.info("starting from the parameters of %s, step %d", opened.source, opened.step)
     return init
 

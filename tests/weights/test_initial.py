@@ -72,6 +72,15 @@ def test_layers_that_do_not_fit_are_named_and_left_out_only_when_asked():
         initial_params(pattern, drawn, trained)
 
 
+def test_a_new_random_input_changes_little_at_first():
+    config = with_init(tiny.config(model__random_size=4), "w")
+    trained, drawn = tiny.random_params(tiny.config(), 0), tiny.random_params(config, 1)
+    taken, new = named_leaves(initial_params(config, drawn, trained)), named_leaves(drawn)
+    (name,) = taken.keys() - named_leaves(trained).keys()
+    assert name.endswith("bottleneck.random.kernel")
+    np.testing.assert_allclose(taken[name], 0.1 * new[name], rtol=1e-6)
+
+
 def test_a_network_of_another_task_is_refused(tmp_path):
     config = tiny.config()
     write_weights(tmp_path / "w.safetensors", tiny.weights(config))
