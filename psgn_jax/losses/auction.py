@@ -13,7 +13,7 @@ c_{i,s(i)} + p_{s(i)} <= min_j (c_ij + p_j) + epsilon.
 With a large epsilon the auction ends fast, with a small one near the optimum. It therefore runs in
 phases with decreasing epsilon (epsilon scaling). A phase starts from the prices of the one before
 and from the pairs that satisfy the slackness of the new epsilon. Between phases,
-`certificate.judge` bounds how far the bijection is from the optimum and improves the prices.
+`certificate.dual_bound` bounds how far the bijection is from the optimum and improves the prices.
 
 Sources: Bertsekas, "A Distributed Algorithm for the Assignment Problem", MIT LIDS working paper,
 1979; Bertsekas, "Auction Algorithms for Network Flow Problems: A Tutorial Introduction",
@@ -34,18 +34,8 @@ from jax.custom_batching import custom_vmap, sequential_vmap
 from jax.experimental.xla_metadata import set_xla_metadata
 
 from psgn_jax.array_types import Array, Bool, Float, Int
-from psgn_jax.losses.certificate import (
-    Judged,
-    bits,
-    distance,
-    gap_of,
-    judge,
-    least,
-    num_lanes,
-    prepare,
-    vary_with,
-)
-from psgn_jax.losses.numeric import check_points
+from psgn_jax.losses.certificate import DualBound, dual_bound, gap_of, prepare
+from psgn_jax.losses.numeric import bits, check_points, distance, least, num_lanes, vary_with
 from psgn_jax.losses.platforms import per_platform
 from psgn_jax.losses.sharded import on_each_device
 from psgn_jax.system.cores import num_cores
@@ -139,12 +129,12 @@ def _bid_all(a: Array, b: Array, epsilon: Array, limit: Array, state: _Bidding) 
     return state._replace(prices=state.prices.reshape(-1)[:n], owner=state.owner[:n])
 
 
-def _begin(judged: Judged, index: Array, epsilon: Array, bids: Array) -> _Bidding:
+def _begin(bound: DualBound, index: Array, epsilon: Array, bids: Array) -> _Bidding:
     """The start of a phase: keeps the pairs that satisfy the slackness of `epsilon`."""
-    keep, numbers = judged.slack <= epsilon, lax.iota(jnp.int32, len(index))
+    keep, numbers = bound.slack <= epsilon, lax.iota(jnp.int32, len(index))
     owner = jnp.zeros_like(index).at[index].set(jnp.where(keep, numbers, -1))
     stack = jnp.nonzero(~keep, size=len(index), fill_value=0)[0].astype(jnp.int32)
-    return _Bidding(judged.prices, owner, stack, (~keep).sum(dtype=jnp.int32), bids)
+    return _Bidding(bound.prices, owner, stack, (~keep).sum(dtype=jnp.int32), bids)
 
 
 def _bijection(s: _Bidding) -> Array:
@@ -174,7 +164,7 @@ def _solve(a: Array, b: Array, tolerance: Array, max_bids: Array) -> tuple[Array
     problem, n = prepare(a, b), len(a)
     start = [lax.iota(jnp.int32, n), jnp.zeros(n, jnp.float32), jnp.float32(_START), jnp.int32(0)]
     index, prices, epsilon, bids = (vary_with(x, problem.finite) for x in start)
-    first = judge(problem, index, prices)
+    first = dual_bound(problem, index, prices)
     # Half of the budget is for reaching the tolerance. A phase that ends later without a matching
     # is followed by one with a larger epsilon.
     half = max_bids - max_bids // 2
@@ -184,7 +174,7 @@ def _solve(a: Array, b: Array, tolerance: Array, max_bids: Array) -> tuple[Array
         limit = jnp.minimum(jnp.maximum(half, s.bidding.bids + patience), max_bids)
         bidding = _bid_all(problem.a, problem.b, s.epsilon, limit, s.bidding)
         index = _bijection(bidding)
-        new = judge(problem, index, bidding.prices)
+        new = dual_bound(problem, index, bidding.prices)
         better, higher = new.cost < s.cost, new.lower > s.lower
         cost = jnp.where(better, new.cost, s.cost)
         lower = jnp.where(higher, new.lower, s.lower)

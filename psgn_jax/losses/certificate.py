@@ -13,12 +13,13 @@ The cost P of a bijection s therefore exceeds OPT by at most the sum of its slac
 is never too small. Memory is linear in n: distances are computed when they are needed.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
 from jax import lax
 
 from psgn_jax.array_types import Array
+from psgn_jax.losses.numeric import bits, distance, least, num_lanes, vary_with
 
 _TILE = 32  # targets per step of a pass over all distances
 _UNIT = 2.0**-24  # unit roundoff of float32
@@ -62,29 +63,6 @@ def prepare(a: Array, b: Array) -> Problem:
     return Problem(scale(a), scale(b), centred[0], centred[1], unit, finite)
 
 
-def distance(x: tuple[Array, ...], y: tuple[Array, ...]) -> Array:
-    """Euclidean distances between points, given as three coordinate arrays each."""
-    return jnp.sqrt(sum(jnp.square(s - t) for s, t in zip(x, y, strict=True)))
-
-
-def bits(x: Array) -> Array:
-    """Float32 numbers >= 0 as integers of the same order, whose minimum XLA vectorises."""
-    return lax.bitcast_convert_type(x, jnp.int32)
-
-
-def least(x: Array) -> Array:
-    """Minimum over the first axis of an array that `bits` returned."""
-    return lax.reduce(x, jnp.int32(0x7F800000), lax.min, (0,))  # start: the bits of infinity
-
-
-def vary_with(value: Any, data: Array) -> Array:
-    """`value` with the shape of `data`, computed from it; XLA optimises the `where` away.
-
-    Inside `jax.shard_map`, the state of a loop over sharded data must vary along the mesh's axes.
-    """
-    return jnp.where(data == data, value, value)
-
-
 def cheapest(points: Array, targets: Array, prices: Array) -> Array:
     """min_j (|points_i - targets_j| + prices_j) for every i, in tiles of targets; prices >= 0."""
     padding = -len(targets) % _TILE
@@ -101,11 +79,6 @@ def cheapest(points: Array, targets: Array, prices: Array) -> Array:
     return lax.bitcast_convert_type(lax.scan(step, start, (tiles, prices))[0], jnp.float32)
 
 
-def num_lanes(n: int) -> int:
-    """Number of columns of the [rows, lanes] array into which n numbers are folded."""
-    return 16 if n <= 256 else 32 if n <= 2048 else 64 if n <= 8192 else 128
-
-
 def accurate_sum(x: Array) -> Array:
     """The sum of n terms >= 0, with a relative error below `sum_rounding(n)`."""
     width = num_lanes(len(x))
@@ -118,7 +91,7 @@ def sum_rounding(n: int) -> float:
     return (-(-n // width) + width) * _UNIT
 
 
-class Judged(NamedTuple):
+class DualBound(NamedTuple):
     """Cost of a bijection, lower bound on OPT, prices and slacks after the backward sweep."""
 
     cost: Array
@@ -127,7 +100,7 @@ class Judged(NamedTuple):
     slack: Array
 
 
-def judge(problem: Problem, index: Array, prices: Array) -> Judged:
+def dual_bound(problem: Problem, index: Array, prices: Array) -> DualBound:
     """The cost of the bijection i -> index[i], and the lower bound on OPT that prices prove."""
     a, b, n = problem.a, problem.b, len(index)
     # The largest u for these prices. Then, with u fixed, the lowest prices, p_j = max_i (u_i -
@@ -146,7 +119,7 @@ def judge(problem: Problem, index: Array, prices: Array) -> Judged:
     doubt = _ROUNDING * (2 + top + jnp.abs(lowest))
     relative = sum_rounding(n) + 8 * _UNIT
     lower = cost * (1 - relative) - accurate_sum(slack + doubt) * (1 + relative)
-    return Judged(cost, lower, prices, slack)
+    return DualBound(cost, lower, prices, slack)
 
 
 def gap_of(cost: Array, lower: Array, n: int) -> Array:

@@ -1,8 +1,11 @@
-"""What every loss does with a cloud: validate it, and take roots with a gradient at zero."""
+"""Functions that the losses share: checks of clouds, roots with gradients, minima, loop states."""
+
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
 from psgn_jax.array_types import Array, Float
 
@@ -36,3 +39,31 @@ def safe_sqrt(x: Float[Array, "..."]) -> Float[Array, "..."]:
     """sqrt(x) for x >= 0, with gradient 0 instead of infinity at x = 0; NaN stays NaN."""
     is_zero = x == 0
     return jnp.where(is_zero, 0, jnp.sqrt(jnp.where(is_zero, 1, x)))
+
+
+def distance(x: tuple[Array, ...], y: tuple[Array, ...]) -> Array:
+    """Euclidean distances between points, given as three coordinate arrays each."""
+    return jnp.sqrt(sum(jnp.square(s - t) for s, t in zip(x, y, strict=True)))
+
+
+def bits(x: Array) -> Array:
+    """Float32 numbers >= 0 as integers of the same order, whose minimum XLA vectorises."""
+    return lax.bitcast_convert_type(x, jnp.int32)
+
+
+def least(x: Array) -> Array:
+    """Minimum over the first axis of an array that `bits` returned."""
+    return lax.reduce(x, jnp.int32(0x7F800000), lax.min, (0,))  # start: the bits of infinity
+
+
+def vary_with(value: Any, data: Array) -> Array:
+    """`value` with the shape of `data`, computed from it; XLA optimises the `where` away.
+
+    Inside `jax.shard_map`, the state of a loop over sharded data must vary along the mesh's axes.
+    """
+    return jnp.where(data == data, value, value)
+
+
+def num_lanes(n: int) -> int:
+    """Number of columns of the [rows, lanes] array into which n numbers are folded."""
+    return 16 if n <= 256 else 32 if n <= 2048 else 64 if n <= 8192 else 128
