@@ -46,6 +46,7 @@ from data_gen.catalogues.indexed import INDEX, fits, read_index
 from data_gen.catalogues.open_catalogue import open_catalogue, variants_of
 from psgn_jax.config.command_line import Flags
 from psgn_jax.data.shards import read_report
+from psgn_jax.system.errors import Exit
 from psgn_jax.system.files import check_folder, is_disk_full, write_atomic
 from psgn_jax.system.processes import start_command
 from psgn_jax.system.signals import exit_on_signals
@@ -423,7 +424,7 @@ def _main(flags: Flags) -> int:
     if commands := missing(chosen, given.packages):
         lines = ["error: sources are missing; get them with these commands:", *commands]
         sys.stderr.write("\n  ".join(lines) + "\n")
-        return 2
+        return Exit.ERROR
     chosen = with_meshes(chosen, given.packages)
     parts = plan(chosen, {preset: given[preset].value for preset in OTHER_PRESETS})
     made, problems = _render(parts, given)
@@ -434,7 +435,7 @@ def _main(flags: Flags) -> int:
         raise ValueError("no data set was made")
     paths = shlex.quote(",".join(str(pathlib.Path(given.out) / folder) for folder in made))
     sys.stdout.write(f"--config.data.path={paths}\n")
-    return 1 if problems else 0
+    return Exit.PARTLY if problems else Exit.DONE
 
 
 def _render(parts: Sequence[Part], given: Any) -> tuple[list[str], list[str]]:

@@ -27,6 +27,7 @@ from psgn_jax.config.command_line import Flags
 from psgn_jax.config.structured import ConfigError, suggestion
 from psgn_jax.data.conversion import LAYOUTS, convert_authors, convert_models
 from psgn_jax.data.sources import shapenet
+from psgn_jax.system.errors import Exit
 from psgn_jax.system.files import check_folder
 from psgn_jax.system.untrusted import one_line
 
@@ -64,4 +65,4 @@ def _main(flags: Flags) -> int:
         sys.stderr.write(f"left out: {one_line(message)}\n")
     if refused:
         sys.stderr.write(f"{len(refused)} files, models or views were left out\n")
-    return 1 if refused else 0
+    return Exit.PARTLY if refused else Exit.DONE

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 
 from psgn_jax.config.command_line import Flags
 from psgn_jax.data.schema import RecordError
+from psgn_jax.system.errors import Exit
 from psgn_jax.system.files import is_disk_full
 from psgn_jax.system.untrusted import message_line, one_line
 from psgn_jax.viewing import spheres
@@ -39,7 +40,7 @@ def _main(flags: Flags) -> int:
         sheet = make_sheet(path, values.samples)
     except RecordError as error:
         sys.stderr.write(f"no contact sheet: {message_line(error)}\n")
-        return 1
+        return Exit.PARTLY
     try:
         spheres.write_picture(sheet, target)
     except OSError as error:
@@ -49,4 +50,4 @@ def _main(flags: Flags) -> int:
         sys.stderr.write(f"no contact sheet: {why}; give --sheet\n")
     else:
         sys.stdout.write(f"contact sheet: {one_line(target)}\n")
-    return 0 if whole else 1
+    return Exit.DONE if whole else Exit.PARTLY

@@ -21,6 +21,7 @@ from psgn_jax.prediction.cloud import DEFAULT_FORMATS, FORMATS
 from psgn_jax.prediction.draws import FIRST
 from psgn_jax.prediction.photos import predict_files
 from psgn_jax.prediction.predictor import NORMAL_FORMS, Predictor
+from psgn_jax.system.errors import Exit
 from psgn_jax.system.files import check_folder
 from psgn_jax.system.untrusted import message_line, one_line
 from psgn_jax.weights.opening import open_network
@@ -122,4 +123,6 @@ def _main(flags: Flags) -> int:
         )
     if failed:
         sys.stderr.write(f"{done} of {done + failed} images were processed, see {values.out}\n")
-    return 0 if not failed else 1 if done else 2
+    if not failed:
+        return Exit.DONE
+    return Exit.PARTLY if done else Exit.ERROR

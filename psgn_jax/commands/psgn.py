@@ -31,15 +31,10 @@ COMMANDS: Mapping[str, str] = {
 }
 """Name of each subcommand -> a description in one line."""
 
-_ELSEWHERE = {
-    "train": "psgn_jax.main",
-    "inspect": "psgn_jax.commands.inspect_records",
-    "render": "data_gen.render",
-}
-
 
 def module(name: str) -> str:
-    return _ELSEWHERE.get(name, f"psgn_jax.commands.{name}")
+    own = "inspect_records" if name == "inspect" else name  # `inspect` is a module of Python
+    return f"psgn_jax.commands.{own}"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -52,8 +47,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         end_during_imports()
     # Imported here so that Ctrl-C is one line from the start.
     from psgn_jax.system.environment import explained
+    from psgn_jax.system.errors import Exit
     from psgn_jax.system.files import exit_code_of
-    from psgn_jax.system.processes import CLOSED_PIPE, nothing_reads_output, start_command
+    from psgn_jax.system.processes import nothing_reads_output, start_command
     from psgn_jax.system.untrusted import message_line
 
     if argv is None:
@@ -64,10 +60,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
     except KeyboardInterrupt:  # while the command's modules were being imported
         sys.stderr.write("stopped by Ctrl-C\n")
-        code = 130
+        code = Exit.CTRL_C
     except OSError as error:  # stdout is a full disk, or a pipe that nothing reads
-        code = CLOSED_PIPE if nothing_reads_output() else exit_code_of(error) or 2
-        if code != CLOSED_PIPE:
+        code = Exit.CLOSED_PIPE if nothing_reads_output() else exit_code_of(error) or Exit.ERROR
+        if code != Exit.CLOSED_PIPE:
             sys.stderr.write(f"error: {error.strerror or error}\n")
     except Exception as error:  # of the imports of a command's module
         if (known := explained(error)) is None:
@@ -91,12 +87,13 @@ def _run(arguments: Sequence[str]) -> int:
     name, *rest = arguments
     if name not in COMMANDS:
         from psgn_jax.config.structured import suggestion
+        from psgn_jax.system.errors import Exit
 
         sys.stderr.write(
             f"error: psgn {name}: no such command; {suggestion(name, COMMANDS)}expected one of "
             f"{', '.join(COMMANDS)}\n"
         )
-        return 2
+        return Exit.ERROR
     code: int = importlib.import_module(module(name)).main(rest)
     return code
 

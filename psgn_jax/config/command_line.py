@@ -23,8 +23,9 @@ from absl import logging
 
 from psgn_jax.config.structured import ConfigError, flatten, suggestion
 from psgn_jax.system.environment import check_environment, explained
+from psgn_jax.system.errors import Exit
 from psgn_jax.system.files import exit_code_of
-from psgn_jax.system.processes import CLOSED_PIPE, ROOT, nothing_reads_output
+from psgn_jax.system.processes import ROOT, nothing_reads_output
 from psgn_jax.system.untrusted import message_line, one_line
 
 HELP = {"--help", "-help", "-h", "-?", "--helpshort", "--helpfull"}
@@ -103,9 +104,9 @@ class Flags:
             return body(self) or 0
         except Exception as caught:
             if isinstance(caught, BrokenPipeError) and nothing_reads_output():
-                return CLOSED_PIPE
+                return Exit.CLOSED_PIPE
             error = explained(caught) or caught
-            code = exit_code_of(error) or (2 if isinstance(error, wrong_input) else None)
+            code = exit_code_of(error) or (Exit.ERROR if isinstance(error, wrong_input) else None)
             if code is None:
                 raise
             # The library names the wrong argument first; if that is a flag, it gets dashes.
@@ -115,7 +116,7 @@ class Flags:
             return code
         except KeyboardInterrupt:
             sys.stderr.write("stopped by Ctrl-C\n")
-            return 130  # as in shells
+            return Exit.CTRL_C
 
     def _parse(self, argv: Sequence[str]) -> None:
         try:

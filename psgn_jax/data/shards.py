@@ -38,6 +38,7 @@ from psgn_jax.data.dataset import ShardWriter, check_shard, read_shard
 from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
 from psgn_jax.data.schema import RecordError
 from psgn_jax.system.claims import ClaimedError, claim
+from psgn_jax.system.errors import Exit
 from psgn_jax.system.files import file_crc32, remove_temporaries, write_atomic
 from psgn_jax.system.untrusted import one_line, parse_json, read_json
 
@@ -157,10 +158,11 @@ class Progress:
 
     @property
     def exit_code(self) -> int:
-        """0 complete; 1 something was refused; 2 no samples; 3 other parts are not finished."""
         if not self.complete:
-            return 3
-        return 2 if not self.samples else int(set(self.statuses) != {"ok"})
+            return Exit.UNFINISHED
+        if not self.samples:
+            return Exit.ERROR
+        return Exit.DONE if set(self.statuses) == {"ok"} else Exit.PARTLY
 
 
 def write(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int] = (0, 1)) -> Progress:

@@ -12,10 +12,7 @@ import zlib
 from collections.abc import Mapping
 from typing import Any
 
-from psgn_jax.system.errors import UserError
-
-DISK_FULL = 5
-"""Exit code of a command that failed because the disk was full."""
+from psgn_jax.system.errors import Exit, UserError
 
 _TEMPORARY = re.compile(r"\..+\.[0-9a-f]{8}\.tmp", re.DOTALL)
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
@@ -43,14 +40,14 @@ def native_error(error: BaseException, path: pathlib.Path) -> OSError:
 def exit_code_of(error: BaseException) -> int | None:
     """The exit code of a command that ends with `error`; None if the user cannot fix it.
 
-    The user can fix a `UserError`, an error of the operating system (2, or `DISK_FULL`), and too
-    little memory on the host or a device (2).
+    The user can fix a `UserError`, an error of the operating system, and too little memory on the
+    host or a device.
     """
     if is_disk_full(error):
-        return DISK_FULL
+        return Exit.DISK_FULL
     on_device = type(error).__name__ == "JaxRuntimeError" and "RESOURCE_EXHAUSTED" in str(error)
     fixable = isinstance(error, OSError | MemoryError) or on_device
-    return getattr(error, "exit_code", 2 if fixable else None)
+    return getattr(error, "exit_code", Exit.ERROR if fixable else None)
 
 
 def check_folder(folder: str | os.PathLike[str], name: str) -> None:

@@ -20,12 +20,9 @@ from typing import Any
 import numpy as np
 
 from psgn_jax.system.environment import explained
-from psgn_jax.system.errors import UserError
+from psgn_jax.system.errors import Exit, UserError
 from psgn_jax.system.files import exit_code_of
 from psgn_jax.system.untrusted import message_line
-
-ENDED = 4
-"""Exit code of a process that ends because another process of its training has ended."""
 
 _HEARTBEAT_SECONDS = 40
 # Set by launchers for each of several processes.
@@ -87,7 +84,7 @@ def _end_with(error: BaseException) -> None:
     if code is not None:
         sys.stderr.write(f"error: {message_line(error)}\n")
     elif type(error).__name__ == "JaxRuntimeError" or "Gloo" in str(error):  # on a CPU, ValueError
-        code = ENDED
+        code = Exit.OTHER_ENDED
         sys.stderr.write(
             f"error: another process has ended, so this process ends too "
             f"({message_line(error)[:200]}); run the same command again to resume from the newest "
@@ -96,7 +93,7 @@ def _end_with(error: BaseException) -> None:
     elif isinstance(error, SystemExit):
         code = error.code if isinstance(error.code, int) else 1
     elif isinstance(error, KeyboardInterrupt):
-        code = 128 + signal.SIGINT
+        code = Exit.CTRL_C
     else:
         code = 1
         traceback.print_exception(error)

@@ -11,7 +11,6 @@ import os
 import pathlib
 import resource
 import select
-import signal
 import sys
 from typing import Any
 
@@ -63,10 +62,6 @@ def start_command() -> None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
-
-
-CLOSED_PIPE = 128 + signal.SIGPIPE
-"""Exit code of a command whose output nothing reads any more, as shells give it."""
 
 
 def nothing_reads_output() -> bool:

@@ -24,14 +24,14 @@ from absl import logging
 
 from psgn_jax.config.experiment import TrainConfig
 from psgn_jax.models import posterior
-from psgn_jax.system.errors import UserError
+from psgn_jax.system.errors import Exit, UserError
 from psgn_jax.system.files import finite_or_none, write_atomic
 
 
 class NonFiniteError(UserError):
     """The loss or its gradient is not finite."""
 
-    exit_code = 3
+    exit_code = Exit.NOT_FINITE
 
 
 class TrainingLog:

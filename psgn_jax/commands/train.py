@@ -1,0 +1,69 @@
+"""Trains a network: `psgn train --config=base --workdir=runs/base`.
+
+`python -m psgn_jax.main` is the same command. `--config` takes the path of a file or the name of a
+configuration that comes with the package. Any field of it can be given as a flag,
+`--config.train.steps=2000`. The same command resumes a stopped run.
+
+Exit codes: 0 done; 2 a wrong configuration (the message names the field) or a file that cannot be
+written; 3 a loss that is not finite; 4 another process of the same training has ended; 5 a full
+disk; 143 stopped by SIGTERM; 130 stopped by Ctrl-C. In the last two cases, a checkpoint has been
+saved, unless the step took longer than `train.stop_seconds`, a second signal came, or Ctrl-C
+stopped one of several processes.
+"""
+
+import pathlib
+import sys
+from collections.abc import Sequence
+
+from psgn_jax.commands.common import define_group_flags, joined, keep_compiled
+from psgn_jax.config.command_line import HELP, Flags
+from psgn_jax.config.experiment import Config, check_paths, parse
+from psgn_jax.config.recipes import descriptions, path_of
+from psgn_jax.data.dataset import RecordReader
+from psgn_jax.system.cpu import keep_freed_memory
+from psgn_jax.system.errors import Exit
+from psgn_jax.system.files import check_folder
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    argv = list(sys.argv[1:] if argv is None else argv)
+    if not any(each.partition("=")[0] in {"--config", "-config", *HELP} for each in argv):
+        lines = "".join(f"  {name:20} {what}\n" for name, what in descriptions().items())
+        sys.stderr.write(f"error: --config is missing: a file, or one of these names\n{lines}")
+        return Exit.ERROR
+    flags = Flags("psgn train --config=FILE|NAME", __doc__)
+    flags.config(Config(), path_of)
+    flags.string(
+        "workdir", None, "Folder of the run; default: runs/<name of the configuration file>."
+    )
+    define_group_flags(flags)
+    return flags.run(_main, argv)
+
+
+def _main(flags: Flags) -> int:
+    values = flags.values
+    given = parse(flags.settings)
+    stem = pathlib.Path(flags.config_file.partition(":")[0]).stem
+    workdir = values.workdir or str(pathlib.Path("runs", stem))
+    check_paths(given)
+    check_folder(workdir, "--workdir")
+    data = given.data
+    for folders, split in ((data.folders, data.train_split), (data.eval_folders, data.eval_split)):
+        if folders:
+            RecordReader(folders, split)
+    # Imported here so that wrong configurations and records are reported before JAX is loaded.
+    keep_compiled()
+    keep_freed_memory()
+    import jax
+
+    from psgn_jax.commands.default_data import with_default_data
+    from psgn_jax.training.loop import train
+    from psgn_jax.weights.opening import check_initial
+
+    # What is wrong is reported before the default data set is rendered.
+    if given.train.init and not pathlib.Path(workdir, "checkpoints").exists():
+        check_initial(given)
+    with joined(values, given.train.batch_size):
+        jax.devices()
+        outcome = train(with_default_data(given), workdir)
+    return 128 + outcome.stopped_by if outcome.stopped_by else 0
