@@ -14,7 +14,7 @@ from typing import Any
 from absl import logging
 
 from psgn_jax.config.command_line import Flags
-from psgn_jax.system import group
+from psgn_jax.system import distributed
 from psgn_jax.system.cores import num_cores
 from psgn_jax.system.cpu import features_line
 from psgn_jax.system.errors import UserError
@@ -29,7 +29,7 @@ def define_network_flags(flags: Flags) -> None:
     flags.enum("checkpoint", "best", ["best", "last"], "Checkpoint of the run.")
 
 
-def define_group_flags(flags: Flags) -> None:
+def define_process_flags(flags: Flags) -> None:
     """The flags of one of several processes, for `joined`."""
     flags.string("coordinator", None, "HOST:PORT of the first of several processes.")
     flags.integer("num_processes", None, "Number of processes that share the work.")
@@ -38,14 +38,14 @@ def define_group_flags(flags: Flags) -> None:
 
 @contextlib.contextmanager
 def joined(values: Any, batch_size: int) -> Iterator[bool]:
-    """`system.group.joined` by flags; processes that are not the first one log only warnings.
+    """`system.distributed.joined` by flags; processes that are not the first one log only warnings.
 
     A process that works alone uses its cores as devices, if they divide the batch.
     """
     processes = values.coordinator, values.num_processes, values.process_id
-    if not group.is_one_of_several(*processes):
+    if not distributed.is_one_of_several(*processes):
         use_cores(batch_size)
-    with group.joined(*processes) as first:
+    with distributed.joined(*processes) as first:
         if not first:
             logging.set_verbosity(logging.WARNING)
         yield first

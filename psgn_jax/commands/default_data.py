@@ -11,9 +11,9 @@ from absl import logging
 from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.schema import RecordError
-from psgn_jax.system.claims import locked
 from psgn_jax.system.cores import num_cores
 from psgn_jax.system.files import cache_folder, check_folder
+from psgn_jax.system.locks import locked
 
 
 def with_default_data(config: Config, *, training: bool = True) -> Config:

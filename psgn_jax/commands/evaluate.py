@@ -3,7 +3,7 @@
 It prints the table and writes it into the run's folder; for weights, into
 `eval_<weights>_<split>` in the current folder. `--report=DIR` also writes a gallery of all samples.
 `--baselines` writes another table, of `evaluation.baselines`.
-Several processes (`system.group`) divide the split among themselves. `psgn_jax.tasks.run`
+Several processes (`system.distributed`) divide the split among themselves. `psgn_jax.tasks.run`
 describes the metrics and the files.
 """
 
@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from psgn_jax.commands.common import (
-    define_group_flags,
     define_network_flags,
+    define_process_flags,
     joined,
     keep_compiled,
 )
@@ -25,7 +25,7 @@ from psgn_jax.config.experiment import ConfigError, EvalConfig, check_paths, req
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.evaluation import baselines, table
 from psgn_jax.models import networks
-from psgn_jax.system import group
+from psgn_jax.system import distributed
 from psgn_jax.system.cpu import keep_freed_memory
 from psgn_jax.system.files import check_folder, write_atomic
 from psgn_jax.tasks.run import FRAMES, evaluate_run, output_folder, report_runs
@@ -90,7 +90,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     flags.string("report", None, "Folder for a gallery of all samples, as web pages.")
     flags.string("compare", None, "Folder of a second run for the gallery.")
-    define_group_flags(flags)
+    define_process_flags(flags)
     return flags.run(_main, argv)
 
 
@@ -114,7 +114,7 @@ def _main(flags: Flags) -> None:
     # Draws and baselines are computed outside `shard_map`, where oneDNN needs a single device.
     batch_size = 1 if values.baselines or values.draws else EvalConfig().batch_size
     with joined(values, batch_size) as first:
-        if values.report and group.index_and_count()[1] > 1:
+        if values.report and distributed.index_and_count()[1] > 1:
             raise ConfigError(f"--report={values.report}: accepted only with one process")
         opening, training = (values.checkpoint, values.data), values.baselines
         runs = [open_with_records(values.workdir, values.weights, *opening, training=training)]

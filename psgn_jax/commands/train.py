@@ -15,7 +15,7 @@ import pathlib
 import sys
 from collections.abc import Sequence
 
-from psgn_jax.commands.common import define_group_flags, joined, keep_compiled
+from psgn_jax.commands.common import define_process_flags, joined, keep_compiled
 from psgn_jax.config.command_line import HELP, Flags
 from psgn_jax.config.experiment import Config, check_paths, parse
 from psgn_jax.config.recipes import descriptions, path_of
@@ -36,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags.string(
         "workdir", None, "Folder of the run; default: runs/<name of the configuration file>."
     )
-    define_group_flags(flags)
+    define_process_flags(flags)
     return flags.run(_main, argv)
 
 

@@ -37,9 +37,9 @@ from psgn_jax.config import structured
 from psgn_jax.data.dataset import ShardWriter, check_shard, read_shard
 from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
 from psgn_jax.data.schema import RecordError
-from psgn_jax.system.claims import ClaimedError, claim
 from psgn_jax.system.errors import Exit
 from psgn_jax.system.files import file_crc32, remove_temporaries, write_atomic
+from psgn_jax.system.locks import TakenError, lock_part
 from psgn_jax.system.untrusted import one_line, parse_json, read_json
 
 REPORT = "models.jsonl"
@@ -173,12 +173,12 @@ def write(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int] = (0
 
     Raises:
       OtherSettingsError: the folder contains the data set of another job.
-      ClaimedError: another process does the same part.
+      TakenError: another process does the same part.
       ValueError: the folder contains something else.
     """
     complete = is_complete(folder, job)
     if not complete:
-        with claim(folder / WORK, part):
+        with lock_part(folder / WORK, part):
             complete = is_complete(folder, job)  # another process may have completed it meanwhile
             if not complete:
                 _begin(folder, job)
@@ -186,7 +186,7 @@ def write(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int] = (0
                 complete = _complete(folder, job)
     if complete and (folder / WORK).exists():
         # Not while another process tries inputs again.
-        with contextlib.suppress(ClaimedError), claim(folder / WORK, part):
+        with contextlib.suppress(TakenError), lock_part(folder / WORK, part):
             _tidy_up(folder)
     lines = read_report(folder) if complete else _lines(job, _finished(folder, job))
     return Progress(len(job.inputs), tuple(lines), complete)
@@ -383,7 +383,7 @@ def _tidy_up(folder: pathlib.Path) -> None:
         if _SHARD.fullmatch(path.name) and path.name not in kept:
             path.unlink(missing_ok=True)
     for path in (folder / WORK).glob("*"):
-        if path.name != JOB and path.suffix != ".lock":  # `claim` removes its own
+        if path.name != JOB and path.suffix != ".lock":  # `lock_part` removes its own
             path.unlink(missing_ok=True)
     (folder / WORK / JOB).unlink(missing_ok=True)  # last, so that cleaning resumes after a kill
 

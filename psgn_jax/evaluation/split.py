@@ -1,6 +1,6 @@
 """Evaluation on a split: every sample is predicted and counted once.
 
-Several processes (`system.group`) share the batches; each gets the whole result.
+Several processes (`system.distributed`) share the batches; each gets the whole result.
 """
 
 import contextlib
@@ -16,7 +16,7 @@ from jax.sharding import PartitionSpec as P
 from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.data import loader
 from psgn_jax.evaluation.results import Evaluation, SampleName
-from psgn_jax.system import group
+from psgn_jax.system import distributed
 from psgn_jax.system.cpu import compiler_options
 
 OnBatch = Callable[[int, Any, np.ndarray], None]
@@ -40,7 +40,7 @@ def evaluate_split(
       on_batch: called with (index of the batch, batch, predictions).
     """
     split = split or config.data.eval_split
-    process, count = group.index_and_count()
+    process, count = distributed.index_and_count()
     batches = loader.eval_batches(
         config.data,
         split=split,
@@ -74,8 +74,8 @@ def evaluate_split(
     values = {name: np.concatenate([part[name] for part in parts]) for name in metric_names}
     if count > 1:
         own = [names, {name: array.tolist() for name, array in values.items()}, num_pred]
-        names, values, num_pred = _merged(group.gather(own))
-        distinct = [number for part in group.gather(distinct) for number in part]
+        names, values, num_pred = _merged(distributed.gather(own))
+        distinct = [number for part in distributed.gather(distinct) for number in part]
     if not names:
         raise ConfigError(f"the split {split!r} of data.path={config.data.path!r} has no samples")
     return Evaluation(

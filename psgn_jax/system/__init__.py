@@ -1,1 +1,1 @@
-"""What touches the operating system: files, claims, untrusted input, cores, memory, signals."""
+"""What touches the operating system: files, locks, untrusted input, cores, memory, signals."""

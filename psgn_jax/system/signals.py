@@ -60,7 +60,7 @@ class StopSignal:
             raise Stopped
 
     def after_step(self, step: int) -> None:
-        """See `group.SharedStop`."""
+        """See `distributed.SharedStop`."""
 
     def _watch(self) -> None:
         if not (received := self._receiver.recv(1)):

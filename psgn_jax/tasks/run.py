@@ -22,7 +22,7 @@ from psgn_jax.evaluation import table
 from psgn_jax.evaluation.results import Evaluation
 from psgn_jax.evaluation.split import OnBatch
 from psgn_jax.models import networks
-from psgn_jax.system import group
+from psgn_jax.system import distributed
 from psgn_jax.system.files import check_folder, write_atomic
 from psgn_jax.weights.run_folder import Trained
 
@@ -72,7 +72,7 @@ def evaluate_run(
     result: Evaluation = tasks.create(config, workdir).evaluate(
         run.params, split=split, on_batch=on_batch, chosen=run.scores, draws=draws
     )
-    if not group.is_first():
+    if not distributed.is_first():
         return result
     write_atomic(folder / "table.txt", table.text(result))
     write_atomic(folder / "table.csv", table.csv_text(result))

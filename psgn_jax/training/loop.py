@@ -37,7 +37,7 @@ from psgn_jax.data.dataset import RecordReader, doubts_of
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.schema import RecordError
 from psgn_jax.data.workers import check_main_guard
-from psgn_jax.system import group
+from psgn_jax.system import distributed
 from psgn_jax.system.files import check_folder, write_atomic
 from psgn_jax.system.memory import host_memory
 from psgn_jax.system.signals import Stopped, StopSignal
@@ -87,7 +87,8 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     """
     check_main_guard()
     config = config if isinstance(config, Config) else parse(config)
-    workdir, mesh, plan, first = pathlib.Path(workdir), data_mesh(), config.train, group.is_first()
+    workdir, mesh, plan = pathlib.Path(workdir), data_mesh(), config.train
+    first = distributed.is_first()
     sizes = _checked(config, workdir, mesh.size)
     task = tasks.create(config, workdir)
     create, train_step = create_training(config, task, mesh)
@@ -100,11 +101,11 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
         if first:
             stack.enter_context(locked(workdir))
         else:
-            group.gather(None)  # the first process may move damaged checkpoints before
+            distributed.gather(None)  # the first process may move damaged checkpoints before
         checkpoints = Checkpoints(folder, plan.keep_checkpoints, read_only=not first)
         stored = checkpoints.restore_newest()
         if first:
-            group.gather(None)
+            distributed.gather(None)
         stack.callback(checkpoints.close)
         init = None if stored else initial()
         began = time.monotonic()
@@ -166,8 +167,8 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
         )
         stack.callback(batches.close)
         several = jax.process_count() > 1
-        stop: group.SharedStop | StopSignal = (
-            group.SharedStop() if several else StopSignal(plan.stop_seconds, checkpoints.wait)
+        stop: distributed.SharedStop | StopSignal = (
+            distributed.SharedStop() if several else StopSignal(plan.stop_seconds, checkpoints.wait)
         )
         stack.enter_context(stop)
         # Python cannot end while a step calls back into it.
@@ -201,7 +202,7 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
 
 def _checked(config: Config, workdir: pathlib.Path, devices: int) -> dict[str, int]:
     """The number of samples of each split, if the configuration fits the data and the machine."""
-    ours, *others = group.gather(flatten(config))
+    ours, *others = distributed.gather(flatten(config))
     for index, theirs in enumerate(others, 1):
         if different := [name for name in ours if theirs[name] != ours[name]]:
             texts = [f"{name}={ours[name]!r} and {theirs[name]!r}" for name in different]
@@ -228,7 +229,7 @@ def _checked(config: Config, workdir: pathlib.Path, devices: int) -> dict[str, i
         both = {"data.path": (names[0], folders[0]), "data.eval_path": (names[1], folders[1])}
     with contextlib.suppress(RecordError):  # it is reported when the record is needed
         readers = {name: RecordReader(where, split) for name, (split, where) in both.items()}
-        for line in doubts_of(readers) if group.is_first() else ():
+        for line in doubts_of(readers) if distributed.is_first() else ():
             logging.warning("records: %s", one_line(line))
     return sizes
 
@@ -284,7 +285,7 @@ def _measured(config: Config) -> dict[str, Any]:
     fields, folders = flatten(config), config.data.eval_folders
     splits = [load_manifest(folder).splits() for folder in folders]
     shards = [s.crc32 for found in splits for s in found.get(config.data.eval_split, ())]
-    records = group.gather(zlib.crc32(repr(shards).encode()))
+    records = distributed.gather(zlib.crc32(repr(shards).encode()))
     if len(set(records)) > 1:
         raise ConfigError(f"{','.join(folders)}: differs between processes; expected the same")
     return {"records": records[0], **{name: fields[name] for name in names}}

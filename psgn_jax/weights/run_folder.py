@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from absl import logging
 
 from psgn_jax.config.experiment import Config, ConfigError, DamagedError, flatten, from_json, parse
-from psgn_jax.system import claims
+from psgn_jax.system import locks
 from psgn_jax.system.files import remove_temporaries
 from psgn_jax.system.untrusted import refuse_special_files
 from psgn_jax.weights.checkpoint import Checkpoint, CheckpointError, Checkpoints
@@ -140,7 +140,7 @@ def locked(workdir: str | pathlib.Path) -> Iterator[None]:
     _refuse_pipes(workdir)
     with contextlib.ExitStack() as stack:
         try:
-            held = stack.enter_context(claims.locked(folder / ".lock"))
+            held = stack.enter_context(locks.locked(folder / ".lock"))
         except BlockingIOError:
             raise ConfigError(
                 f"workdir={workdir}: another training is running there; wait for it, stop it, "

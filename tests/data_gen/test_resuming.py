@@ -23,8 +23,8 @@ from psgn_jax.data.codec import encode
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.system import processes
-from psgn_jax.system.claims import ClaimedError
 from psgn_jax.system.files import write_atomic
+from psgn_jax.system.locks import TakenError
 
 OPTIONS = settings.parse({"views": 1, "models_per_shard": 3})
 TEN = [f"m{k}" for k in range(10)]
@@ -240,7 +240,7 @@ def test_two_processes_do_not_do_the_same_part(once, tmp_path):
     def again():
         same = rf"another process \(pid {os.getpid()}\) does part 0/2 in"
         for part, message in (((0, 2), same), ((0, 1), "into 2 parts, not 1")):
-            with pytest.raises(ClaimedError, match=message):
+            with pytest.raises(TakenError, match=message):
                 make(out, TEN, part=part)
 
     make(out, TEN, part=(0, 2), first=again)

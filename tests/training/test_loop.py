@@ -22,7 +22,7 @@ from helpers.small_runs import quick_environment, write_config, write_solids
 from psgn_jax.config.experiment import ConfigError, from_json
 from psgn_jax.data import loader
 from psgn_jax.data.dataset import RecordReader, write_dataset
-from psgn_jax.system import group
+from psgn_jax.system import distributed
 from psgn_jax.training.log import NonFiniteError
 from psgn_jax.training.loop import train
 from psgn_jax.weights.checkpoint import Checkpoints
@@ -159,7 +159,8 @@ def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, mon
     assert back.keys() == {12}
     assert first[12] == back[12] != there[12]
     with monkeypatch.context() as patch:  # of another process, with a copy that differs
-        patch.setattr(group, "gather", lambda own: [own, own + 1] if type(own) is int else [own])
+        differing = lambda own: [own, own + 1] if type(own) is int else [own]  # noqa: E731
+        patch.setattr(distributed, "gather", differing)
         with pytest.raises(
             ConfigError, match=f"{moved}: differs between processes; expected the same"
         ):

@@ -11,7 +11,7 @@ from psgn_jax.data import schema
 from psgn_jax.data.codec import _lattice_keys, decode_stored
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.sources import authors, duplicates
-from psgn_jax.system.claims import claim
+from psgn_jax.system.locks import lock_part
 from psgn_jax.viewing import inspection as dataset_view
 
 
@@ -116,7 +116,7 @@ def test_another_conversion_or_a_full_disk_ends_one_that_goes_on_later(
 ):
     target = tmp_path / "target"
     command = ["authors", str(authors_file.parent), str(target)]
-    with claim(target / ".work", (0, 1)):
+    with lock_part(target / ".work", (0, 1)):
         assert convert.main(command) == 2
     assert "another process (pid " in capsys.readouterr().err
     with without_room(20_000):

@@ -18,7 +18,7 @@ from absl import logging
 _UNSUPPORTED = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS)
 
 
-class ClaimedError(ValueError):
+class TakenError(ValueError):
     """Another process does this part of the work, or divides the work into other parts."""
 
 
@@ -66,13 +66,13 @@ def locked(path: pathlib.Path, *, waiting: str = "") -> Iterator[bool]:
 
 
 @contextlib.contextmanager
-def claim(folder: pathlib.Path, part: tuple[int, int]) -> Iterator[None]:
-    """Context that claims part (i, n), number i (from 0) of n, of the work in a folder.
+def lock_part(folder: pathlib.Path, part: tuple[int, int]) -> Iterator[None]:
+    """Context that locks part (i, n), number i (from 0) of n, of the work in a folder.
 
     At its end, an empty folder is removed.
 
     Raises:
-      ClaimedError: another process has claimed this part, or a process with another n is running.
+      TakenError: another process does this part, or a process with another n is running.
     """
     number, count = part
     own = folder / f"part-{number:05d}-of-{count:05d}.lock"
@@ -81,7 +81,7 @@ def claim(folder: pathlib.Path, part: tuple[int, int]) -> Iterator[None]:
         try:
             stack.enter_context(locked(own))
         except BlockingIOError:
-            raise ClaimedError(
+            raise TakenError(
                 f"another process (pid {_read(own) or 'unknown'}) does part {number}/{count} in "
                 f"{str(folder.parent)!r}; wait for it, or end it"
             ) from None
@@ -93,7 +93,7 @@ def claim(folder: pathlib.Path, part: tuple[int, int]) -> Iterator[None]:
                     with locked(other):  # removes the file of a process that has ended
                         pass
             except BlockingIOError:
-                raise ClaimedError(
+                raise TakenError(
                     f"other processes divide the work in {str(folder.parent)!r} into {said} parts, "
                     f"not {count}; wait for them, or end them"
                 ) from None

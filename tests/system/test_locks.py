@@ -7,12 +7,12 @@ import threading
 
 import pytest
 
-from psgn_jax.system.claims import ClaimedError, claim, locked
+from psgn_jax.system.locks import TakenError, lock_part, locked
 
 HOLD = """
 import pathlib, sys
-from psgn_jax.system.claims import claim
-with claim(pathlib.Path(sys.argv[1]), (0, 2)):
+from psgn_jax.system.locks import lock_part
+with lock_part(pathlib.Path(sys.argv[1]), (0, 2)):
     print("held", flush=True)
     sys.stdin.read()
 """
@@ -26,15 +26,15 @@ def test_a_claim_ends_with_its_process(tmp_path):
     ) as process:
         assert process.stdout.readline() == "held\n"
         message = rf"\(pid {process.pid}\) does part 0/2"
-        with pytest.raises(ClaimedError, match=message), claim(folder, (0, 2)):
+        with pytest.raises(TakenError, match=message), lock_part(folder, (0, 2)):
             pass
-        with pytest.raises(ClaimedError, match="into 2 parts, not 1"), claim(folder, (0, 1)):
+        with pytest.raises(TakenError, match="into 2 parts, not 1"), lock_part(folder, (0, 1)):
             pass
-        with claim(folder, (1, 2)):
+        with lock_part(folder, (1, 2)):
             pass
         process.send_signal(signal.SIGKILL)
         process.wait()
-    with claim(folder, (0, 1)):
+    with lock_part(folder, (0, 1)):
         assert folder.is_dir()
     assert not folder.exists()
 
