@@ -72,7 +72,7 @@ class Prediction:
       colours: uint8 [k, n, 3], from the image (`colours_from_view`).
       mask: bool [h, w], the object in the image, which is reduced if it is large.
       warnings: probable problems, a line each.
-      stray: bool [k, n], whether a point lies apart from all others (`stray_points`).
+      outlier: bool [k, n], whether a point lies apart from all others (`find_outliers`).
       seen: bool [k, n], whether a point is visible in the image.
       branch: uint8 [n], the branch that predicts a point, `FC` or `DECONV`.
       mask_from: the method that produced the mask, and how certain the mask network is.
@@ -90,7 +90,7 @@ class Prediction:
     colours: NDArray[np.uint8]
     mask: np.ndarray
     warnings: tuple[str, ...]
-    stray: np.ndarray
+    outlier: np.ndarray
     seen: np.ndarray
     branch: np.ndarray
     mask_from: str
@@ -120,7 +120,7 @@ class Prediction:
     def save(self, path: str | os.PathLike[str], sample: int = 0) -> None:
         """Writes a file; the suffix says which.
 
-        .ply, .xyz, .obj and .glb have one cloud without its stray points; .npz has all arrays, for
+        .ply, .xyz, .obj and .glb have one cloud without its outliers; .npz has all arrays, for
         NumPy and `psgn view`; .html is a page on which the clouds can be turned.
 
         Raises:
@@ -141,7 +141,7 @@ class Prediction:
         write_atomic(path, content, sync=False)
 
     def to_trimesh(self, sample: int = 0) -> Any:
-        """One cloud without its stray points as `trimesh.PointCloud` (needs trimesh)."""
+        """One cloud without its outliers as `trimesh.PointCloud` (needs trimesh)."""
         import trimesh
 
         points, colours = self._kept(sample)
@@ -150,7 +150,7 @@ class Prediction:
     def _kept(self, sample: int) -> tuple[np.ndarray, np.ndarray]:
         if not 0 <= sample < len(self.points):
             raise ValueError(f"sample={sample}: accepted: 0 to {len(self.points) - 1}")
-        kept = ~self.stray[sample]
+        kept = ~self.outlier[sample]
         return self.points[sample][kept], self.colours[sample][kept]
 
     def __repr__(self) -> str:
@@ -178,7 +178,7 @@ class Prediction:
         image.thumbnail((512, 512), Image.Resampling.LANCZOS, reducing_gap=2)
         height, width = self.photo.image.shape[:2]
         enlarged = np.diag([width / image.width, height / image.height, 1.0])
-        arrays = {n: getattr(self, n) for n in ("points", "colours", "stray", "seen", "branch")}
+        arrays = {n: getattr(self, n) for n in ("points", "colours", "outlier", "seen", "branch")}
         arrays |= {n: getattr(self.view, n) for n in ("image", "mask", "intrinsics", "extrinsics")}
         if self._spreads is not None:
             arrays["spread"] = self._spreads
@@ -320,12 +320,12 @@ def colours_from_view(points: np.ndarray, view: Framed) -> tuple[np.ndarray, np.
     return colours, seen
 
 
-def stray_points(points: np.ndarray) -> np.ndarray:
+def find_outliers(points: np.ndarray) -> np.ndarray:
     """Points of a cloud [n, 3] that lie apart from all others: bool [n].
 
-    The distance of a stray to its fourth nearest neighbour is more than 5 times the cloud's median
-    (**ours**), or, if that is 0 because most points coincide, the median of the distances above 0.
-    PLY, OBJ, XYZ and GLB files and the normal form leave strays out; metrics use all.
+    The distance of an outlier to its fourth nearest neighbour is more than 5 times the median of
+    the cloud (**ours**), or, if that is 0 because most points coincide, the median above 0.
+    PLY, OBJ, XYZ and GLB files and the normal form omit outliers; metrics use all.
     """
     if len(points) < 5:
         return np.zeros(len(points), np.bool_)

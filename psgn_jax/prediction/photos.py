@@ -215,7 +215,7 @@ def _record(
         },
         "num_samples": len(result.points),
         "num_points": result.points.shape[1],
-        "num_strays": int(result.stray.sum()),
+        "num_outliers": int(result.outlier.sum()),
         "num_fc_points": int((result.branch == FC).sum()),
         "seed": seed,
         "seen_fraction": round(float(result.seen.mean()), 4),

@@ -19,7 +19,7 @@ from psgn_jax.data import camera, framing, photo, resize
 from psgn_jax.models import networks
 from psgn_jax.models.cpu_convolution import stored_programs
 from psgn_jax.prediction import draws, masks, sampling
-from psgn_jax.prediction.cloud import DECONV, FC, Prediction, colours_from_view, stray_points
+from psgn_jax.prediction.cloud import DECONV, FC, Prediction, colours_from_view, find_outliers
 from psgn_jax.prediction.refine import refined
 from psgn_jax.prediction.silhouette import Fit
 from psgn_jax.viewing.predictions import MOST_CLOUDS
@@ -166,10 +166,10 @@ class Predictor:
         if not np.isfinite(points).all():
             raise ConfigError("the network's points are not finite; expected intact weights")
         colours, seen = zip(*(colours_from_view(cloud, view) for cloud in points), strict=True)
-        stray = np.stack([stray_points(cloud) for cloud in points])
+        outlier = np.stack([find_outliers(cloud) for cloud in points])
         scale, shift = 1.0, np.zeros(3)
         if normal_form == "yes" or (normal_form == "auto" and view.placed):
-            scale, shift = framing.normal_form(points[~stray])
+            scale, shift = framing.normal_form(points[~outlier])
             points = ((points - shift) / scale).astype(np.float32)
             extrinsics = framing.normalised_extrinsics(view.extrinsics, scale, shift)
             view = dataclasses.replace(view, extrinsics=extrinsics)
@@ -181,7 +181,7 @@ class Predictor:
             colours=np.stack(colours),
             mask=found.mask,
             warnings=found.warnings,
-            stray=stray,
+            outlier=outlier,
             seen=np.stack(seen),
             branch=branch,
             mask_from=found.method,

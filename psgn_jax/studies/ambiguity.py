@@ -116,7 +116,7 @@ def measured_depth(points: np.ndarray, scale: float) -> float:
     """The hidden depth of a cabinet, from its points [n, 3] in the frame of a sample `front`.
 
     The far end of the body is the 5 % quantile of x over the points above the rail: the back face
-    has more than 5 % of these points, and less than 5 % are strays. The body and the rail are
+    has more than 5 % of these points, and less than 5 % are outliers. The body and the rail are
     described in `data_gen.catalogues.cabinets`.
     """
     above = points[points[:, 2] > 0.1, 0]

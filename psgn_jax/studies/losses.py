@@ -3,7 +3,7 @@
 We compare the two-branch networks of the study `networks`, trained with the CD and with EMD + 5 CD,
 or two other finished runs. According to the paper, the CD "tends to scatter a few points in its
 uncertain area", and the EMD is "more compact" but "sometimes overly shrinks local structures". So
-we measure the share of predicted points farther than `FAR` from the truth (stray) and of true
+we measure the share of predicted points farther than `FAR` from the truth (outliers) and of true
 points farther than `FAR` from the prediction (missed).
 
 Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figure of both, which shows an example and
@@ -20,7 +20,7 @@ from psgn_jax.studies.runner import Results, Sample, Study, evaluate
 from psgn_jax.viewing import spheres
 
 FAR = 0.1
-"""Distance in radii beyond which a point is stray or missed."""
+"""Distance in radii beyond which a point is an outlier or missed."""
 
 METRICS = {
     "cd_sq_radius2": "CD squared [radius^2]",
@@ -29,7 +29,7 @@ METRICS = {
     "fscore": "F-score [%]",
     "cd_sq_pred_to_gt_radius2": "predicted points to truth [radius^2]",
     "cd_sq_gt_to_pred_radius2": "truth to predicted points [radius^2]",
-    "stray": "predicted points farther than .1 from the truth [%]",
+    "outliers": "predicted points farther than .1 from the truth [%]",
     "missed": "true points farther than .1 from the prediction [%]",
     "unevenness": "unevenness: std over mean of the distance to the nearest other point",
 }
@@ -38,13 +38,13 @@ COLOURS, TRUTH = ((70, 130, 180), (90, 165, 90)), (165, 165, 165)
 
 
 def measure_sample(case: Sample) -> dict[str, float]:
-    """Stray points, missed points and unevenness of a prediction [n, 3], n > 1."""
+    """Outliers, missed points and unevenness of a prediction [n, 3], n > 1."""
     pred, gt = case["pred"], case["points"]
     gaps, among = cdist(pred, gt), cdist(pred, pred)
     np.fill_diagonal(among, np.inf)
     spacing = among.min(axis=1)
     return {
-        "stray": float(np.mean(gaps.min(axis=1) > FAR)),
+        "outliers": float(np.mean(gaps.min(axis=1) > FAR)),
         "missed": float(np.mean(gaps.min(axis=0) > FAR)),
         "unevenness": float(spacing.std() / max(spacing.mean(), 1e-12)),
     }

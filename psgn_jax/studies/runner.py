@@ -363,7 +363,7 @@ class Summary(NamedTuple):
 
 
 _LARGER_IS_BETTER = ("fscore", "precision", "recall", "iou", "gain", "thin_recall")
-_SMALLER_IS_BETTER = ("cd", "emd", "aligned", "log_volume", "stray", "missed", "uneven", "gt_to")
+_SMALLER_IS_BETTER = ("cd", "emd", "aligned", "log_volume", "outliers", "missed", "uneven", "gt_to")
 """How the names of metrics begin."""
 
 

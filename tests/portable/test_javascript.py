@@ -11,7 +11,7 @@ from psgn_jax.losses.emd import emd_exact
 from psgn_jax.portable import folder
 from psgn_jax.prediction import draws as own_draws
 from psgn_jax.prediction import silhouette
-from psgn_jax.prediction.cloud import colours_from_view, stray_points
+from psgn_jax.prediction.cloud import colours_from_view, find_outliers
 from psgn_jax.prediction.refine import mean_of_matched
 
 MODULES = {name: folder.TEMPLATES / f"{name}.js" for name in ("draws", "framing", "resample")}
@@ -123,15 +123,15 @@ def test_normal_form_and_colours():
     view = framing.place(sample.image, sample.mask, move=False)
     body = """
 const view = { rgb: input.image, mask: input.mask };
-const stray = framing.strayPoints(input.points);
+const outlier = framing.findOutliers(input.points);
 const colours = framing.coloursFromView(input.points, view, input.about);
-return [framing.normalForm(input.points, stray), stray, colours];
+return [framing.normalForm(input.points, outlier), outlier, colours];
 """
     given = {"points": points, "image": view.image, "mask": view.mask, "about": about()}
-    normal, stray, colours = run_node(body, **given)
-    np.testing.assert_array_equal(stray, stray_points(points))
-    assert sum(stray) == 2
-    scale, shift = framing.normal_form(points[~np.array(stray)])
+    normal, outlier, colours = run_node(body, **given)
+    np.testing.assert_array_equal(outlier, find_outliers(points))
+    assert sum(outlier) == 2
+    scale, shift = framing.normal_form(points[~np.array(outlier)])
     np.testing.assert_allclose(normal["scale"], scale, rtol=1e-7)
     np.testing.assert_allclose(normal["shift"], shift, atol=1e-7)
     normalised = ((points - shift) / scale).astype(np.float32)

@@ -11,7 +11,7 @@ from PIL import Image
 
 import psgn_jax
 from psgn_jax.data import camera, framing, photo
-from psgn_jax.prediction.cloud import Prediction, colours_from_view, stray_points
+from psgn_jax.prediction.cloud import Prediction, colours_from_view, find_outliers
 from psgn_jax.viewing.page import FIELDS, case_of, document_of
 from psgn_jax.viewing.predictions import read_prediction
 
@@ -27,7 +27,7 @@ def prediction(points=POINTS[None], colours=COLOURS[None], **changes):
     mask[60:150, 80:200] = True
     fields = {
         "points": points, "colours": colours, "mask": mask, "warnings": (),
-        "stray": np.zeros((k, n), bool), "seen": np.ones((k, n), bool),
+        "outlier": np.zeros((k, n), bool), "seen": np.ones((k, n), bool),
         "branch": np.zeros(n, np.uint8), "mask_from": "given",
         "photo": photo.Photo(image, None, (192, 256)), "view": framing.place(image, mask),
         "scale": 1.0, "shift": np.zeros(3), "seconds": {},
@@ -160,17 +160,17 @@ def test_seen_points_take_the_images_colours_and_hidden_ones_those_of_the_neares
     np.testing.assert_array_equal(colours[len(wall) :], colours[: len(wall)][nearest])
 
 
-def test_stray_points_are_found_and_left_out(tmp_path):
+def test_outliers_are_found_and_left_out(tmp_path):
     rng = np.random.default_rng(0)
     body = rng.uniform(-0.5, 0.5, (300, 3)).astype(np.float32)
     points = np.concatenate([body, [[1.5, 0, 0], [0, -2, 0.3]]]).astype(np.float32)
-    stray = stray_points(points)
-    assert np.flatnonzero(stray).tolist() == [300, 301]
-    assert not stray_points(np.zeros((3, 3), np.float32)).any()
-    assert not stray_points(np.zeros((30, 3), np.float32)).any()
+    outlier = find_outliers(points)
+    assert np.flatnonzero(outlier).tolist() == [300, 301]
+    assert not find_outliers(np.zeros((3, 3), np.float32)).any()
+    assert not find_outliers(np.zeros((30, 3), np.float32)).any()
     collapsed = np.concatenate([np.zeros((400, 3), np.float32), points])  # most points coincide
-    assert np.flatnonzero(stray_points(collapsed)).tolist() == [700, 701]
-    cloud = prediction(points[None], np.zeros((1, 302, 3), np.uint8), stray=stray[None])
+    assert np.flatnonzero(find_outliers(collapsed)).tolist() == [700, 701]
+    cloud = prediction(points[None], np.zeros((1, 302, 3), np.uint8), outlier=outlier[None])
     cloud.save(tmp_path / "a.xyz")
     np.testing.assert_allclose(np.loadtxt(tmp_path / "a.xyz"), body, atol=1e-6)
     np.testing.assert_array_equal(cloud.to_trimesh().vertices, body)

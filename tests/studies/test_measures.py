@@ -17,12 +17,12 @@ from psgn_jax.studies.runner import Measured
 from psgn_jax.weights.checkpoint import Checkpoints
 
 
-def test_stray_missed_and_uneven_points():
+def test_outliers_missed_and_uneven_points():
     gt = np.stack([np.linspace(0, 1, 101), np.zeros(101), np.zeros(101)], axis=1)
     pred = gt[0:51:10].copy()
     pred[0] += [0, 0, 0.3]
     found = losses.measure_sample({"pred": pred, "points": gt})
-    assert found["stray"] == pytest.approx(1 / 6)
+    assert found["outliers"] == pytest.approx(1 / 6)
     assert found["missed"] == pytest.approx(40 / 101, abs=0.021)
     assert found["unevenness"] > 0.3
     even = losses.measure_sample({"pred": gt[::10], "points": gt})

@@ -136,7 +136,7 @@ const squaredGap = (points, i, j) =>
   (points[3 * i] - points[3 * j]) ** 2 + (points[3 * i + 1] - points[3 * j + 1]) ** 2 + (points[3 * i + 2] - points[3 * j + 2]) ** 2;
 
 /** Which points lie apart from all others: their fourth nearest neighbour is at more than 5 times the median of this distance, or of those above 0 if it is 0. */
-export function strayPoints(points) {
+export function findOutliers(points) {
   const count = points.length / 3, least = new Float64Array(5); // squared distances to the point itself and four neighbours
   const gaps = Float64Array.from({ length: count }, (_, i) => {
     least.fill(Infinity);
@@ -151,9 +151,9 @@ export function strayPoints(points) {
   return Array.from(gaps, gap => gap > 5 * median);
 }
 
-/** Clouds in normal form, { points, scale, shift }: lowest point at z = 0, radius 1; strays do not count. */
-export function normalForm(points, stray) {
-  const axes = [0, 1, 2].map(k => points.filter((_, i) => i % 3 === k && !stray[Math.floor(i / 3)]));
+/** Clouds in normal form, { points, scale, shift }: lowest point at z = 0, radius 1; outliers do not count. */
+export function normalForm(points, outlier) {
+  const axes = [0, 1, 2].map(k => points.filter((_, i) => i % 3 === k && !outlier[Math.floor(i / 3)]));
   const [[lowX, highX], [lowY, highY], [lowZ]] = axes.map(values => [Math.min(...values), Math.max(...values)]);
   const shift = [(lowX + highX) / 2, (lowY + highY) / 2, lowZ];
   const scale = Math.max(...Array.from(axes[0], (x, i) => Math.hypot(x - shift[0], axes[1][i] - shift[1], axes[2][i] - shift[2]))) || 1;

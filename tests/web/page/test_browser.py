@@ -135,7 +135,7 @@ def test_points_and_files_are_those_of_python(open_page, predictor, tmp_path):
             page.click(f"[data-format={name}]")
         assert download.value.suggested_filename == f"my_chair_3.{name}"
         own = pathlib.Path(download.value.path()).read_bytes()
-        kept = ~expected.stray[3]
+        kept = ~expected.outlier[3]
         written = write(points[3][kept], colours[3][kept])
         zero = (b"-0.000000", b"0.000000") if name != "ply" else (b"", b"")
         assert own.replace(*zero) == written.replace(*zero)

@@ -4,7 +4,7 @@ import * as ort from "./runtime/ort.wasm.min.mjs";
 import { CloudView, pathThrough, save } from "./cloud.js";
 import { ranked, spread } from "./draws.js";
 import { FORMATS } from "./files.js";
-import { coloursFromView, meanWithMirror, mirrored, networkInputs, normalForm, PhotoError, place, sameProportions, strayPoints } from "./framing.js";
+import { coloursFromView, meanWithMirror, mirrored, networkInputs, normalForm, PhotoError, place, sameProportions, findOutliers } from "./framing.js";
 import { objectIn } from "./levels.js";
 import { findMask } from "./mask.js";
 import { fit } from "./silhouette.js";
@@ -304,10 +304,10 @@ const predict = guarded(async () => {
   if (count > 1) draws = ranked(draws, samples, about.compared_points);
   const { clouds: parts, camera } = fit(draws.slice(0, samples), small, view.placed, about);
   if (page.photo !== photo) return;
-  const points = Float32Array.from(parts.flatMap(part => [...part])), stray = parts.map(strayPoints);
-  const { points: normal, scale = 1 } = view.placed ? normalForm(points, stray.flat()) : { points };
+  const points = Float32Array.from(parts.flatMap(part => [...part])), outlier = parts.map(findOutliers);
+  const { points: normal, scale = 1 } = view.placed ? normalForm(points, outlier.flat()) : { points };
   page.clouds = parts.map((part, k) => ({
-    points: normal.slice(k * length, (k + 1) * length), colours: coloursFromView(part, view, { ...about, camera }), stray: stray[k],
+    points: normal.slice(k * length, (k + 1) * length), colours: coloursFromView(part, view, { ...about, camera }), outlier: outlier[k],
   }));
   Object.assign(page, { draws, scale });
   document.body.classList.add("has-cloud");
@@ -327,9 +327,9 @@ function show(sample) {
   viewer.show([shown($("certainty").checked)]);
 }
 
-/** The chosen cloud without its stray points, as in files; or with the colours of its certainty, once they are known. */
+/** The chosen cloud without its outliers, as in files; or with the colours of its certainty, once they are known. */
 function shown(certainty) {
-  const { points, colours, stray, spread } = page.clouds[page.sample], kept = (_, i) => !stray[Math.floor(i / 3)];
+  const { points, colours, outlier, spread } = page.clouds[page.sample], kept = (_, i) => !outlier[Math.floor(i / 3)];
   const painted = certainty && spread ? Uint8Array.from(points, (_, i) => ramp(spread[Math.floor(i / 3)] / SPREAD_TOP)[i % 3]) : colours;
   return { points: points.filter(kept), colours: painted.filter(kept) };
 }
