@@ -11,6 +11,7 @@ import contextlib
 import copy
 import dataclasses
 import itertools
+import logging
 import os
 import threading
 import uuid
@@ -43,6 +44,11 @@ def _release(job: str) -> None:
     """Kills the rendering processes of a job on a worker."""
     for key in [key for key in list(_kept) if key[0] == job]:
         _kept.pop(key).kill()
+
+
+def is_no_traceback(record: logging.LogRecord) -> bool:
+    """False for Dask's traceback of a lost connection, which `render_on` raises as an error."""
+    return not (record.exc_info and record.name.startswith("distributed."))
 
 
 def render_on(

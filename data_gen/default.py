@@ -17,9 +17,6 @@ NUM_MODELS = NUM_PER_CATEGORY * len(FAMILIES)
 CORE_SECONDS = 0.4 * NUM_MODELS
 """Rough seconds of a core for rendering."""
 
-NAME = f"procedural-3-{NUM_PER_CATEGORY}"
-"""Name of the folder. Raise the first number with every change of models or images."""
-
 SETTINGS = settings.Settings(views=1, models_per_shard=64)
 
 

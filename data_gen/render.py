@@ -35,6 +35,7 @@ from typing import Any
 if __package__ in (None, ""):  # run as a file: `data_gen` is in the folder above
     sys.path[0] = str(pathlib.Path(__file__).resolve().parents[1])
 
+
 from data_gen import cluster, job, pool, settings
 from data_gen.catalogues.choosing import Choice
 from data_gen.catalogues.open_catalogue import (
@@ -46,8 +47,8 @@ from data_gen.catalogues.open_catalogue import (
 )
 from psgn_jax.config import structured
 from psgn_jax.config.command_line import Flags, named_file
-from psgn_jax.system.processes import start_command
 from psgn_jax.system.signals import exit_on_signals
+from psgn_jax.system.terminal import start_command
 
 _DEFAULT = pathlib.Path(__file__).with_name("config.py")
 
@@ -95,6 +96,8 @@ def _main(flags: Flags) -> int:
     catalogue_options = parse_options(values.catalogue, values.option)
     source = open_catalogue(values.catalogue, values.source, **catalogue_options)
     on_cluster = functools.partial(cluster.render_on, values.scheduler)
+    if values.scheduler:
+        logging.get_absl_handler().addFilter(cluster.is_no_traceback)
     render = on_cluster if values.scheduler else pool.render_local
     choice = Choice(tuple(values.include), tuple(values.exclude), values.sample, values.seed)
     progress = job.render_catalogue(

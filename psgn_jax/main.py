@@ -3,7 +3,7 @@
 import sys
 
 from psgn_jax.commands.train import main
-from psgn_jax.system.processes import start_command
+from psgn_jax.system.terminal import start_command
 
 if __name__ == "__main__":
     start_command()

@@ -28,7 +28,7 @@ from jax.experimental.compilation_cache import compilation_cache
 from jaxtyping import config as jaxtyping_config
 from jaxtyping import install_import_hook
 
-from psgn_jax.system.processes import quiet_orbax
+from psgn_jax.system.terminal import quiet_orbax
 
 jax.config.update("jax_numpy_rank_promotion", "raise")
 gc.disable()  # until the tests are collected

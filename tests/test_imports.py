@@ -24,7 +24,9 @@ DOORS = {
     "mitsuba", "onnx", "onnxruntime", "orbax", "safetensors", "tensorboardX",
 }  # fmt: skip
 PATHS = [*(ROOT / "psgn_jax").rglob("*.py"), *(ROOT / "data_gen").rglob("*.py")]
-FOR_DATA_GEN = ("array_types", "config.command_line", "config.structured", "data", "system")
+FOR_DATA_GEN = (
+    "array_types", "config.command_line", "config.data", "config.structured", "data", "system",
+)  # fmt: skip
 
 
 @functools.cache

@@ -3,11 +3,11 @@
 Rendering needs the extra `render` and takes a minute or two. `data_gen.default` describes it.
 """
 
-import dataclasses
 import pathlib
 
 from absl import logging
 
+from psgn_jax.config.data import DEFAULT_DATA
 from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.schema import RecordError
@@ -16,11 +16,10 @@ from psgn_jax.system.files import cache_folder, check_folder
 from psgn_jax.system.locks import locked
 
 
-def with_default_data(config: Config, *, training: bool = True) -> Config:
-    """Adds the folder of the default data set to a configuration without `data.path`.
+def ensure_default_data(config: Config, *, training: bool = True) -> None:
+    """Renders the default data set for a configuration without `data.path`.
 
-    `data.path` stays empty, so the configuration in the folder of a run does not change. Without
-    `training`, a configuration with `data.eval_path` needs no other records.
+    Without `training`, a configuration with `data.eval_path` needs no other records.
 
     Raises:
       ConfigError: the task needs several views of each model, or as `default_dataset`.
@@ -28,7 +27,7 @@ def with_default_data(config: Config, *, training: bool = True) -> Config:
     """
     given = config.data
     if given.path or (given.eval_path and not training):
-        return config
+        return
     views = 0 if given.eval_path else given.eval_views
     if training:
         views = max(views, given.train_views)
@@ -38,8 +37,7 @@ def with_default_data(config: Config, *, training: bool = True) -> Config:
             f"task={config.task!r} needs {views}: set data.path to a folder of records with "
             f"{views} views, such as one of psgn render --config.views={views}"
         )
-    data = dataclasses.replace(config.data, default_folder=default_dataset())
-    return dataclasses.replace(config, data=data)
+    default_dataset()
 
 
 def default_dataset() -> str:
@@ -53,7 +51,7 @@ def default_dataset() -> str:
     """
     from data_gen import default, engine  # imports the loader and the renderer
 
-    folder = cache_folder() / default.NAME
+    folder = cache_folder() / DEFAULT_DATA
     if _is_complete(folder):
         return str(folder)
     if not engine.has_mitsuba():
@@ -62,7 +60,7 @@ def default_dataset() -> str:
             "pip install 'psgn-jax[render]'; or set data.path to a folder of records"
         )
     check_folder(folder.parent, "PSGN_CACHE")
-    lock = folder.with_name(f".{default.NAME}.lock")
+    lock = folder.with_name(f".{DEFAULT_DATA}.lock")
     with locked(lock, waiting="waiting for another process that renders the default data set"):
         if not _is_complete(folder):
             minutes = max(1, round(default.CORE_SECONDS / 60 / num_cores()))

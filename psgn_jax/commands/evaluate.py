@@ -18,7 +18,7 @@ from psgn_jax.commands.common import (
     joined,
     keep_compiled,
 )
-from psgn_jax.commands.default_data import with_default_data
+from psgn_jax.commands.default_data import ensure_default_data
 from psgn_jax.config.command_line import Flags
 from psgn_jax.config.data import DataConfig
 from psgn_jax.config.experiment import ConfigError, EvalConfig, check_paths, require_points_task
@@ -49,7 +49,8 @@ def open_with_records(
         named = dataclasses.replace(config.data, path=data, eval_path="")
         config = dataclasses.replace(config, data=named)
     check_paths(config, training=training)
-    return run._replace(config=with_default_data(config, training=training))
+    ensure_default_data(config, training=training)
+    return run._replace(config=config)
 
 
 def _baselines(run: Trained, split: str | None, out: str | None) -> str:
@@ -99,8 +100,9 @@ def _main(flags: Flags) -> None:
     # Wrong folders are reported before a network is read or records are rendered.
     if values.out is not None:
         check_folder(values.out, "--out")
-    for folder in DataConfig(path=values.data or "").folders:
-        load_manifest(folder)
+    if values.data:
+        for folder in DataConfig(path=values.data).folders:
+            load_manifest(folder)
     keep_compiled()
     keep_freed_memory()
     if values.compare and not values.report:

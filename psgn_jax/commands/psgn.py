@@ -41,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Runs a subcommand and returns its exit code.
 
     Without `argv` this is the console script: it takes the arguments of the process, and changes
-    its environment (`processes.start_command`).
+    its environment (`terminal.start_command`).
     """
     if argv is None:
         end_during_imports()
@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     from psgn_jax.system.environment import explained
     from psgn_jax.system.errors import Exit
     from psgn_jax.system.files import exit_code_of
-    from psgn_jax.system.processes import nothing_reads_output, start_command
+    from psgn_jax.system.terminal import nothing_reads_output, start_command
     from psgn_jax.system.untrusted import message_line
 
     if argv is None:

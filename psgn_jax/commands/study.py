@@ -51,13 +51,14 @@ def _cabinets(workdir: str) -> str:
 def _views(_: str) -> str:
     """Five views of 40 procedural models of each category, rendered in the cache folder."""
     from data_gen import default, engine, settings
+    from psgn_jax.config.data import DEFAULT_DATA
 
     if not engine.has_mitsuba():
         raise ConfigError(
             "without --data, views of procedural models are rendered, which needs Mitsuba: "
             "pip install 'psgn-jax[render]'"
         )
-    folder = cache_folder() / f"{default.NAME.rsplit('-', 1)[0]}-40-views-5"
+    folder = cache_folder() / f"{DEFAULT_DATA}-views-5"
     options = settings.Settings(views=5, models_per_shard=64)
     return default.build(folder, models_per_category=40, options=options)
 

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 
 from psgn_jax.commands.common import define_process_flags, joined, keep_compiled
 from psgn_jax.config.command_line import HELP, Flags
-from psgn_jax.config.experiment import Config, check_paths, parse
+from psgn_jax.config.experiment import Config, check_paths, check_used, parse
 from psgn_jax.config.recipes import descriptions, path_of
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.system.cpu import keep_freed_memory
@@ -43,20 +43,22 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _main(flags: Flags) -> int:
     values = flags.values
     given = parse(flags.settings)
+    check_used(given, flags.fields)
     stem = pathlib.Path(flags.config_file.partition(":")[0]).stem
     workdir = values.workdir or str(pathlib.Path("runs", stem))
     check_paths(given)
     check_folder(workdir, "--workdir")
     data = given.data
-    for folders, split in ((data.folders, data.train_split), (data.eval_folders, data.eval_split)):
-        if folders:
-            RecordReader(folders, split)
+    if data.path:
+        RecordReader(data.folders, data.train_split)
+    if data.path or data.eval_path:
+        RecordReader(data.eval_folders, data.eval_split)
     # Imported here so that wrong configurations and records are reported before JAX is loaded.
     keep_compiled()
     keep_freed_memory()
     import jax
 
-    from psgn_jax.commands.default_data import with_default_data
+    from psgn_jax.commands.default_data import ensure_default_data
     from psgn_jax.training.loop import train
     from psgn_jax.weights.opening import check_initial
 
@@ -65,5 +67,6 @@ def _main(flags: Flags) -> int:
         check_initial(given)
     with joined(values, given.train.batch_size):
         jax.devices()
-        outcome = train(with_default_data(given), workdir)
+        ensure_default_data(given)
+        outcome = train(given, workdir)
     return 128 + outcome.stopped_by if outcome.stopped_by else 0

@@ -8,8 +8,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 import ast
 import functools
-import logging as python_logging
-import os
 import pathlib
 import re
 import runpy
@@ -19,17 +17,17 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from absl import flags as absl_flags
-from absl import logging
 
 from psgn_jax.config.structured import ConfigError, flatten, suggestion
 from psgn_jax.system.environment import check_environment, explained
 from psgn_jax.system.errors import Exit
 from psgn_jax.system.files import exit_code_of
-from psgn_jax.system.processes import ROOT, nothing_reads_output
-from psgn_jax.system.untrusted import message_line, one_line
+from psgn_jax.system.terminal import log_to_terminal, nothing_reads_output
+from psgn_jax.system.untrusted import message_line
 
 HELP = {"--help", "-help", "-h", "-?", "--helpshort", "--helpfull"}
 _LARGEST = 1_000_000  # bytes of a configuration
+_CHANGE = re.compile(r"--?(?:no)?config\.([\w.]+)(?:=(.*))?", re.DOTALL)
 
 
 class Flags:
@@ -56,8 +54,9 @@ class Flags:
         self._config: tuple[Any, Callable[[str], str]] | None = None
         self.values: Any = absl_flags.FlagValues()  # by name; set by `run`
         self.arguments: list[str] = []  # that are not flags
-        self.config_file = ""  # given as `--config`
-        self.settings: Any = None  # the `ConfigDict` of this file, with the given fields
+        self.config_file = ""  # path of the configuration
+        self.settings: Any = None  # the `ConfigDict` of this file, with the changed fields
+        self.fields: list[str] = []  # names of the fields that `--config.FIELD=VALUE` changed
         own = {"flag_values": self.values}
         self.string = functools.partial(absl_flags.DEFINE_string, **own)
         self.integer = functools.partial(absl_flags.DEFINE_integer, **own)
@@ -74,9 +73,6 @@ class Flags:
         """
         self._config = defaults, path_of
         self.string("config", file, "A configuration; --config.FIELD=VALUE changes a field of it.")
-        for name, value in flatten(defaults).items():
-            self.string(f"config.{name}", None, "")
-            self.values[f"config.{name}"].boolean = isinstance(value, bool)
 
     def given(self, *names: str) -> list[str]:
         """Those of the flags that are on the command line, as `--name`."""
@@ -119,8 +115,10 @@ class Flags:
             return Exit.CTRL_C
 
     def _parse(self, argv: Sequence[str]) -> None:
+        changes = [match for x in argv if (match := _CHANGE.fullmatch(x)) and self._config]
+        rest = [x for x in argv if not (self._config and _CHANGE.fullmatch(x))]
         try:
-            self.arguments = self.values(["psgn", *argv])[1:]
+            self.arguments = self.values(["psgn", *rest])[1:]
         except (absl_flags.Error, TypeError, ValueError) as error:
             raise ConfigError(str(error)) from error
         _, _, *needed = self._usage.split()
@@ -137,25 +135,27 @@ class Flags:
             missing = names[len(self.arguments)].rstrip(".")
             raise ConfigError(f"{missing} is missing; usage: {self._usage}")
         if self._config is not None:
-            self._load(*self._config)
+            defaults, path_of = self._config
+            self.config_file = path_of(self.values.config)
+            self.settings = load_file(self.config_file)
+            self._change(flatten(defaults), changes)
 
-    def _load(self, defaults: Any, path_of: Callable[[str], str]) -> None:
-        """Loads the configuration and changes the given fields."""
-        self.config_file = path_of(self.values.config)
-        self.settings = load_file(self.config_file)
+    def _change(self, defaults: dict[str, Any], changes: Sequence[re.Match[str]]) -> None:
         with self.settings.unlocked(), self.settings.ignore_type():
-            for name, default in flatten(defaults).items():
-                if (flag := self.values[f"config.{name}"]).present:
-                    value = _parsed(flag.value, default)
-                    for section in reversed(name.split(".")):
-                        value = {section: value}
-                    self.settings.update(value)
+            for match in changes:
+                name, text = match.groups()
+                if name not in defaults or text is None:
+                    hint = suggestion(name, defaults) if name not in defaults else ""
+                    raise ConfigError(f"{match[0]}: {hint}accepted: --config.FIELD=VALUE")
+                value = _parsed(text, defaults[name])
+                for section in reversed(name.split(".")):
+                    value = {section: value}
+                self.settings.update(value)
+                self.fields.append(name)
 
     def _help(self) -> str:
         lines = [f"usage: {self._usage}", "", (self._doc or "").strip(), "", "Flags"]
         for name in self.values:
-            if name.startswith("config."):
-                continue
             flag = self.values[name]
             shown = f"[no]{name}" if flag.boolean else name
             text = " ".join(str(flag.help).split())
@@ -228,34 +228,3 @@ def load_file(value: str) -> Any:
             "function get_config() that returns an ml_collections.ConfigDict, such as "
             "configs/base.py"
         ) from error
-
-
-def log_to_terminal() -> None:
-    """Logs to stderr: all messages of this package and `data_gen`, warnings of other packages."""
-    logging.use_absl_handler()
-    if not absl_flags.FLAGS.is_parsed():  # absl would warn
-        absl_flags.FLAGS.mark_as_parsed()
-    logging.set_verbosity(logging.INFO)
-    logging.set_stderrthreshold(logging.INFO)
-    handler = logging.get_absl_handler()
-    handler.setFormatter(_OneLine("%(asctime)s %(message)s", "%H:%M:%S"))
-    handler.addFilter(_is_ours_or_warns)  # once, however often this is called
-
-
-_OURS = tuple(f"{ROOT / name}{os.sep}" for name in ("psgn_jax", "data_gen"))
-
-
-def _is_ours_or_warns(record: python_logging.LogRecord) -> bool:
-    if record.exc_info and record.name.startswith("distributed."):
-        return False  # Dask's traceback of a lost connection, which ends in an error of ours
-    return record.levelno >= python_logging.WARNING or os.path.realpath(record.pathname).startswith(
-        _OURS
-    )
-
-
-class _OneLine(python_logging.Formatter):
-    """Escapes control characters in messages; tracebacks keep their lines."""
-
-    def formatMessage(self, record: python_logging.LogRecord) -> str:  # noqa: N802
-        record.message = one_line(record.message)
-        return super().formatMessage(record)

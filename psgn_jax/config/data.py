@@ -6,6 +6,11 @@ import re
 from typing import Annotated, Literal
 
 from psgn_jax.config.structured import Bounds, Fraction
+from psgn_jax.system.files import cache_folder
+
+DEFAULT_DATA = "procedural-3-40"
+"""Folder of the default data set in the cache; `data_gen.default` renders it. Raise the first
+number with every change of its models or images."""
 
 DERIVED = {"derived": "data.image_size, data.inputs, task and voxels"}
 
@@ -93,20 +98,15 @@ class DataConfig:
     eval_views: int = dataclasses.field(default=0, metadata=DERIVED)
     # "place" = evaluations place every sample as `place` does; "keep" = unchanged.
     eval_frame: str = dataclasses.field(default="keep", metadata={"derived": "frame of evaluate"})
-    # Folder of the default data set, filled in by `default_data.with_default_data`.
-    default_folder: str = dataclasses.field(default="", metadata={"derived": "data.path"})
 
     @property
     def folders(self) -> tuple[str, ...]:
-        """The folders in `path`, or the folder of the default data set; empty if neither is set.
-
-        A folder with a factor N is repeated N times.
-        """
-        return _folders(self.path or self.default_folder)
+        """The folders in `path`, those with a factor N N times; or the default data set."""
+        return _folders(self.path) or (str(cache_folder() / DEFAULT_DATA),)
 
     @property
     def eval_folders(self) -> tuple[str, ...]:
-        """The folders for evaluation, without repetition."""
+        """The folders for evaluation, each once."""
         return tuple(dict.fromkeys(_folders(self.eval_path) or self.folders))
 
 

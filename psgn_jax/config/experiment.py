@@ -10,7 +10,7 @@ import json
 import os
 import pathlib
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Annotated, Any, Literal
 
 from psgn_jax.config.data import DERIVED
@@ -261,7 +261,6 @@ _NEEDS: tuple[tuple[str, Callable[[Config], object], tuple[str, ...]], ...] = (
     ("model.posterior=True", lambda config: config.model.posterior,
      ("loss.kl_weight", "loss.kl_warmup_steps", "model.posterior_widths",
       "model.posterior_hidden")),
-    ("loss.name has an EMD", lambda config: "emd" in config.loss.name, ("loss.emd_tolerance",)),
     ("loss.l2='authors'", lambda config: config.loss.l2 == "authors", ("loss.l2_scale",)),
     ("optim.schedule='cosine'", lambda config: config.optim.schedule == "cosine",
      ("optim.final_fraction",)),
@@ -273,22 +272,23 @@ _NEEDS: tuple[tuple[str, Callable[[Config], object], tuple[str, ...]], ...] = (
 """What fields are read with, whether a configuration has it, and the fields."""
 
 
-def check_new(config: Config) -> None:
-    """Raises `ConfigError` for fields without effect; runs that were trained so stay readable."""
-    values, defaults = flatten(config), flatten(Config())
+def check_used(config: Config, names: Iterable[str]) -> None:
+    """Raises `ConfigError` if one of these fields has no effect in this configuration."""
+    values, defaults, asked = flatten(config), flatten(Config()), set(names)
     for needed, is_there, paths in _NEEDS:
         for path in paths if not is_there(config) else ():
-            if values[path] != defaults[path]:
+            if path in asked and values[path] != defaults[path]:
                 raise wrong(path, values[path], f"{defaults[path]!r} unless {needed}")
 
 
 def check_paths(config: Config, *, training: bool = True) -> None:
     """Raises `ConfigError` if the data for evaluation, or `training` too, do not exist."""
-    data = config.data
-    for name, folders, empty in (
-        ("path", data.folders if training or not data.eval_path else (), "the default data set"),
-        ("eval_path", data.eval_folders, "those of data.path"),
-    ):
+    data, named = config.data, []
+    if data.path and (training or not data.eval_path):
+        named.append(("path", data.folders, "the default data set"))
+    if data.eval_path:
+        named.append(("eval_path", data.eval_folders, "those of data.path"))
+    for name, folders, empty in named:
         for path in dict.fromkeys(folders):
             if not pathlib.Path(path).is_dir():
                 what = "is not a folder" if os.path.exists(path) else "does not exist"

@@ -12,6 +12,7 @@ time), or, in training, one of `num_workers` processes.
 import contextlib
 import gc
 import itertools
+import os
 import re
 import signal
 import sys
@@ -46,10 +47,10 @@ _CAUSES = {
 
 
 def _open(cfg: DataConfig, folders: tuple[str, ...], split: str) -> RecordReader:
-    if not folders:
+    if folders == DataConfig().folders and not os.path.isdir(folders[0]):
         raise RecordError(
-            "no data set is named; expected a folder of records, or a configuration from "
-            "psgn_jax.commands.default_data.with_default_data, which renders the default data set"
+            f"no data set is named, and there is no {folders[0]}; expected a folder of records, or "
+            "a call of psgn_jax.commands.default_data.default_dataset"
         )
     reader = RecordReader(folders, split)
     name = ",".join(dict.fromkeys(folders))

@@ -6,7 +6,6 @@ the same machine, the final parameters are bit-identical to those of an uninterr
 """
 
 import contextlib
-import dataclasses
 import functools
 import math
 import pathlib
@@ -25,7 +24,6 @@ from psgn_jax import tasks
 from psgn_jax.config.experiment import (
     Config,
     ConfigError,
-    check_new,
     check_paths,
     flatten,
     parse,
@@ -94,9 +92,8 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
     create, train_step = create_training(config, task, mesh)
     _check_memory(config, jax.eval_shape(create), mesh)
     initial, folder = functools.cache(lambda: _initial(config, task)), workdir / "checkpoints"
-    if not folder.exists():  # what is wrong with a new run is reported before there is a folder
-        check_new(config)
-        initial()
+    if not folder.exists():
+        initial()  # a wrong `train.init` is reported before there is a folder
     with contextlib.ExitStack() as stack:
         if first:
             stack.enter_context(locked(workdir))
@@ -292,9 +289,10 @@ def _measured(config: Config) -> dict[str, Any]:
 
 
 def _measured_before(config: Config, before: Config) -> dict[str, Any]:
-    """The same of an older run: `config`'s records if the folders have the names of `before`'s."""
-    data = [dataclasses.replace(one.data, default_folder="") for one in (before, config)]
-    old, new = ([pathlib.Path(folder).name for folder in one.eval_folders] for one in data)
+    """`_measured` of a run whose scores do not state it; equal folder names mean equal records."""
+    old, new = (
+        [pathlib.Path(folder).name for folder in one.data.eval_folders] for one in (before, config)
+    )
     fields = flatten(before)
     return {n: fields.get(n, v if old == new else None) for n, v in _measured(config).items()}
 

@@ -269,7 +269,7 @@ def _without_paths(config: Config) -> Config:
     init = ",".join(pathlib.Path(name.strip()).name or "a run" for name in names)
     return dataclasses.replace(
         config,
-        data=dataclasses.replace(config.data, path="", eval_path="", default_folder=""),
+        data=dataclasses.replace(config.data, path="", eval_path=""),
         train=dataclasses.replace(config.train, init=init),
     )
 

@@ -43,9 +43,11 @@ def sources_of(config: Config, stated: Sequence[dict[str, Any]] = ()) -> list[di
 
 
 def _own_data(config: Config) -> list[dict[str, Any]]:
+    if not config.data.path:
+        return [{"name": "default data set"}]
     folders = [pathlib.Path(folder) for folder in dict.fromkeys(config.data.folders)]
     names = [folder.name for folder in folders]
-    rows: list[dict[str, Any]] = [] if folders else [{"name": "default data set"}]
+    rows: list[dict[str, Any]] = []
     for folder in folders:
         alone = names.count(folder.name) == 1
         rows.append({"name": folder.name if alone else f"{folder.parent.name}/{folder.name}"})

@@ -14,17 +14,14 @@ from psgn_jax.system.errors import UserError
 
 def test_terminal_shows_own_progress_and_others_warnings():
     code = """
-from psgn_jax.system.processes import start_command
+from psgn_jax.system.terminal import log_to_terminal, start_command
 start_command()
-import logging as python_logging
 from absl import logging
-from psgn_jax.config import command_line
 from psgn_jax.data.sources import authors
 from psgn_jax.commands import convert
-command_line.log_to_terminal()
+log_to_terminal()
 logging.info("of another package")
 logging.warning("their warning")
-python_logging.getLogger("distributed.utils").error("lost", exc_info=ValueError("lost"))
 exec(compile("logging.info('own%sprogress', chr(10))", convert.__file__, "exec"))
 """
     result = python(code)
@@ -95,7 +92,7 @@ def test_wrong_arguments_end_in_one_line_before_a_network_is_made(tmp_path):
 def test_a_second_start_reads_compiled_programs_and_cores_are_devices(tmp_path):
     code = """
 from psgn_jax.commands import common
-from psgn_jax.system.processes import start_command
+from psgn_jax.system.terminal import start_command
 start_command()
 common.num_cores = lambda: 6
 common.use_cores(18)

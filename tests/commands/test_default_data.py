@@ -8,7 +8,8 @@ from data_gen import default as recipe
 from data_gen import engine, job, settings
 from data_gen.engine import has_mitsuba
 from psgn_jax.commands import default_data
-from psgn_jax.config.experiment import Config, ConfigError, parse, to_dict
+from psgn_jax.config.data import DEFAULT_DATA
+from psgn_jax.config.experiment import Config, ConfigError, parse
 from psgn_jax.data import shards
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.manifest import Manifest, load_manifest, save_manifest
@@ -25,9 +26,9 @@ def cache(tmp_path, monkeypatch):
 def test_without_mitsuba_the_remedy_is_named(monkeypatch):
     monkeypatch.setattr(engine, "has_mitsuba", lambda: False)
     with pytest.raises(ConfigError, match=r"pip install 'psgn-jax\[render\]'"):
-        default_data.with_default_data(Config())
+        default_data.ensure_default_data(Config())
     with pytest.raises(ConfigError, match=r"'views' needs 5: .* --config\.views=5"):
-        default_data.with_default_data(parse({"task": "views"}))
+        default_data.ensure_default_data(parse({"task": "views"}))
 
 
 def test_a_complete_one_is_taken_as_it_is(cache, monkeypatch, caplog):
@@ -43,11 +44,10 @@ def test_a_complete_one_is_taken_as_it_is(cache, monkeypatch, caplog):
     monkeypatch.setattr(engine, "has_mitsuba", lambda: True)
     monkeypatch.setattr(recipe, "build", build)
     first = default_data.default_dataset()
-    assert default_data.default_dataset() == first == str(cache / recipe.NAME)
+    assert default_data.default_dataset() == first == str(cache / DEFAULT_DATA)
     assert len(made) == 1
-    named = default_data.with_default_data(Config())
-    assert named.data.folders == (first,)
-    assert to_dict(named) == to_dict(Config())
+    default_data.ensure_default_data(Config())
+    assert Config().data.folders == (first,)
 
 
 @pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba is not installed")

@@ -119,7 +119,7 @@ if __name__ == "__main__":
     import pytest
 
     from psgn_jax import main
-    from psgn_jax.system.processes import start_command
+    from psgn_jax.system.terminal import start_command
 
     start_command()
     install(pytest.MonkeyPatch())

@@ -59,7 +59,7 @@ def test_a_child_process_imports_from_absolute_folders_only(hostile, monkeypatch
 
 
 def test_a_command_may_open_many_files():
-    code = """import resource; from psgn_jax.system.processes import start_command
+    code = """import resource; from psgn_jax.system.terminal import start_command
 start_command(); print(*resource.getrlimit(resource.RLIMIT_NOFILE))"""
     shell = ["bash", "-c", 'ulimit -S -n 256; exec "$@"', "bash", sys.executable, "-c", code]
     done = subprocess.run(shell, capture_output=True, text=True, check=True, cwd=ROOT)
