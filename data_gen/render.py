@@ -36,6 +36,8 @@ if __package__ in (None, ""):  # run as a file: `data_gen` is in the folder abov
     sys.path[0] = str(pathlib.Path(__file__).resolve().parents[1])
 
 
+from absl import logging
+
 from data_gen import cluster, job, pool, settings
 from data_gen.catalogues.choosing import Choice
 from data_gen.catalogues.open_catalogue import (
