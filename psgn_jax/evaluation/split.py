@@ -112,7 +112,7 @@ def _merged(parts: Sequence[Any]) -> tuple[list[SampleName], dict[str, np.ndarra
 
 def compile_measure(
     measure: Callable[[Any, Any], Any],
-    random_columns: Callable[..., Mapping[str, Any]],
+    latents: Callable[..., Mapping[str, Any]],
     keys: Sequence[str],
     batch_size: int,
 ) -> Callable[[Any, Any, int], Any]:
@@ -122,7 +122,7 @@ def compile_measure(
 
     Args:
       measure: a pytree that is called with (params, batch) of one device's share.
-      random_columns: (index, size, train=False) -> random inputs, a row for each sample.
+      latents: (index, size, train=False) -> random inputs, one row per sample.
     """
     devices = jax.local_devices()
     mesh = Mesh(np.asarray(devices[: 1 if batch_size % len(devices) else None]), ("data",))
@@ -136,8 +136,8 @@ def compile_measure(
     )
 
     def step(measure: Any, params: Any, batch: Mapping[str, Any], index: Any) -> Any:
-        columns = random_columns(index, len(batch["image"]), train=False)
-        return sharded(measure, params, {**batch, **columns})
+        drawn = latents(index, len(batch["image"]), train=False)
+        return sharded(measure, params, {**batch, **drawn})
 
     compiled = jax.jit(step, compiler_options=compiler_options())
     measure = jax.device_put(measure, everywhere)

@@ -3,7 +3,7 @@
 Source: paper, section "Generation of Multiple Plausible Shapes" and its figure on the conditional
 variational autoencoder (after Doersch, "Tutorial on Variational Autoencoders", 2016, section 3).
 During training, a 3D convolutional network Q maps the volume Y of the true shape to a normal
-distribution of z, and the generator G maps the image and a sample of z to a cloud. The objective,
+distribution of z, and the generator G maps the image and a sample of z to a cloud. The loss,
 with the ground truth S and a distance d between clouds, is
 
     E over z ~ Q(z | Y) of d(G(image, z), S)  +  weight * KL(Q(z | Y) || N(0, I)).

@@ -35,8 +35,7 @@ from psgn_jax.evaluation.table import Lines
 from psgn_jax.losses.farthest_points import farthest_points
 from psgn_jax.models.volumes import GRID_EDGE, GRID_ORIGIN
 from psgn_jax.studies import figures, runner
-from psgn_jax.training.from_config import create_training
-from psgn_jax.training.step import data_mesh, put_batch
+from psgn_jax.training.step import create_training, data_mesh, put_batch
 from psgn_jax.viewing import spheres
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.run_folder import load_config, open_run

@@ -41,26 +41,27 @@ def points_task(config: Config, workdir: pathlib.Path) -> Task:
 
     Metrics of a training step, scalars except `kl_of_dims`:
 
-    - `loss_step`: the loss, without the L2 and KL terms.
-    - `loss_<name>`, if the loss is a sum: each term of `loss_step`, without its weight.
+    - `loss`: without the L2 and KL terms.
+    - `loss_<name>`, if the loss is a sum: each term of `loss`, without its weight.
     - `loss_of_draws`, if `loss.min_of_n` > 1: mean over all draws of the distance that chooses the
-      best one: the loss, or with `loss.winner_points` the Chamfer distance of that many points.
-      `loss_step` is the mean loss of the best draws.
+      best draw: the loss, or with `loss.winner_points` the Chamfer distance of that many points.
+      `loss` is the mean over the best draws.
     - `l2`, unless `loss.l2` is "none": the L2 term.
     - With `model.posterior`: `kl`, the divergence in nats, summed over the dimensions of z and
-      averaged over the samples; `kl_of_dims`, that of each dimension; `kl_weight`, its weight.
+      averaged over the samples; `kl_of_dims`, for each dimension; `active_dims`, the number of
+      dimensions above `posterior.ACTIVE`; `kl_weight`, the weight of `kl`.
     """
     model = networks.build(config.model)
     terms = parse_terms(config.loss)
     _check_loss(config, terms, model.num_points)
     keys = networks.input_keys(config)
 
-    def random_columns(step: Array | int, batch_size: int, *, train: bool) -> dict[str, Array]:
+    def latents(step: Array | int, batch_size: int, *, train: bool) -> dict[str, Array]:
         r = networks.random_input(config, step, batch_size, train=train)
         return {} if r is None else {"r": r}
 
     measure = Partial(functools.partial(_measure, config, model))
-    eval_step = compile_measure(measure, random_columns, keys, config.eval.batch_size)
+    eval_step = compile_measure(measure, latents, keys, config.eval.batch_size)
 
     def evaluate(
         params: Any, *, chosen: Mapping[str, float] | None = None, draws: int = 0, **options: Any
@@ -72,14 +73,14 @@ def points_task(config: Config, workdir: pathlib.Path) -> Task:
         title=config.model.name,
         keys=keys,
         init_params=functools.partial(networks.init_params, config, model),
-        objective=Partial(functools.partial(_objective, config, model, sum_of(terms))),
+        total_loss=Partial(functools.partial(_total_loss, config, model, sum_of(terms))),
         evaluate=evaluate,
         picture=functools.partial(_picture, config, eval_step),
-        random_columns=random_columns,
+        latents=latents,
     )
 
 
-def _objective(
+def _total_loss(
     config: Config, model: nn.Module, loss: PairFunction, params: Any, batch: Batch, step: Array
 ) -> tuple[Array, dict[str, Array]]:
     r, metrics = batch.get("r"), dict[str, Array]()
@@ -91,6 +92,9 @@ def _objective(
         r = posterior.reparameterise(q, r)
         metrics["kl_of_dims"] = jnp.mean(posterior.kl_of_dims(q), axis=0)
         metrics["kl"] = jnp.sum(metrics["kl_of_dims"])
+        metrics["active_dims"] = jnp.sum(
+            metrics["kl_of_dims"] > posterior.ACTIVE, dtype=jnp.float32
+        )
         metrics["kl_weight"] = kl_weight_at(config, step)
         extra += metrics["kl_weight"] * metrics["kl"]
     if config.loss.min_of_n > 1 and r is not None:
@@ -102,7 +106,7 @@ def _objective(
         values, terms = map_pairs(loss)(pred, batch["points"])
         value = jnp.mean(values)
     metrics |= {f"loss_{name}": jnp.mean(values) for name, values in terms.items()}
-    metrics["loss_step"] = value
+    metrics["loss"] = value
     if config.loss.l2 != "none":
         metrics["l2"] = config.loss.l2_scale * l2_authors(params)
         extra += metrics["l2"]

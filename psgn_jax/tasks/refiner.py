@@ -81,13 +81,13 @@ def refiner_task(config: Config, workdir: pathlib.Path) -> Task:
         size = None if volume_net is None else jnp.zeros(1)
         return model.init(networks.init_key(config), grids, size)["params"]
 
-    def random_columns(step: Array | int, batch_size: int, *, train: bool) -> dict[str, Array]:
-        """A column for each cloud network with a random input, drawn as in an evaluation."""
-        columns: dict[str, Array] = {}
+    def latents(step: Array | int, batch_size: int, *, train: bool) -> dict[str, Array]:
+        """Those of each cloud network with a random input, drawn as in an evaluation."""
+        found: dict[str, Array] = {}
         for name, (theirs, _) in clouds.items():
             r = networks.random_input(theirs, step, batch_size, train=False)
-            columns |= {} if r is None else {f"r_{name}": r}
-        return columns
+            found |= {} if r is None else {f"r_{name}": r}
+        return found
 
     def predict(frozen: Any, params: Any, batch: Batch) -> tuple[Array, Array]:
         """Returns probabilities [B,x,y,z] and the splats [B,x,y,z,clouds] of the clouds."""
@@ -102,12 +102,12 @@ def refiner_task(config: Config, workdir: pathlib.Path) -> Task:
             sizes = apply(volume_net, frozen["from_volume"], seen)
         return apply(model, params, splats, sizes), splats
 
-    def objective(
+    def total_loss(
         frozen: Any, params: Any, batch: Batch, step: Array
     ) -> tuple[Array, dict[str, Array]]:
         pred, _ = predict(frozen, params, batch)
         value = jax.vmap(soft_iou_loss)(pred, batch["occupancy"].astype(pred.dtype)).mean()
-        return value, {"loss_step": value}
+        return value, {"loss": value}
 
     def measure(frozen: Any, params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
         pred, splats = predict(frozen, params, batch)
@@ -121,10 +121,10 @@ def refiner_task(config: Config, workdir: pathlib.Path) -> Task:
         config,
         "refiner of " + ", ".join(name.removeprefix("from_") for name in names),
         init_params,
-        Partial(objective, frozen),
+        Partial(total_loss, frozen),
         Partial(measure, frozen),
         best="iou",
-        random_columns=random_columns,
+        latents=latents,
         keep_sources=lambda: _keep(sources, workdir / "frozen"),
     )
 

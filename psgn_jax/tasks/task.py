@@ -11,8 +11,7 @@ from psgn_jax.evaluation.results import Evaluation
 Batch = Mapping[str, Any]
 
 
-def no_columns(step: Any, batch_size: int, *, train: bool) -> dict[str, Any]:
-    """The random inputs of a network without any."""
+def no_latents(step: Any, batch_size: int, *, train: bool) -> dict[str, Any]:
     return {}
 
 
@@ -25,9 +24,9 @@ class Task:
     # () -> initial parameters, a function of the seed; it can run inside jit.
     init_params: Callable[[], Any]
     # (params, batch, step) -> (value to be minimised, metrics), a `jax.tree_util.Partial` whose
-    # leaves are arrays that training does not change. The batch includes `random_columns`. The
-    # metric `loss_step` is the value without regularisation.
-    objective: Callable[[Any, Batch, Any], tuple[Any, dict[str, Any]]]
+    # leaves are arrays that training does not change. The batch includes `latents`. The metric
+    # `loss` is the value without regularisation.
+    total_loss: Callable[[Any, Batch, Any], tuple[Any, dict[str, Any]]]
     # (params, split=None, max_samples=0, on_batch=None, chosen=None, draws=0) -> metrics on a
     # split, as `evaluation.split.evaluate_split` measures them. `chosen` are thresholds of an
     # earlier evaluation; missing ones are chosen on this split. `draws` is the number of
@@ -35,8 +34,7 @@ class Task:
     evaluate: Callable[..., Evaluation]
     # params -> an image of some predictions, uint8 [h, w, 3], or None.
     picture: Callable[[Any], np.ndarray | None] = lambda params: None
-    # (step, batch_size, train=) -> random inputs of a training step, or of a batch of an
-    # evaluation, a row for each sample.
-    random_columns: Callable[..., dict[str, Any]] = no_columns
+    # (step, batch_size, train=) -> latents of a step or evaluation batch, one row per sample.
+    latents: Callable[..., dict[str, Any]] = no_latents
     # Copies the runs that this run reads into its folder.
     keep_sources: Callable[[], None] = lambda: None

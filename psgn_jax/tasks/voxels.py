@@ -21,7 +21,7 @@ from psgn_jax.evaluation.results import Evaluation, at_thresholds
 from psgn_jax.evaluation.split import compile_measure, evaluate_split
 from psgn_jax.losses.iou import iou_sweep
 from psgn_jax.models import networks, recurrent, volumes
-from psgn_jax.tasks.task import Batch, Task, no_columns
+from psgn_jax.tasks.task import Batch, Task, no_latents
 
 
 def apply(model: nn.Module, params: Any, *inputs: Any) -> Array:
@@ -32,11 +32,11 @@ def voxel_task(
     config: Config,
     title: str,
     init_params: Callable[[], Any],
-    objective: Partial,
+    total_loss: Partial,
     measure: Partial,
     *,
     best: str = "",
-    random_columns: Callable[..., dict[str, Any]] = no_columns,
+    latents: Callable[..., dict[str, Any]] = no_latents,
     keep_sources: Callable[[], None] = lambda: None,
 ) -> Task:
     """A task on solid volumes; the other arguments are those of `Task`.
@@ -45,7 +45,7 @@ def voxel_task(
     chosen, [B, thresholds]. The metric `best` decides which checkpoint is the best; "" = none.
     """
     keys = (*(key for key in networks.input_keys(config) if key != "points"), "occupancy")
-    eval_step = compile_measure(measure, random_columns, keys, config.eval.batch_size)
+    eval_step = compile_measure(measure, latents, keys, config.eval.batch_size)
 
     def evaluate(
         params: Any, *, chosen: Mapping[str, float] | None = None, draws: int = 0, **options: Any
@@ -57,9 +57,9 @@ def voxel_task(
         title=title,
         keys=keys,
         init_params=init_params,
-        objective=objective,
+        total_loss=total_loss,
         evaluate=evaluate,
-        random_columns=random_columns,
+        latents=latents,
         keep_sources=keep_sources,
     )
 
@@ -79,15 +79,15 @@ def volume_task(config: Config, workdir: pathlib.Path) -> Task:
         pred = apply(model, params, networks.network_inputs(config.data.inputs, batch))
         return pred, pred - jax.vmap(volumes.log_volume)(batch["occupancy"])
 
-    def objective(params: Any, batch: Batch, step: Array) -> tuple[Array, dict[str, Array]]:
+    def total_loss(params: Any, batch: Batch, step: Array) -> tuple[Array, dict[str, Array]]:
         value = jnp.square(errors(params, batch)[1]).mean()
-        return value, {"loss_step": value}
+        return value, {"loss": value}
 
     def measure(params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
         pred, error = errors(params, batch)
         return pred[:, None], {"log_volume_abs_error": jnp.abs(error)}
 
-    return voxel_task(config, "volume network", init_params, Partial(objective), Partial(measure))
+    return voxel_task(config, "volume network", init_params, Partial(total_loss), Partial(measure))
 
 
 def views_task(config: Config, workdir: pathlib.Path) -> Task:
@@ -107,10 +107,10 @@ def views_task(config: Config, workdir: pathlib.Path) -> Task:
         views = jnp.zeros((1, 1, *sizes.image_size, sizes.in_channels))
         return model.init(networks.init_key(config), views)["params"]
 
-    def objective(params: Any, batch: Batch, step: Array) -> tuple[Array, dict[str, Array]]:
+    def total_loss(params: Any, batch: Batch, step: Array) -> tuple[Array, dict[str, Array]]:
         logits = apply(model, params, networks.network_inputs(config.data.inputs, batch))
         value = jax.vmap(recurrent.voxel_cross_entropy)(logits, batch["occupancy"]).mean()
-        return value, {"loss_step": value}
+        return value, {"loss": value}
 
     def measure(params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
         seen, metrics, predicted = networks.network_inputs(config.data.inputs, batch), {}, []
@@ -121,4 +121,4 @@ def views_task(config: Config, workdir: pathlib.Path) -> Task:
 
     title = f"3D-R2N2 (widths times {config.voxels.width_multiplier:g})"
     best = next(iter(names.values()))
-    return voxel_task(config, title, init_params, Partial(objective), Partial(measure), best=best)
+    return voxel_task(config, title, init_params, Partial(total_loss), Partial(measure), best=best)

@@ -23,7 +23,6 @@ import numpy as np
 from absl import logging
 
 from psgn_jax.config.experiment import TrainConfig
-from psgn_jax.models import posterior
 from psgn_jax.system.errors import Exit, UserError
 from psgn_jax.system.files import finite_or_none, write_atomic
 
@@ -37,7 +36,7 @@ class NonFiniteError(UserError):
 class TrainingLog:
     """Logs the metrics of training steps to the terminal and a `writer`.
 
-    A line has the metrics of its last step and `loss`, the mean of `loss_step` since the line
+    A line has the metrics of its last step and `loss`, its mean since the line
     before. Between lines it reads the metrics two steps late: the device does not wait for the
     host, and the host is at most two steps ahead. `loss_sum` (float32) and `loss_count` are the
     losses since the last line; `losses` has those before `start`. `began` is when the compilation
@@ -101,7 +100,7 @@ class TrainingLog:
         """Reads the losses of all steps except the last ones."""
         while len(self._pending) > ahead:
             step, arrays = self._pending.popleft()
-            watched = jax.device_get([arrays[k] for k in ("objective", "grad_norm", "loss_step")])
+            watched = jax.device_get([arrays[k] for k in ("total_loss", "grad_norm", "loss")])
             for name, value in zip(("loss", "gradient norm"), watched, strict=False):
                 if not np.isfinite(value):
                     raise NonFiniteError(
@@ -115,29 +114,20 @@ class TrainingLog:
         self._last_step, self._last_time, self._paused = step, time.monotonic(), 0.0
 
     def _line(self, step: int, metrics: Mapping[str, np.ndarray]) -> None:
-        hidden = ("objective", "loss_step")
         vectors = {k: v for k, v in metrics.items() if v.ndim}
-        values = {k: float(v) for k, v in metrics.items() if k not in hidden and not v.ndim}
+        values = {k: float(v) for k, v in metrics.items() if k != "total_loss" and not v.ndim}
         values["loss"] = float(self.loss_sum / np.float32(self.loss_count))
-        kl = speed = ""
-        if "kl" in values:
-            by_dim = vectors["kl_of_dims"]
-            values["kl_dim_min"] = float(by_dim.min())
-            values["kl_dim_mean"] = float(by_dim.mean())
-            values["kl_dim_max"] = float(by_dim.max())
-            values["active_dims"] = float(np.sum(by_dim > posterior.ACTIVE))
-            kl = f", KL {values['kl']:.3g} nats in {values['active_dims']:.0f} dimensions"
-        steps, total = step - self._last_step, self._plan.steps
+        others = [k for k in values if k not in ("loss", "grad_norm", "learning_rate")]
+        each = "".join(f", {k.removeprefix('loss_')} {values[k]:.4g}" for k in others)
+        speed, steps, total = "", step - self._last_step, self._plan.steps
         if steps:
             seconds = time.monotonic() - self._last_time - self._paused
             values["samples_per_second"] = steps * self._plan.batch_size / seconds
             left = datetime.timedelta(seconds=round((total - step) * seconds / steps))
             speed = f", {values['samples_per_second']:.3g} samples/s, {left} left"
-        terms = [k for k in values if k.startswith("loss_") and k != "loss_of_draws"]
-        each = "".join(f", {k.removeprefix('loss_')} {values[k]:.4g}" for k in terms)
         logging.info(
-            "step %d/%d: loss %.5g%s%s, gradient norm %.3g%s",
-            step, total, values["loss"], each, kl, values["grad_norm"], speed,
+            "step %d/%d: loss %.5g%s, gradient norm %.3g%s",
+            step, total, values["loss"], each, values["grad_norm"], speed,
         )  # fmt: skip
         if self._writer:
             self._writer.scalars(step, "train", values, vectors)

@@ -40,9 +40,15 @@ from psgn_jax.system.files import check_folder, write_atomic
 from psgn_jax.system.memory import host_memory
 from psgn_jax.system.signals import Stopped, StopSignal
 from psgn_jax.system.untrusted import one_line
-from psgn_jax.training.from_config import create_training
 from psgn_jax.training.log import MetricsWriter, TrainingLog
-from psgn_jax.training.step import TrainState, data_mesh, eval_params, put_batch, put_replicated
+from psgn_jax.training.step import (
+    TrainState,
+    create_training,
+    data_mesh,
+    eval_params,
+    put_batch,
+    put_replicated,
+)
 from psgn_jax.weights.checkpoint import Checkpoint, Checkpoints
 from psgn_jax.weights.leaves import from_named_leaves, named_leaves
 from psgn_jax.weights.opening import initial_params, open_initial

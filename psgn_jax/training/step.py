@@ -1,4 +1,4 @@
-"""The training step, compiled for a mesh of devices.
+"""The first state, the optimiser, and the training step, compiled for a mesh of devices.
 
 The batch is split over the mesh's one axis, `data`; the state is replicated. Each device runs the
 plain single-device computation on its share (`jax.shard_map`), and the gradients are averaged. XLA
@@ -6,7 +6,7 @@ therefore never has to partition the loops inside losses and convolutions.
 """
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -17,9 +17,9 @@ from jax.sharding import Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
 
 from psgn_jax.array_types import Array
+from psgn_jax.config.experiment import Config, OptimConfig
 from psgn_jax.system.cpu import compiler_options
-
-Batch = Mapping[str, Any]
+from psgn_jax.tasks.task import Batch, Task
 
 
 class TrainState(NamedTuple):
@@ -57,30 +57,43 @@ def put_replicated(tree: Any, mesh: Mesh) -> Any:
     return jax.tree.map(lambda leaf: put(np.asarray(leaf)), tree)
 
 
-def make_train_step(
-    objective: Callable[[Any, Batch, Array], tuple[Array, dict[str, Array]]],
-    random_columns: Callable[[Array], Batch],
-    tx: optax.GradientTransformation,
-    rate: optax.Schedule,
-    ema_decay: float,
-    mesh: Mesh,
-) -> Callable[[TrainState, Mapping[str, jax.Array]], tuple[TrainState, dict[str, Array]]]:
-    """Compiled `(state, batch) -> (state, metrics)`; the state is donated.
+def optimizer(
+    config: OptimConfig, steps: int
+) -> tuple[optax.GradientTransformation, optax.Schedule]:
+    """Adam (Kingma and Ba, 2015) after clipping by the global norm, and its learning rate.
 
-    The metrics are those of the objective, averaged over the devices, `objective` (the value that
-    is minimised), `grad_norm` (of the gradient before clipping), and `learning_rate`.
-
-    Args:
-      objective: (params, batch, step) -> (value to be minimised, metrics); a pytree, whose leaves
-        are constants, such as the parameters of frozen networks.
-      random_columns: step -> further arrays of the batch, a row for each sample.
-      tx: the optimiser, which includes the schedule `rate`.
-      ema_decay: largest decay of the averaged parameters; 0 = none.
+    The rate rises linearly from 0 during the warm-up, then is constant or falls along half a cosine.
     """
+    peak, warmup = config.learning_rate, config.warmup_steps
+    rate = optax.constant_schedule(peak)
+    if config.schedule == "cosine":
+        rate = optax.cosine_decay_schedule(peak, steps - warmup, alpha=config.final_fraction)
+    if warmup:
+        rate = optax.join_schedules([optax.linear_schedule(0.0, peak, warmup), rate], [warmup])
+    clip = optax.clip_by_global_norm(config.clip_norm) if config.clip_norm else optax.identity()
+    adam = optax.scale_by_adam(b1=config.b1, b2=config.b2, eps=config.eps)
+    return optax.chain(clip, adam, optax.scale_by_learning_rate(rate)), rate
+
+
+def create_training(
+    config: Config, task: Task, mesh: Mesh
+) -> tuple[Callable[[], TrainState], Callable[..., tuple[TrainState, dict[str, Array]]]]:
+    """`() -> the first state`, and the compiled step `(state, batch) -> (state, metrics)`.
+
+    The step donates the state. Its metrics are those of the task, averaged over the devices,
+    `total_loss` (the value that is minimised), `grad_norm` (of the gradient before clipping), and
+    `learning_rate`.
+    """
+    tx, rate = optimizer(config.optim, config.train.steps)
+    largest_decay, batch_size = config.optim.ema_decay, config.train.batch_size
     everywhere, split = NamedSharding(mesh, P()), NamedSharding(mesh, P("data"))
 
-    def gradients(objective: Any, params: Any, batch: Batch, step: Array) -> Any:
-        (value, metrics), grads = jax.value_and_grad(objective, has_aux=True)(params, batch, step)
+    def create() -> TrainState:
+        params = task.init_params()
+        return TrainState(jnp.int32(0), params, tx.init(params), params if largest_decay else ())
+
+    def gradients(total_loss: Any, params: Any, batch: Batch, step: Array) -> Any:
+        (value, metrics), grads = jax.value_and_grad(total_loss, has_aux=True)(params, batch, step)
         return jax.lax.pmean((value, metrics, grads), "data")
 
     gradients = jax.shard_map(
@@ -91,18 +104,18 @@ def make_train_step(
         check_vma=False,  # the custom gradients do not declare varying axes
     )
 
-    def train_step(objective: Any, state: TrainState, batch: Batch) -> Any:
-        batch = {**batch, **random_columns(state.step)}
-        value, metrics, grads = gradients(objective, state.params, batch, state.step)
+    def train_step(total_loss: Any, state: TrainState, batch: Batch) -> Any:
+        batch = {**batch, **task.latents(state.step, batch_size, train=True)}
+        value, metrics, grads = gradients(total_loss, state.params, batch, state.step)
         updates, opt_state = tx.update(grads, state.opt_state, state.params)
         params = optax.apply_updates(state.params, updates)
         ema: Any = ()
-        if ema_decay:
+        if largest_decay:
             # The averaging window grows with the run, so that the initial parameters lose weight.
-            decay = jnp.minimum(ema_decay, (state.step + 1) / (state.step + 10))
+            decay = jnp.minimum(largest_decay, (state.step + 1) / (state.step + 10))
             ema = jax.tree.map(lambda old, new: old + (1 - decay) * (new - old), state.ema, params)
         metrics |= {
-            "objective": value,
+            "total_loss": value,
             "grad_norm": optax.tree.norm(grads),
             "learning_rate": jnp.asarray(rate(state.step), jnp.float32),
         }
@@ -115,5 +128,5 @@ def make_train_step(
         out_shardings=everywhere,
         compiler_options=compiler_options(),
     )
-    objective = put_replicated(objective, mesh)
-    return lambda state, batch: compiled(objective, state, batch)
+    total_loss = put_replicated(task.total_loss, mesh)
+    return create, lambda state, batch: compiled(total_loss, state, batch)

@@ -64,8 +64,7 @@ def measure_steps(tiny):
     from psgn_jax.config import parse
     from psgn_jax.config.experiment import LossConfig
     from psgn_jax.models import networks
-    from psgn_jax.training.from_config import create_training
-    from psgn_jax.training.step import data_mesh, put_batch, put_replicated
+    from psgn_jax.training.step import create_training, data_mesh, put_batch, put_replicated
 
     mesh = data_mesh()
     size, sizes = ((24, 32), (4,)) if tiny else ((192, 256), (32, 128, 256))

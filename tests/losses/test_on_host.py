@@ -141,7 +141,7 @@ from jax._src.callback import pure_callback_p
 from jax._src.interpreters import mlir
 from psgn_jax import tasks
 from psgn_jax.models import networks
-from psgn_jax.training import from_config, step
+from psgn_jax.training import step
 of_the_cpu, jax.default_backend = jax.default_backend, lambda: "gpu"
 def stand_in(ctx, *arguments, **_):  # the real one needs a GPU
     types = [mlir.aval_to_ir_type(ctx.module_context, x) for x in ctx.avals_out]
@@ -153,7 +153,7 @@ def text(function, *arguments):
 loss = "emd_mean@136 + 5*chamfer_sq_mean"
 config = standin.config(data__num_points=136, loss__name=loss, model__widths=(4, 6, 8))
 task = tasks.create(config)
-create, train_step = from_config.create_training(config, task, step.data_mesh())
+create, train_step = step.create_training(config, task, step.data_mesh())
 state = jax.eval_shape(create)
 batches = standin.train_batches(config.data, batch_size=8, seed=0, start_step=0)
 batch = {k: v for k, v in next(batches).items() if k in networks.input_keys(config)}

@@ -75,7 +75,7 @@ def test_every_logged_speed_is_that_of_the_steps(tmp_path):
     log = TrainingLog(plan, writer, 0)
     for step in range(1, plan.steps + 1):
         time.sleep(0.05)  # the loader is slower than the device
-        log.add(step, {name: np.float32(1) for name in ("objective", "grad_norm", "loss_step")})
+        log.add(step, {name: np.float32(1) for name in ("total_loss", "grad_norm", "loss")})
     log.drain()
     entries = read_metrics(tmp_path / "metrics.jsonl")
     assert [entry["step"] for entry in entries] == list(range(1, 9))

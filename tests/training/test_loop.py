@@ -342,7 +342,7 @@ def test_resuming_on_records_with_augmentation_and_a_posterior(tmp_path, monkeyp
     train(shorter(config, 5), tmp_path / "run")
     train(config, tmp_path / "run")
     assert_same_leaves(newest(tmp_path / "run"), newest(tmp_path / "whole"))
-    assert {"kl", "active_dims", "kl_weight", "kl_dim_max"} <= lines(tmp_path / "run")[-1].keys()
+    assert {"kl", "active_dims", "kl_weight", "kl_of_dims"} <= lines(tmp_path / "run")[-1].keys()
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The training step: golden numbers, one device and eight, objectives, L2, schedules."""
+"""The training step: golden numbers, one device and eight, losses, L2, schedules."""
 
 import functools
 
@@ -18,7 +18,7 @@ from psgn_jax.losses.mapping import map_pairs
 from psgn_jax.losses.min_of_n import min_of_n
 from psgn_jax.models import networks
 from psgn_jax.tasks import points
-from psgn_jax.training import from_config, step
+from psgn_jax.training import step
 
 pytestmark = pytest.mark.usefixtures("keep_compiled")
 # Loss, L2 term and gradient norm of the first two steps.
@@ -31,7 +31,7 @@ QUICK = {"xla_backend_optimization_level": 0}
 def compiled(config, devices):
     """The function that creates the state, the training step (both compiled once), and the mesh."""
     mesh = step.data_mesh(list(devices) if devices else None)
-    create, train_step = from_config.create_training(config, tasks.create(config), mesh)
+    create, train_step = step.create_training(config, tasks.create(config), mesh)
     return jax.jit(create, compiler_options=QUICK), train_step, mesh
 
 
@@ -64,7 +64,7 @@ def test_golden_metrics(trained):
     final, history = trained
     assert final.step == 4
     assert step.eval_params(final) is final.ema
-    have = [(h["loss_step"], h["l2"], h["grad_norm"]) for h in history[:2]]
+    have = [(h["loss"], h["l2"], h["grad_norm"]) for h in history[:2]]
     meant = (
         "The first steps of a tiny run changed. If the change of network, loss, initial values, "
         "input or optimiser was meant, put the new numbers into GOLDEN of this file and say in "
@@ -92,8 +92,8 @@ def test_training_on_a_sum_logs_its_terms(trained):
     _, history = run(config, 2)
     for entry in history:
         total = entry["loss_chamfer_l1_mean"] + 5 * entry["loss_chamfer_sq_mean"]
-        assert entry["loss_step"] == pytest.approx(total, rel=1e-5)
-        assert entry["loss_of_draws"] >= entry["loss_step"]
+        assert entry["loss"] == pytest.approx(total, rel=1e-5)
+        assert entry["loss_of_draws"] >= entry["loss"]
     assert "loss_of_draws" not in trained[1][0]
 
 
@@ -160,7 +160,7 @@ def test_training_with_a_posterior():
     assert set(final.ema) == set(final.params)
     weights = [h["kl_weight"] for h in history]
     np.testing.assert_allclose(weights, 1e-2 * np.array([0, 0.25, 0.5, 0.75, 1, 1, 1, 1]))
-    assert history[-1]["loss_step"] < history[0]["loss_step"]
+    assert history[-1]["loss"] < history[0]["loss"]
     assert all(h["kl"] > 0 for h in history)
     started = compiled(config, None)[0]()
     moved = jax.tree.map(lambda a, b: not np.array_equal(a, b), started.params, final.params)
@@ -179,9 +179,9 @@ def test_l2_of_the_authors_and_schedules():
     fc = {"dense": {"kernel": jnp.full((4, 5), 3.0)}, "carry": {"kernel": jnp.full((2, 2), 1.0)}}
     want = 1e-5 * 36 * 4 / 2 + 1e-3 * 20 * 9 / 2 + 1e-4 * 4 / 2
     np.testing.assert_allclose(points.l2_authors({"conv": conv, "fc": fc}), want, rtol=1e-6)
-    constant = from_config.schedule(OptimConfig(learning_rate=2.0, warmup_steps=4), 100)
+    _, constant = step.optimizer(OptimConfig(learning_rate=2.0, warmup_steps=4), 100)
     assert [float(constant(s)) for s in (0, 2, 4, 99)] == [0, 1, 2, 2]
-    cosine = from_config.schedule(
+    _, cosine = step.optimizer(
         OptimConfig(learning_rate=2.0, schedule="cosine", warmup_steps=10, final_fraction=0.1), 110
     )
     np.testing.assert_allclose([cosine(5), cosine(10), cosine(60), cosine(110)], [1, 2, 1.1, 0.2])
