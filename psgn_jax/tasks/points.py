@@ -92,9 +92,8 @@ def _total_loss(
         r = posterior.reparameterise(q, r)
         metrics["kl_of_dims"] = jnp.mean(posterior.kl_of_dims(q), axis=0)
         metrics["kl"] = jnp.sum(metrics["kl_of_dims"])
-        metrics["active_dims"] = jnp.sum(
-            metrics["kl_of_dims"] > posterior.ACTIVE, dtype=jnp.float32
-        )
+        active = metrics["kl_of_dims"] > posterior.ACTIVE
+        metrics["active_dims"] = jnp.sum(active, dtype=jnp.float32)
         metrics["kl_weight"] = kl_weight_at(config, step)
         extra += metrics["kl_weight"] * metrics["kl"]
     if config.loss.min_of_n > 1 and r is not None:

@@ -36,9 +36,9 @@ class NonFiniteError(UserError):
 class TrainingLog:
     """Logs the metrics of training steps to the terminal and a `writer`.
 
-    A line has the metrics of its last step and `loss`, its mean since the line
-    before. Between lines it reads the metrics two steps late: the device does not wait for the
-    host, and the host is at most two steps ahead. `loss_sum` (float32) and `loss_count` are the
+    A line has the metrics of its last step, but the mean `loss` since the line before. Between
+    lines it reads the metrics two steps late: the device does not wait for the host, and the host
+    is at most two steps ahead. `loss_sum` (float32) and `loss_count` are the
     losses since the last line; `losses` has those before `start`. `began` is when the compilation
     has begun, in the seconds of `time.monotonic`.
     """

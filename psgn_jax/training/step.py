@@ -62,7 +62,7 @@ def optimizer(
 ) -> tuple[optax.GradientTransformation, optax.Schedule]:
     """Adam (Kingma and Ba, 2015) after clipping by the global norm, and its learning rate.
 
-    The rate rises linearly from 0 during the warm-up, then is constant or falls along half a cosine.
+    The rate rises linearly from 0 in the warm-up, then is constant or falls along half a cosine.
     """
     peak, warmup = config.learning_rate, config.warmup_steps
     rate = optax.constant_schedule(peak)
