@@ -46,8 +46,8 @@ from data_gen.catalogues.indexed import INDEX, fits, read_index
 from data_gen.catalogues.open_catalogue import open_catalogue, variants_of
 from psgn_jax.config.command_line import Flags
 from psgn_jax.data.shards import read_report
-from psgn_jax.system.errors import Exit
-from psgn_jax.system.files import check_folder, is_disk_full, write_atomic
+from psgn_jax.system.errors import Exit, is_disk_full
+from psgn_jax.system.files import check_folder, write_atomic
 from psgn_jax.system.signals import exit_on_signals
 from psgn_jax.system.terminal import start_command
 from psgn_jax.system.untrusted import message_line

@@ -15,8 +15,7 @@ from collections.abc import Sequence
 
 from psgn_jax.config.command_line import Flags
 from psgn_jax.data.schema import RecordError
-from psgn_jax.system.errors import Exit
-from psgn_jax.system.files import is_disk_full
+from psgn_jax.system.errors import Exit, is_disk_full
 from psgn_jax.system.untrusted import message_line, one_line
 from psgn_jax.viewing import spheres
 from psgn_jax.viewing.inspection import make_sheet, report

@@ -47,8 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         end_during_imports()
     # Imported here so that Ctrl-C is one line from the start.
     from psgn_jax.system.environment import explained
-    from psgn_jax.system.errors import Exit
-    from psgn_jax.system.files import exit_code_of
+    from psgn_jax.system.errors import Exit, exit_code_of
     from psgn_jax.system.terminal import nothing_reads_output, start_command
     from psgn_jax.system.untrusted import message_line
 

@@ -20,8 +20,7 @@ from absl import flags as absl_flags
 
 from psgn_jax.config.structured import ConfigError, flatten, suggestion
 from psgn_jax.system.environment import check_environment, explained
-from psgn_jax.system.errors import Exit
-from psgn_jax.system.files import exit_code_of
+from psgn_jax.system.errors import Exit, exit_code_of
 from psgn_jax.system.terminal import log_to_terminal, nothing_reads_output
 from psgn_jax.system.untrusted import message_line
 

@@ -19,7 +19,7 @@ from psgn_jax.data.codec import encode
 from psgn_jax.data.manifest import DUPLICATES, Manifest, load_manifest
 from psgn_jax.data.shards import Job, Tag
 from psgn_jax.data.sources import authors, duplicates, occnet, r2n2, shapenet
-from psgn_jax.system.files import is_disk_full
+from psgn_jax.system.errors import is_disk_full
 from psgn_jax.system.untrusted import message_line, one_line
 
 FILES_PER_SHARD = 8

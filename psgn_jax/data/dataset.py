@@ -36,13 +36,8 @@ from psgn_jax.data.manifest import (
     save_manifest,
 )
 from psgn_jax.data.schema import RecordError, Sample
-from psgn_jax.system.files import (
-    file_crc32,
-    install,
-    native_error,
-    remove_temporaries,
-    temporary_for,
-)
+from psgn_jax.system.errors import native_error
+from psgn_jax.system.files import file_crc32, install, remove_temporaries, temporary_for
 from psgn_jax.system.untrusted import brief, kind_of, one_line
 
 T = TypeVar("T")

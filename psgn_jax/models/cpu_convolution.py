@@ -7,7 +7,7 @@ stride 1, whose gradients have no dilation either.
 
 The environment variable `PSGN_CONVOLUTIONS` selects `onednn` (an error where it is missing) or
 `xla`; it is read when a function is traced. With oneDNN there is no forward-mode derivative.
-`jax.export` needs `plain_convolutions` or `xla`; gradients in `jax.shard_map` need
+`jax.export` needs `convolutions_for("export")` or `xla`; gradients in `jax.shard_map` need
 `check_vma=False`.
 """
 
@@ -16,7 +16,7 @@ import contextvars
 import functools
 import os
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -26,38 +26,28 @@ from psgn_jax.array_types import Array
 from psgn_jax.models import onednn
 from psgn_jax.models.onednn import Convolution
 
-_plain: contextvars.ContextVar[bool] = contextvars.ContextVar("plain_convolutions", default=False)
+_purpose = contextvars.ContextVar("convolutions_for", default="speed")
 
 
 @contextlib.contextmanager
-def plain_convolutions() -> Iterator[None]:
-    """Context in which XLA's own convolutions are traced, for exports."""
-    token = _plain.set(True)
-    try:
-        yield
-    finally:
-        _plain.reset(token)
+def convolutions_for(purpose: Literal["speed", "storing", "export"]) -> Iterator[None]:
+    """Context in which convolutions are traced for a purpose.
 
-
-_stored: contextvars.ContextVar[bool] = contextvars.ContextVar("stored_programs", default=False)
-
-
-@contextlib.contextmanager
-def stored_programs() -> Iterator[None]:
-    """Context in which oneDNN is traced only if `PSGN_CONVOLUTIONS` asks for it.
-
-    JAX keeps a compiled program on the disk only if it does not call back into Python, as oneDNN
-    does. A prediction then starts in 3.5 instead of 6.7 s.
+    - "speed": oneDNN if possible, else blocks; also outside of any context.
+    - "storing": blocks, unless `PSGN_CONVOLUTIONS` asks for oneDNN. JAX keeps a compiled program on
+      the disk only if it does not call back into Python, as oneDNN does. A prediction then starts
+      in 3.5 instead of 6.7 s.
+    - "export": XLA's own convolutions.
     """
-    token = _stored.set(True)
+    token = _purpose.set(purpose)
     try:
         yield
     finally:
-        _stored.reset(token)
+        _purpose.reset(token)
 
 
 def _on_cpu() -> bool:
-    return not _plain.get() and jax.default_backend() == "cpu"
+    return _purpose.get() != "export" and jax.default_backend() == "cpu"
 
 
 def convolve(x: Array, kernel: Array, stride: int) -> Array | None:
@@ -95,7 +85,7 @@ def _uses_onednn(convolution: Convolution) -> bool:
     asked = os.environ.get("PSGN_CONVOLUTIONS", "")
     if asked not in ("", "onednn", "xla"):
         raise ValueError(f"PSGN_CONVOLUTIONS={asked!r}: accepted: onednn, xla, or unset")
-    if asked == "xla" or (not asked and _stored.get()):
+    if asked == "xla" or (not asked and _purpose.get() == "storing"):
         return False
     library, why_not = onednn.library()
     if asked and library is None:

@@ -21,7 +21,7 @@ from jax import export as jax_export
 
 from psgn_jax.config.experiment import Config
 from psgn_jax.models import networks
-from psgn_jax.models.cpu_convolution import plain_convolutions
+from psgn_jax.models.cpu_convolution import convolutions_for
 from psgn_jax.prediction.predictor import require_photos
 from psgn_jax.system.errors import UserError
 from psgn_jax.weights.run_folder import Trained
@@ -74,7 +74,7 @@ class PortableNetwork:
     def __call__(self, image: Any, mask: Any, r: Any = None) -> jax.Array:
         """Predicts `points`, with XLA's own convolutions on every platform."""
         model = networks.build(self.config.model)
-        with plain_convolutions():
+        with convolutions_for("export"):
             batch = {"image": image, "mask": mask}
             return networks.predict(self.config, model, self.params, batch, r)
 

@@ -16,7 +16,7 @@ import onnx
 from jax.extend.core import Literal
 from onnx import TensorProto, helper, numpy_helper
 
-from psgn_jax.models.cpu_convolution import plain_convolutions
+from psgn_jax.models.cpu_convolution import convolutions_for
 from psgn_jax.portable.network import ExportError, InputSpec, symbolic
 
 OPSET, IR_VERSION = 17, 8
@@ -65,7 +65,7 @@ def to_onnx(
     Raises:
       ExportError: the function contains a primitive that is not converted here.
     """
-    with plain_convolutions():
+    with convolutions_for("export"):
         traced = jax.make_jaxpr(lambda *arrays: function(*arrays))(*symbolic(inputs))
     graph, (out,) = _Graph(inputs, stored), traced.out_avals
     tensors = [

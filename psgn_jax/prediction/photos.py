@@ -23,8 +23,8 @@ from psgn_jax.data import photo
 from psgn_jax.prediction import masks
 from psgn_jax.prediction.cloud import DEFAULT_FORMATS, FC, Prediction
 from psgn_jax.prediction.predictor import Clock, Predictor
-from psgn_jax.system.errors import UserError
-from psgn_jax.system.files import is_disk_full, write_atomic
+from psgn_jax.system.errors import UserError, is_disk_full
+from psgn_jax.system.files import write_atomic
 from psgn_jax.system.untrusted import read_json
 from psgn_jax.viewing.predictions import VERSION
 

@@ -17,7 +17,7 @@ import numpy as np
 from psgn_jax.config.experiment import Config, ConfigError, require_points_task
 from psgn_jax.data import camera, framing, photo, resize
 from psgn_jax.models import networks
-from psgn_jax.models.cpu_convolution import stored_programs
+from psgn_jax.models.cpu_convolution import convolutions_for
 from psgn_jax.prediction import draws, masks, sampling
 from psgn_jax.prediction.cloud import DECONV, FC, Prediction, colours_from_view, find_outliers
 from psgn_jax.prediction.refine import refined
@@ -52,7 +52,7 @@ class Predictor:
         model = networks.build(config.model)
         self._deconv = list(model.branches.deconv)
 
-        @stored_programs()
+        @convolutions_for("storing")
         def network(
             params: Any, batch: Any, r: Any, refine: bool, placed: bool, **choice: Any
         ) -> tuple[Fit, Any]:

@@ -20,8 +20,7 @@ from typing import Any
 import numpy as np
 
 from psgn_jax.system.environment import explained
-from psgn_jax.system.errors import Exit, UserError
-from psgn_jax.system.files import exit_code_of
+from psgn_jax.system.errors import Exit, UserError, exit_code_of
 from psgn_jax.system.untrusted import message_line
 
 _HEARTBEAT_SECONDS = 40

@@ -1,7 +1,12 @@
-"""The error that a user can fix, and the exit codes of all commands."""
+"""Errors that a user can fix, and the exit codes of all commands."""
 
 import enum
+import errno
+import os
+import pathlib
 import signal
+
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
 class Exit(enum.IntEnum):
@@ -22,3 +27,34 @@ class UserError(ValueError):
     """An error that the user can fix; the message is one line, shown without a traceback."""
 
     exit_code: int = Exit.ERROR
+
+
+def is_disk_full(error: BaseException) -> bool:
+    """Whether an error, or its cause, means a full disk, an exceeded quota or maximum file size."""
+    seen: BaseException | None = error
+    while seen is not None:
+        if isinstance(seen, OSError) and seen.errno in _FULL:
+            return True
+        seen = seen.__cause__ or seen.__context__
+    return False
+
+
+def native_error(error: BaseException, path: pathlib.Path) -> OSError:
+    """The `OSError` for an error of a C++ library, which states only the text of the system's."""
+    said = str(error).replace(str(path.parent), "")  # a folder's name may contain such a text
+    full = is_disk_full(error) or any(os.strerror(number) in said for number in _FULL)
+    number = errno.ENOSPC if full else errno.EIO
+    return OSError(number, os.strerror(number), str(path))
+
+
+def exit_code_of(error: BaseException) -> int | None:
+    """The exit code of a command that ends with `error`; None if the user cannot fix it.
+
+    The user can fix a `UserError`, an error of the operating system, and too little memory on the
+    host or a device.
+    """
+    if is_disk_full(error):
+        return Exit.DISK_FULL
+    on_device = type(error).__name__ == "JaxRuntimeError" and "RESOURCE_EXHAUSTED" in str(error)
+    fixable = isinstance(error, OSError | MemoryError) or on_device
+    return getattr(error, "exit_code", Exit.ERROR if fixable else None)

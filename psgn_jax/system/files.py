@@ -1,4 +1,4 @@
-"""Atomic writing of files, checks for unwritable folders and full disks, and the cache folder."""
+"""Files that are complete or not there, folders that can be written, and the cache folder."""
 
 import contextlib
 import errno
@@ -12,42 +12,10 @@ import zlib
 from collections.abc import Mapping
 from typing import Any
 
-from psgn_jax.system.errors import Exit, UserError
+from psgn_jax.system.errors import UserError, is_disk_full
 
 _TEMPORARY = re.compile(r"\..+\.[0-9a-f]{8}\.tmp", re.DOTALL)
-_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 _NO_SYNC = {errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP}  # of a folder, on some network mounts
-
-
-def is_disk_full(error: BaseException) -> bool:
-    """Whether an error, or its cause, means a full disk, an exceeded quota or maximum file size."""
-    seen: BaseException | None = error
-    while seen is not None:
-        if isinstance(seen, OSError) and seen.errno in _FULL:
-            return True
-        seen = seen.__cause__ or seen.__context__
-    return False
-
-
-def native_error(error: BaseException, path: pathlib.Path) -> OSError:
-    """The `OSError` for an error of a C++ library, which states only the text of the system's."""
-    said = str(error).replace(str(path.parent), "")  # a folder's name may contain such a text
-    full = is_disk_full(error) or any(os.strerror(number) in said for number in _FULL)
-    number = errno.ENOSPC if full else errno.EIO
-    return OSError(number, os.strerror(number), str(path))
-
-
-def exit_code_of(error: BaseException) -> int | None:
-    """The exit code of a command that ends with `error`; None if the user cannot fix it.
-
-    The user can fix a `UserError`, an error of the operating system, and too little memory on the
-    host or a device.
-    """
-    if is_disk_full(error):
-        return Exit.DISK_FULL
-    on_device = type(error).__name__ == "JaxRuntimeError" and "RESOURCE_EXHAUSTED" in str(error)
-    fixable = isinstance(error, OSError | MemoryError) or on_device
-    return getattr(error, "exit_code", Exit.ERROR if fixable else None)
 
 
 def check_folder(folder: str | os.PathLike[str], name: str) -> None:

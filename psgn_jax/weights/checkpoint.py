@@ -25,8 +25,8 @@ import numpy as np
 import orbax.checkpoint as ocp
 from absl import logging
 
-from psgn_jax.system.errors import UserError
-from psgn_jax.system.files import is_disk_full, native_error, write_atomic
+from psgn_jax.system.errors import UserError, is_disk_full, native_error
+from psgn_jax.system.files import write_atomic
 from psgn_jax.system.untrusted import brief, with_checksum, without_checksum
 
 FORMAT = 1

@@ -38,7 +38,7 @@ def run(x, kernel, dy, stride, transposed):
 
 def reference(*arrays_and_case):
     *arrays, stride, transposed = arrays_and_case
-    with jax.enable_x64(True), cpu_convolution.plain_convolutions():
+    with jax.enable_x64(True), cpu_convolution.convolutions_for("export"):
         return jax.device_get(run(*(np.float64(a) for a in arrays), stride, transposed))
 
 
@@ -126,7 +126,7 @@ def test_gradient_of_a_gradient():
         return sum(jnp.sum(jnp.sin(g)) for g in run(x, kernel, dy, *case[-2:])[1:])
 
     found = [jax.grad(of_gradients, (0, 1))(*arrays)]
-    with cpu_convolution.plain_convolutions():
+    with cpu_convolution.convolutions_for("export"):
         found.append(jax.grad(of_gradients, (0, 1))(*arrays))
     for ours, expected in zip(*found, strict=True):
         assert np.abs(ours - expected).max() < 1e-4 * np.abs(expected).max()
@@ -162,7 +162,7 @@ def test_where_onednn_is_used(monkeypatch):
     P = jax.sharding.PartitionSpec
     mapped = jax.shard_map(convolve, mesh=mesh, in_specs=(P("data"), P()), out_specs=P("data"))
     assert calls_onednn(mapped, x, kernel)
-    with cpu_convolution.plain_convolutions():
+    with cpu_convolution.convolutions_for("export"):
         assert not calls_onednn(lambda x: convolve(x, kernel), x)
     monkeypatch.setenv("PSGN_CONVOLUTIONS", "xla")
     assert not calls_onednn(lambda x: convolve(x, kernel), x)
@@ -248,7 +248,7 @@ def test_programs_that_are_stored_do_not_call_onednn():
     def text():
         return str(jax.make_jaxpr(lambda x, kernel: convolve(x, kernel, 1))(x, kernel))
 
-    with cpu_convolution.stored_programs():
+    with cpu_convolution.convolutions_for("storing"):
         stored = text()
     assert "callback" not in stored
     assert "callback" in text()

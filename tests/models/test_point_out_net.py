@@ -8,7 +8,7 @@ import pytest
 
 from psgn_jax.config.experiment import ModelConfig
 from psgn_jax.models import layers, onednn
-from psgn_jax.models.cpu_convolution import plain_convolutions
+from psgn_jax.models.cpu_convolution import convolutions_for
 from psgn_jax.models.networks import build, scaled_widths
 
 # Most of the time of these tests is compilation.
@@ -258,7 +258,7 @@ def test_eight_draws_cost_no_eight_encoders(name, most):
     one, eight = (jax.ShapeDtypeStruct((1, *n, 128), jnp.float32) for n in ((), (8,)))
     variables = jax.eval_shape(network.init, jax.random.key(0), x, one)
     count = functools.partial(operations, network.apply, variables, x)
-    with plain_convolutions():  # calls of oneDNN are not counted
+    with convolutions_for("export"):  # calls of oneDNN are not counted
         assert count(eight) < most * count(one)
 
 

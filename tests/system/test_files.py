@@ -7,7 +7,7 @@ import stat
 import pytest
 from helpers.disk import without_room
 
-from psgn_jax.system import files
+from psgn_jax.system import errors, files
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import check_folder, write_atomic
 
@@ -18,7 +18,7 @@ def test_a_write_that_fails_names_its_file_and_leaves_it(tmp_path):
     with without_room(), pytest.raises(OSError, match="File too large") as caught:
         write_atomic(path, "two" * 1000)
     assert caught.value.filename == str(path)
-    assert files.is_disk_full(caught.value)
+    assert errors.is_disk_full(caught.value)
     assert path.read_text() == "one"
     assert [p.name for p in path.parent.iterdir()] == ["file"]
 
@@ -75,10 +75,10 @@ def test_a_full_disk_is_known_by_number_and_cause_and_not_by_a_name():
         (OSError(errno.EACCES, "x"), False),
         (UserError(f"{text}.jpg: not an image"), False),
         (FileNotFoundError(errno.ENOENT, text, f"/photos/{text}.jpg"), False),
-        (files.native_error(RuntimeError(f"{path}: write: {text}"), path), True),
-        (files.native_error(RuntimeError(f"writing {path}: I/O error"), path), False),
+        (errors.native_error(RuntimeError(f"{path}: write: {text}"), path), True),
+        (errors.native_error(RuntimeError(f"writing {path}: I/O error"), path), False),
     ):
-        assert files.is_disk_full(error) == full, error
+        assert errors.is_disk_full(error) == full, error
 
 
 def test_threads_that_write_the_same_file_leave_a_whole_one(tmp_path):
