@@ -1,8 +1,9 @@
 """A metric of a pair of clouds: the Hausdorff distance.
 
 In the package: its line in `METRICS` of `psgn_jax/evaluation/clouds.py` (CSV, JSON and the log
-contain it); its title in `COLUMNS` of `psgn_jax/evaluation/table.py`, for the printed table; for
-studies, `_LARGER_IS_BETTER` or `_SMALLER_IS_BETTER` of `psgn_jax/studies/runner.py`
+contain it); its title in `COLUMNS` of `psgn_jax/evaluation/table.py`, for printed tables and the
+terminal; if it is a fraction, for studies, `_LARGER_IS_BETTER` or `_SMALLER_IS_BETTER` of
+`psgn_jax/studies/runner.py`
 """
 
 import jax.numpy as jnp

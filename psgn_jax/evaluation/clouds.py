@@ -144,10 +144,10 @@ def evaluate_pair(
       emd_tolerance: adds `emd` with this relative error; 20 ms on a CPU core for n = 1,024 and 1 %.
 
     Returns:
-      `cd_sq_radius2`, `cd_sq_pred_to_gt_radius2`, `cd_sq_gt_to_pred_radius2` (unit^2),
-      `cd_l1_radius` (unit), `precision` (share of pred with distance to gt <= threshold), `recall`
-      (share of gt with distance to pred <= threshold) and `fscore`. With `emd_tolerance`:
-      `emd_radius` (unit, a mean over the points) and `emd_gap`, the bound on its relative error.
+      the metrics of `METRICS`, with units in their names (`radius2`: unit^2). `precision` is the
+      share of pred with a distance to gt <= threshold, `recall` the share of gt near pred. With
+      `emd_tolerance`: `emd_radius` (unit, a mean over the points) and `emd_gap`, the bound on its
+      relative error.
 
     Raises:
       ValueError: a threshold (as a plain number) is not > 0, or the errors of

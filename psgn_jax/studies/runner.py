@@ -363,8 +363,8 @@ class Summary(NamedTuple):
 
 
 _LARGER_IS_BETTER = ("fscore", "precision", "recall", "iou", "gain", "thin_recall")
-_SMALLER_IS_BETTER = ("cd", "emd", "aligned", "log_volume", "outliers", "missed", "uneven", "gt_to")
-"""How the names of metrics begin."""
+_SMALLER_IS_BETTER = ("cd_", "emd_", "gt_to", "log_volume", "outliers", "missed", "uneven")
+"""How the names of metrics begin. A metric in radii is better if it is smaller."""
 
 
 def summarise(results: Results, study: Study) -> list[Summary]:
@@ -413,7 +413,7 @@ def _summary(name: str, minus: str, metric: str, array: np.ndarray, models: np.n
     of_models = _sums(each, models)
     if minus and samples and metric.startswith(_LARGER_IS_BETTER):
         better = float(np.mean(of_models > 0))
-    elif minus and samples and metric.startswith(_SMALLER_IS_BETTER):
+    elif minus and samples and ("radius" in metric or metric.startswith(_SMALLER_IS_BETTER)):
         better = float(np.mean(of_models < 0))
     mean = float(array.mean()) if array.size else math.nan
     errors = standard_error(each, models), standard_error(array.mean(axis=1) if samples else each)

@@ -126,8 +126,6 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
             return bool(interval and step) and (step % interval == 0 or step == plan.steps)
 
         # Scores of something else cannot be compared with those that follow.
-        if stored and not checkpoints.measured:  # an older file
-            checkpoints.measured = _measured_before(config, trained_config(stored, workdir))
         other = plan.eval_every and checkpoints.measure(_measured(config))
         # A network from which the training starts is evaluated too.
         evaluate_first = due(plan.eval_every) and start not in checkpoints.scores
@@ -292,15 +290,6 @@ def _measured(config: Config) -> dict[str, Any]:
     if len(set(records)) > 1:
         raise ConfigError(f"{','.join(folders)}: differs between processes; expected the same")
     return {"records": records[0], **{name: fields[name] for name in names}}
-
-
-def _measured_before(config: Config, before: Config) -> dict[str, Any]:
-    """`_measured` of a run whose scores do not state it; equal folder names mean equal records."""
-    old, new = (
-        [pathlib.Path(folder).name for folder in one.data.eval_folders] for one in (before, config)
-    )
-    fields = flatten(before)
-    return {n: fields.get(n, v if old == new else None) for n, v in _measured(config).items()}
 
 
 def _initial(config: Config, task: tasks.Task) -> Callable[[Any], Any] | None:

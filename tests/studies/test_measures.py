@@ -1,6 +1,5 @@
 """What each study measures, on arrays whose answer is known, and its figure."""
 
-import shutil
 import types
 
 import jax
@@ -9,12 +8,11 @@ import pytest
 
 from data_gen.catalogues import cabinets
 from data_gen.surface import sample_surface
-from psgn_jax.config.experiment import ConfigError, parse, to_dict, to_json
+from psgn_jax.config.experiment import parse
 from psgn_jax.evaluation.results import SampleName
 from psgn_jax.models.networks import build
 from psgn_jax.studies import ambiguity, branches, comparison, losses, mean_shape, runner
 from psgn_jax.studies.runner import Measured
-from psgn_jax.weights.checkpoint import Checkpoints
 
 
 def test_outliers_missed_and_uneven_points():
@@ -167,46 +165,6 @@ def test_surfaces_thin_cells_and_empty_predictions(monkeypatch):
     probability = np.zeros((32, 32, 32), np.float32)
     probability[3, 4, 5] = 0.2
     assert np.argwhere(comparison.solid_at(probability, 0.5)).tolist() == [[3, 4, 5]]
-
-
-def test_a_run_that_builds_on_others_waits_until_they_have_finished(tmp_path, monkeypatch):
-    """The runs of `comparison` have checkpoints of one number; only `r2n2` is never begun."""
-    trained = []
-    monkeypatch.setattr(runner, "train_network", lambda run: trained.append(run))
-    monkeypatch.setattr(runner, "cost", lambda run: (0.5, 10.0))
-    monkeypatch.setattr(comparison, "step_seconds", lambda run: 0.4)
-    runs = {run.name: run for run in comparison.STUDY.runs(tmp_path, steps=8)}
-
-    def save(name, step):
-        folder, config = runs[name].folder, runs[name].config
-        checkpoints = Checkpoints(folder / "checkpoints")
-        checkpoints.save(step, {"params.a": np.zeros(1)}, {"config": to_dict(config)})
-        checkpoints.close()
-        (folder / "config.json").write_text(to_json(config))
-
-    message = "^head_cd needs .*cd-0, finished in a study of as many steps; it is at step"
-    for step in (0, 2):
-        if step:
-            save("cd", step)
-        with pytest.raises(ConfigError, match=f"{message} {step}$"):
-            comparison.train(runs["head_cd"])
-    save("cd", 8)
-    longer = {run.name: run for run in comparison.STUDY.runs(tmp_path, steps=16)}
-    with pytest.raises(ConfigError, match=f"{message} 8$"):
-        comparison.train(longer["head_cd"])
-    comparison.train(runs["head_cd"])
-    save("emd", 4)
-    save("volume", 4)
-    save(comparison.OURS, 3)
-    shutil.rmtree(runs["cd"].folder)
-    comparison.train(runs[comparison.OURS])  # begun: it has copies of what it reads
-    save("cd", 8)
-    with pytest.raises(ConfigError, match=r"^r2n2 needs .*head_cd_emd_volume-0, .* at step 3$"):
-        comparison.train(runs["r2n2"])
-    save(comparison.OURS, 4)
-    comparison.train(runs["r2n2"])
-    assert [run.name for run in trained] == ["head_cd", comparison.OURS, "r2n2"]
-    assert trained[-1].config.train.steps == 4 * 10 / 0.4
 
 
 def test_a_row_for_each_category():

@@ -116,11 +116,11 @@ def measured(metrics, models="abcd"):
 
 def test_means_differences_and_their_errors():
     results = {
-        "a": [measured({"cd": [1.0, 2, 3, np.nan]}), measured({"cd": [3.0, 2, 3, np.nan]})],
-        "b": [measured({"cd": [2.0, 4, 3, np.nan], "iou": [0.5]})] * 2,
+        "a": [measured({"cd_": [1.0, 2, 3, np.nan]}), measured({"cd_": [3.0, 2, 3, np.nan]})],
+        "b": [measured({"cd_": [2.0, 4, 3, np.nan], "iou": [0.5]})] * 2,
     }
     study = dataclasses.replace(
-        STUDY, metrics={"cd": "CD [radius^2]", "iou": "IoU [%]"}, pairs=[("b", "a")]
+        STUDY, metrics={"cd_": "CD [radius^2]", "iou": "IoU [%]"}, pairs=[("b", "a")]
     )
     a, b, iou, change = lib.summarise(results, study)
     assert (a.mean, a.samples, a.seeds) == (pytest.approx(7 / 3), 3, 2)

@@ -26,7 +26,7 @@ from psgn_jax.system import distributed
 from psgn_jax.training.log import NonFiniteError
 from psgn_jax.training.loop import train
 from psgn_jax.weights.checkpoint import Checkpoints
-from psgn_jax.weights.run_folder import locked, open_run
+from psgn_jax.weights.run_folder import locked
 
 pytestmark = pytest.mark.usefixtures("keep_compiled")
 TINY = {"model__name": "vanilla", "model__widths": (4, 6, 8)}
@@ -127,7 +127,7 @@ def test_the_best_checkpoint_is_chosen_anew_if_it_is_measured_otherwise(run, con
 
 
 def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, monkeypatch, caplog):
-    folder, workdir, file = tmp_path / "records", tmp_path / "run", "checkpoints/scores.json"
+    folder, workdir = tmp_path / "records", tmp_path / "run"
     write_solids(folder)
 
     def scores(eval_split="validation", path=folder):
@@ -142,18 +142,10 @@ def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, mon
     moved = shutil.move(folder, tmp_path / "there" / folder.name)
     other = shutil.copytree(moved, tmp_path / "other")
     assert scores(path=moved) == scores(path=other) == first
-    stored = json.loads((workdir / file).read_text())
-    old = {key: stored[key] for key in ("6", "12")}  # as written before records were stated
-    (workdir / file).write_text(json.dumps(old))
-    assert scores(path=moved) == first
     assert "the evaluation" not in caplog.text
-    (workdir / file).write_text(json.dumps(old))
-    assert scores(path=other).keys() == {12}
-    assert "the evaluation has changed (records)" in caplog.text
-    (workdir / file).write_text(json.dumps(old))
     there = scores("train", moved)
     assert there.keys() == {12}
-    assert "the evaluation has changed (data.eval_split)" in caplog.text
+    assert "the evaluation has changed (records, data.eval_split)" in caplog.text
     back = scores(path=moved)  # without a further checkpoint
     assert "the evaluation has changed (records, data.eval_split)" in caplog.text
     assert back.keys() == {12}
@@ -199,18 +191,6 @@ def test_scores_of_records_that_change_during_training_are_forgotten(
     assert Checkpoints(workdir / "checkpoints", read_only=True).scores.keys() == {12}
 
 
-def test_a_setting_without_effect_is_refused_but_an_older_run_goes_on(config, tmp_path):
-    config = changed(config, "loss", kl_warmup_steps=3)
-    message = "^loss.kl_warmup_steps=3: accepted: 0 unless model.posterior=True$"
-    with pytest.raises(ConfigError, match=message):
-        train(config, tmp_path / "run")
-    assert not (tmp_path / "run").exists()
-    (tmp_path / "run/checkpoints").mkdir(parents=True)  # of an older run, before its first one
-    train(shorter(config, 1), tmp_path / "run")
-    assert open_run(tmp_path / "run").config.loss == config.loss
-    train(shorter(config, 2), tmp_path / "run")
-
-
 def test_non_finite_loss_stops_naming_metric_and_step(config, tmp_path, monkeypatch):
     def train_batches(cfg, **arguments):
         batches = standin.train_batches(cfg, **arguments)
@@ -246,17 +226,6 @@ def test_what_is_larger_than_the_memory_is_refused_before_it_is_allocated(change
     with pytest.raises(ConfigError, match=rf"{named}.* would take .* GB, and there are .* GB"):
         train(standin.config(**{**TINY, **changes}), tmp_path / "run")
     assert not (tmp_path / "run").exists()
-
-
-def test_the_compilation_has_a_line_at_its_begin_and_at_its_end(run, config, tmp_path, caplog):
-    shutil.copytree(run[0], tmp_path / "run")
-    with caplog.at_level(logging.INFO, "absl"):
-        for steps in (12, 13):  # in 12 there is nothing to do
-            train(shorter(config, steps), tmp_path / "run")
-    ours = [r.message for r in caplog.records if r.message.startswith("compil")]
-    assert len(ours) == 2
-    assert re.fullmatch(r"compiling, about \d+ s on two cores", ours[0])
-    assert re.fullmatch(r"compiled; first step after \d+\.\d s", ours[1])
 
 
 @pytest.fixture(scope="module")
