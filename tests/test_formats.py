@@ -18,8 +18,8 @@ from psgn_jax.data.schema import RecordError
 from psgn_jax.portable import folder
 from psgn_jax.system.untrusted import with_checksum
 from psgn_jax.viewing.predictions import PredictionFileError, read_prediction
-from psgn_jax.weights import checkpoint
-from psgn_jax.weights.file import WeightsError, read_arrays, read_weights
+from psgn_jax.weights import checkpoint, file
+from psgn_jax.weights.file import WeightsError, read_weights
 from psgn_jax.weights.run_folder import open_run
 
 
@@ -65,14 +65,15 @@ def test_a_later_version_is_refused(stored, monkeypatch):
     manifest.write_text(json.dumps(with_checksum(content)))
     with pytest.raises(RecordError, match=r"version 2; this version .* reads .* version 1"):
         RecordReader(stored / "records", "train")
-    file = stored / "prediction.npz"
-    with np.load(file) as archive:
+    prediction = stored / "prediction.npz"
+    with np.load(prediction) as archive:
         later = dict(archive) | {"version": np.int32(2)}
-    np.savez(file, **later)
+    np.savez(prediction, **later)
     with pytest.raises(PredictionFileError, match=r"later version .* is 2, this one reads 1"):
-        read_prediction(file, ["points"])
+        read_prediction(prediction, ["points"])
+    monkeypatch.setattr(file, "FORMAT", "psgn_jax weights 0")
     with pytest.raises(WeightsError, match=r"a later version .* weights 1', expected 'psgn_jax"):
-        read_arrays(stored / "weights.safetensors", "psgn_jax weights 0")
+        read_weights(stored / "weights.safetensors")
     before = sorted((stored / "run").rglob("*"))
     monkeypatch.setattr(checkpoint, "FORMAT", 0)
     with pytest.raises(checkpoint.CheckpointError, match="format is 1, this version reads 0"):

@@ -41,10 +41,10 @@ def is_one_of_several(
 def joined(
     coordinator: str | None = None, num_processes: int | None = None, process_id: int | None = None
 ) -> Iterator[bool]:
-    """Context in which this process is connected with the others; JAX must not be used before.
+    """Connects this process with the others; its value is whether this process is the first.
 
-    Its value is whether this process is the first one. With a single process it does nothing. With
-    several, an error inside ends this process, and the others end when they miss it.
+    JAX must not be used before. If one process fails, the others exit when its heartbeat stops.
+    With a single process it does nothing.
 
     Args:
       coordinator: HOST:PORT of the first process. None here and below = from the environment.

@@ -101,26 +101,10 @@ def write_weights(path: str | os.PathLike[str], weights: Weights) -> None:
         not finite or too large for float16, or the file would be larger than the limit.
     """
     require_points_task(weights.config, "a file of weights")
+    path, dtype = pathlib.Path(path), weights.dtype
     named = named_leaves({"params": weights.params}).items()
     leaves = {name: np.asarray(leaf, np.float32) for name, leaf in named}
-    _check_fits(weights.config, leaves, pathlib.Path(path))
-    texts = {
-        "config": to_json(_without_paths(weights.config)),
-        "figures": json.dumps(dict(weights.figures), allow_nan=False),
-        "sources": json.dumps(list(weights.sources), allow_nan=False),
-    }
-    write_arrays(path, FORMAT, leaves, texts, weights.dtype)
-
-
-def write_arrays(
-    path: str | os.PathLike[str],
-    form: str,
-    leaves: Mapping[str, Any],
-    texts: Mapping[str, str],
-    dtype: str,
-) -> None:
-    """Writes arrays and texts as a file of this format, atomically."""
-    path = pathlib.Path(path)
+    _check_fits(weights.config, leaves, path)
     if path.suffix != SUFFIX:
         raise WeightsError(f"{path}: accepted: a name with the suffix {SUFFIX}")
     with np.errstate(over="ignore"):
@@ -130,7 +114,12 @@ def write_arrays(
             raise WeightsError(f"{path}: {name} is not finite: the training diverged")
         if not np.isfinite(leaf).all():
             raise WeightsError(f"{path}: {name} is too large for {dtype}; use float32")
-    metadata = {"format": form, **texts}
+    metadata = {
+        "format": FORMAT,
+        "config": to_json(_without_paths(weights.config)),
+        "figures": json.dumps(dict(weights.figures), allow_nan=False),
+        "sources": json.dumps(list(weights.sources), allow_nan=False),
+    }
     metadata["sha256"] = _digest(metadata, stored)
     content = save(stored, metadata)
     if int.from_bytes(content[:8], "little") > MAX_HEADER_BYTES or len(content) > MAX_FILE_BYTES:
@@ -143,7 +132,8 @@ def write_arrays(
 
 def read_weights(path: str | os.PathLike[str]) -> Weights:
     """Reads a file of weights; `WeightsError` if it is missing, damaged or from another program."""
-    metadata, leaves, dtype = read_arrays(path, FORMAT)
+    path = pathlib.Path(path)
+    metadata, leaves, dtype = _read_arrays(path)
     try:
         config = from_json(metadata["config"])
         require_points_task(config, "a file of weights")
@@ -152,23 +142,20 @@ def read_weights(path: str | os.PathLike[str]) -> Weights:
         _check_sources(sources)
     except (KeyError, ValueError, TypeError) as error:
         raise WeightsError(f"{path}: error in its metadata: {brief(error)}") from None
-    params = _check_fits(config, leaves, pathlib.Path(path))
+    params = _check_fits(config, leaves, path)
     return Weights(config, params, figures, sources, dtype)
 
 
-def read_arrays(
-    path: str | os.PathLike[str], form: str
-) -> tuple[dict[str, str], dict[str, np.ndarray], str]:
-    """The texts and the arrays, as float32, of a file of this format, and its dtype."""
-    path = pathlib.Path(path)
+def _read_arrays(path: pathlib.Path) -> tuple[dict[str, str], dict[str, np.ndarray], str]:
+    """The texts and the arrays, as float32, of a file, and its dtype."""
     _check_sizes(path)
     try:
         with safe_open(path, framework="np") as file:
             metadata = file.metadata() or {}
-            if (found := str(metadata.get("format"))[:40]) != form:
-                later = found.rpartition(" ")[0] == form.rpartition(" ")[0]
+            if (found := str(metadata.get("format"))[:40]) != FORMAT:
+                later = found.rpartition(" ")[0] == FORMAT.rpartition(" ")[0]
                 maker = "a later version of psgn_jax" if later else "another program"
-                raise WeightsError(f"{path}: a file of {maker}: {found!r}, expected {form!r}")
+                raise WeightsError(f"{path}: a file of {maker}: {found!r}, expected {FORMAT!r}")
             names = sorted(file.keys())
             dtype = _common_dtype(path, {name: file.get_slice(name).get_dtype() for name in names})
             stored = {name: file.get_tensor(name) for name in names}
