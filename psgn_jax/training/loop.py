@@ -147,7 +147,6 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
 
         def evaluate() -> None:
             with log.pause(), contextlib.suppress(Stopped):  # a resumed run evaluates first
-                checkpoints.measure(_measured(config))  # records may change during a training
                 result = task.evaluate(
                     _local(eval_params(state)),
                     max_samples=config.eval.max_samples,

@@ -87,7 +87,13 @@ def num_samples(cfg, split, *, evaluation=False):
 def install(monkeypatch):
     """Replaces the loader by this source for trainings and evaluations in this process."""
     from psgn_jax.commands import default_data
+    from psgn_jax.data.manifest import Manifest
+    from psgn_jax.training import loop
 
+    def load_manifest(folder, read=loop.load_manifest):
+        return read(folder) if os.path.isdir(folder) else Manifest("", True, ())
+
+    monkeypatch.setattr(loop, "load_manifest", load_manifest)
     for function in (train_batches, eval_batches, num_samples):
         monkeypatch.setattr(loader, function.__name__, function)
     monkeypatch.setattr(default_data, "default_dataset", lambda: "")

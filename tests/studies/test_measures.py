@@ -1,7 +1,5 @@
 """What each study measures, on arrays whose answer is known, and its figure."""
 
-import types
-
 import jax
 import numpy as np
 import pytest
@@ -11,7 +9,7 @@ from data_gen.surface import sample_surface
 from psgn_jax.config.experiment import parse
 from psgn_jax.evaluation.results import SampleName
 from psgn_jax.models.networks import build
-from psgn_jax.studies import ambiguity, branches, comparison, losses, mean_shape, runner
+from psgn_jax.studies import ambiguity, branches, comparison, losses, mean_shape
 from psgn_jax.studies.runner import Measured
 
 
@@ -124,22 +122,6 @@ def test_exact_draws_have_the_spread_of_the_truth(rng):
     assert mean[key] == pytest.approx(0.047, rel=0.2)
     assert mean["front: depth: coverage of the range"] > 0.8
     assert mean["front: depth: standard deviation"] == pytest.approx(0.241, abs=0.02)
-
-
-def test_cabinets_with_the_same_image_count_as_one_model(monkeypatch, tmp_path):
-    known = [ambiguity.Cabinet(seed, 1.0, 0.5) for seed in (3, 3, 4, 4)]
-    found = Measured([SampleName(i, "front", f"front-{i}", 0) for i in range(4)], {})
-
-    def evaluate(_run, of_sample, keys):
-        for _ in known:
-            of_sample({"pred": np.ones((8, 3), np.float32), "points": np.ones((8, 3), np.float32)})
-        return found
-
-    monkeypatch.setattr(ambiguity, "cabinets", lambda _: known)
-    monkeypatch.setattr(ambiguity, "open_run", lambda *_: types.SimpleNamespace(params={}))
-    monkeypatch.setattr(runner, "evaluate", evaluate)
-    measured = ambiguity.measure(runner.Run("deterministic", 0, tmp_path, parse({})))
-    assert runner.models_of({"deterministic": [measured]}).tolist() == [0, 0, 1, 1]
 
 
 def test_surfaces_thin_cells_and_empty_predictions(monkeypatch):

@@ -25,17 +25,13 @@ def psgn_with(name, value, *arguments, cwd):
     ("name", "value", "arguments", "why"),
     [
         ("JAX_PLATFORMS", "cuda", LIST, "JAX cannot start"),
-        ("JAX_PLATFORMS", "cuda", TRAIN, "JAX cannot start"),
-        ("JAX_PLATFORMS", "bogus", PREDICT, "JAX cannot start (Unable to initialize backend"),
-        ("JAX_PLATFORM_NAME", "gpu", LIST, "JAX cannot start"),
+        ("JAX_PLATFORMS", "bogus", TRAIN, "JAX cannot start (Unable to initialize backend"),
         ("JAX_NUM_CPU_DEVICES", "x", LIST, 'Invalid value "x"'),
-        ("JAX_NUM_CPU_DEVICES", "0", LIST, "JAX cannot start"),
-        ("JAX_ENABLE_X64", "maybe", PREDICT, "invalid truth value"),
+        ("JAX_ENABLE_X64", "maybe", LIST, "invalid truth value"),
         ("XLA_FLAGS", "--xla_bogus_flag=1", LIST, "Unknown flag in XLA_FLAGS"),
-        ("XLA_FLAGS", "no-such-file", LIST, "Could not open file"),
         ("JAX_TRANSFER_GUARD", "disallow", PREDICT, "INVALID_ARGUMENT: Disallowed"),
         ("JAX_NUMPY_DTYPE_PROMOTION", "strict", PREDICT, "Input dtypes"),
-        ("PSGN_CONVOLUTIONS", "bogus", PREDICT, "accepted: onednn, xla, or unset"),
+        ("PSGN_CONVOLUTIONS", "bogus", LIST, "accepted: onednn, xla, or unset"),
     ],
 )
 def test_wrong_variables_are_named(name, value, arguments, why, tmp_path):

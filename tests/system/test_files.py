@@ -103,13 +103,3 @@ def test_a_user_without_a_home_is_told_to_name_a_cache(monkeypatch, tmp_path):
     monkeypatch.delenv("PSGN_CACHE")
     with pytest.raises(UserError, match="the environment variable PSGN_CACHE"):
         files.cache_folder()
-
-
-def test_an_error_names_the_file_and_not_the_temporary_one(tmp_path, monkeypatch):
-    def refuse(path, _):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
-
-    monkeypatch.setattr(pathlib.Path, "write_bytes", refuse)
-    with pytest.raises(PermissionError) as caught:
-        files.write_atomic(tmp_path / "a.ply", "")
-    assert caught.value.filename == str(tmp_path / "a.ply")

@@ -116,16 +116,6 @@ def test_a_finished_run_has_nothing_to_do_and_another_is_refused(run, config):
         train(config, run[0])
 
 
-def test_the_best_checkpoint_is_chosen_anew_if_it_is_measured_otherwise(run, config, tmp_path):
-    workdir = shutil.copytree(run[0], tmp_path / "run")
-    folder = workdir / "checkpoints"
-    before = Checkpoints(folder, read_only=True).scores
-    train(changed(config, "eval", max_samples=3), workdir)
-    after = Checkpoints(folder, read_only=True).scores
-    assert before.keys() > after.keys() == {12}
-    assert before[12] != after[12]
-
-
 def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, monkeypatch, caplog):
     folder, workdir = tmp_path / "records", tmp_path / "run"
     write_solids(folder)
@@ -167,28 +157,6 @@ def write_others(folder):
     samples = list(RecordReader(folder, "train"))
     shutil.rmtree(folder)
     write_dataset(folder, {"train": samples, "validation": samples[:11]}, source="solids")
-
-
-def test_scores_of_records_that_change_during_training_are_forgotten(
-    config, tmp_path, monkeypatch, caplog
-):
-    records, workdir = write_solids(tmp_path / "records"), tmp_path / "run"
-    score = Checkpoints.score
-
-    def score_and_change(self, step, metrics):
-        score(self, step, metrics)
-        if step == 6:
-            write_others(records)
-
-    monkeypatch.setattr(Checkpoints, "score", score_and_change)
-    config = changed(config, "data", eval_path=str(records))
-    with caplog.at_level(logging.WARNING, "absl"):
-        train(config, workdir)
-        assert caplog.text.count("the evaluation has changed (records)") == 1
-        train(config, workdir)
-    assert caplog.text.count("the evaluation has changed") == 1
-    assert caplog.text.count("11 models are in two splits, such as") == 1  # in the second call
-    assert Checkpoints(workdir / "checkpoints", read_only=True).scores.keys() == {12}
 
 
 def test_non_finite_loss_stops_naming_metric_and_step(config, tmp_path, monkeypatch):
@@ -353,18 +321,3 @@ def test_two_processes_train_and_evaluate_as_one_and_a_signal_stops_both(command
     assert [process.wait(120) for process in both] == [2, 2]
     message = "processes 0 and 1 have optim.b1=0.9 and 0.5; expected the same configuration"
     assert log_of(tmp_path / "wrong").count(message) == 2
-
-
-@pytest.mark.slow
-def test_a_shard_that_changes_during_training_ends_it_in_one_line(command, tmp_path):
-    records, workdir = write_solids(tmp_path / "records"), tmp_path / "run"
-    fields = ("data.cache_gb=0", "train.steps=100000", "train.eval_every=0")
-    flags = [f"--config.{field}" for field in (*fields, f"data.path={records}")]
-    process = command(workdir, *flags)
-    wait_for(lambda: newest_step(workdir) >= 6, process, workdir)
-    for shard in records.glob("train*"):
-        with shard.open("r+b") as file:
-            file.write(bytes(shard.stat().st_size // 2))
-    assert process.wait(120) == 2, log_of(workdir)
-    assert log_of(workdir).splitlines()[-1].startswith("error: "), log_of(workdir)
-    assert "Fatal" not in log_of(workdir)

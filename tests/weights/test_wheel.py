@@ -8,7 +8,6 @@ import shutil
 import subprocess
 import sys
 import tarfile
-import time
 import venv
 
 import numpy as np
@@ -21,7 +20,6 @@ from helpers.small_runs import quick_environment, write_solids
 from PIL import Image
 
 import psgn_jax
-from psgn_jax.prediction import mask_networks
 from psgn_jax.weights.file import write_weights
 from psgn_jax.weights.opening import DEFAULT
 
@@ -96,11 +94,9 @@ def psgn(packages, tmp_path):
 
 
 def test_an_installed_wheel_predicts_converts_trains_and_evaluates(psgn, packages, tmp_path):
-    assert (packages / "psgn_jax" / "py.typed").is_file()
-    assert (packages / "data_gen" / "py.typed").is_file()
-    weights = packages / "psgn_jax" / "weights"
-    assert (weights / "u2netp.onnx").read_bytes() == mask_networks.FILE.read_bytes()
-    assert "Apache License 2.0" in (weights / "u2netp.txt").read_text()
+    for path in [p for name in ("psgn_jax", "data_gen") for p in (ROOT / name).rglob("*.*")]:
+        if path.suffix not in (".pyc", ".safetensors"):  # such as those of the page
+            assert (packages / path.relative_to(ROOT)).read_bytes() == path.read_bytes()
     work = tmp_path / "work"
     assert psgn("--version") == f"psgn_jax {psgn_jax.__version__}\n"
     assert "8 points, mask plain" in psgn("predict", "photo.png", "--out=out")
@@ -112,7 +108,6 @@ def test_an_installed_wheel_predicts_converts_trains_and_evaluates(psgn, package
     write_solids(work / "records")
     psgn("human", "--data=records", "--cases=2", "--out=study")
     fields = ["data.path=records", "data.image_size=(16,32)", "loss.name=chamfer_sq_mean"]
-    fields += ["loss.emd_tolerance=0.01"]
     fields += ["train.steps=2", "train.eval_every=0", "train.batch_size=4", "optim.warmup_steps=0"]
     fields += ["data.num_workers=2"]
     psgn("train", "--config=quickstart", *(f"--config.{field}" for field in fields))
@@ -120,19 +115,3 @@ def test_an_installed_wheel_predicts_converts_trains_and_evaluates(psgn, package
     assert "CD" in table
     for page in ("view.html", "study/index.html", "report/index.html"):
         assert "<html" in (work / page).read_text()[:400]
-
-
-def test_the_page_of_an_installed_wheel_predicts(psgn, runtime, serve, opened, tmp_path):
-    work = tmp_path / "work"
-    psgn("page", "--out=site", f"--runtime={runtime}")
-    mask = np.zeros((90, 120), bool)
-    mask[30:60, 40:90] = True
-    Image.fromarray(mask).save(work / "photo_mask.png")
-    page = opened(serve(work / "site"))
-    page.set_input_files("#file", [work / "photo.png", work / "photo_mask.png"])
-    end = time.monotonic() + 120
-    while "8 points in" not in page.text_content("#status"):
-        assert time.monotonic() < end, page.text_content("#status")
-        page.wait_for_timeout(50)
-    examples = "[...document.querySelectorAll('#examples img')]"
-    assert page.evaluate(f"{examples}.every(image => image.naturalWidth)")
