@@ -85,8 +85,8 @@ class Flags:
     ) -> int:
         """Runs `body` and returns its exit code (None = 0); from now on we log to the terminal.
 
-        An error that the user can fix is one line on stderr: one with an `exit_code_of`, or one of
-        the types `wrong_input`. `argv` are the arguments, by default those of the process.
+        An error that the user can fix is one line on stderr: an error with an `exit_code_of`, or of
+        the types `wrong_input`. `argv`: the arguments; None = from the process.
         """
         argv = list(sys.argv[1:] if argv is None else argv)
         if HELP.intersection(argv[: argv.index("--") if "--" in argv else None]):

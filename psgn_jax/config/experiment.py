@@ -51,8 +51,8 @@ class ModelConfig:
     name: Version = "two_branch"
     # Feature maps at each resolution level, full size first; each level halves the size.
     widths: tuple[Size, ...] = (16, 32, 64, 128, 256, 512, 512)
-    # Factor of all hidden widths, except those of the posterior network. If it is not 1, the
-    # results are rounded to multiples of 8 and are at least 8.
+    # Factor of all hidden widths, except in the posterior network. If it is not 1, the results are
+    # rounded to multiples of 8 and are at least 8.
     width_multiplier: Factor = 1.0
     # Number of points of the fully connected branch; all points of `vanilla`.
     fc_points: Annotated[int, Bounds(low=0, high=1_000_000)] = 256
@@ -89,8 +89,8 @@ class ModelConfig:
 class LossConfig:
     """The loss."""
 
-    # An entry of `losses.LOSSES`, or a weighted sum of entries, each with its own number of
-    # true points, such as "emd_mean@1024 + 5*chamfer_sq_mean".
+    # An entry of `losses.LOSSES`, or a weighted sum of entries, each with a number of true points,
+    # such as "emd_mean@1024 + 5*chamfer_sq_mean".
     name: str = "chamfer_sq_mean"
     # "authors" adds `l2_scale` times the L2 terms of `tasks.points.l2_authors`.
     l2: Literal["none", "authors"] = "none"
@@ -148,9 +148,9 @@ class TrainConfig:
     # Time after SIGTERM or Ctrl-C in which the current step may end and be saved. Then the process
     # ends, after completing a checkpoint that is being written.
     stop_seconds: NonNegative = 20.0
-    # Source of the initial parameters, instead of random ones: a file of weights, the name of
-    # weights in the package, or the folder of a trained run (its best checkpoint). Several,
-    # separated by commas: the mean of their parameters.
+    # Source of initial parameters: a file of weights, the name of weights in the package, or the
+    # folder of a trained run (its best checkpoint). Of several, separated by commas, the mean.
+    # Empty = random parameters.
     init: str = ""
     # Patterns of the names of layers that keep random initial parameters; `*` matches any text.
     init_skip: tuple[str, ...] = ()
@@ -287,7 +287,7 @@ def check_paths(config: Config, *, training: bool = True) -> None:
     if data.path and (training or not data.eval_path):
         named.append(("path", data.folders, "the default data set"))
     if data.eval_path:
-        named.append(("eval_path", data.eval_folders, "those of data.path"))
+        named.append(("eval_path", data.eval_folders, "the folders of data.path"))
     for name, folders, empty in named:
         for path in dict.fromkeys(folders):
             if not pathlib.Path(path).is_dir():
@@ -306,7 +306,7 @@ def to_json(config: Config) -> str:
 def _without_removed(config: Any) -> Any:
     """Leaves out fields of earlier versions that have the value without effect.
 
-    Stored configurations, such as those of the package's weights, have all fields of their time.
+    Stored configurations, for example in the package's weights, have all fields of their time.
     """
     tree = config.to_dict() if hasattr(config, "to_dict") else config
     for (section, field), idle in _REMOVED.items():

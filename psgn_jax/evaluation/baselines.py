@@ -65,7 +65,7 @@ def measure(config: Config, params: Any, split: str) -> tuple[dict[str, np.ndarr
     if least < 2 * n:
         raise ConfigError(
             f"split={split!r}: a record has {least} points; accepted for baselines: at least "
-            f"{2 * n}, twice those of the network"
+            f"{2 * n}, twice as many as the network predicts"
         )
 
     def collect(split: str, count: int, wanted: int, predict: Any = None) -> list[np.ndarray]:

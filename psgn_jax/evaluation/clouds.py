@@ -53,7 +53,7 @@ def emd(
 
 
 def subset(gt: Float[Array, "m 3"], count: int) -> Float[Array, "n 3"]:
-    """At most `count` points of gt; always the same ones for the same m and count."""
+    """At most `count` points of gt, a fixed choice for each m and count."""
     if len(gt) <= count:
         return gt
     return gt[jax.random.permutation(jax.random.key(0), len(gt))[:count]]

@@ -92,7 +92,7 @@ def evaluate_split(
 
 
 def _distinct(points: np.ndarray) -> int:
-    """The number of different points of a cloud float32 [n, 3]: batches repeat those of few."""
+    """The number of different points of a cloud float32 [n, 3]: batches may repeat points."""
     return len(np.unique(np.ascontiguousarray(points).view("V12")))
 
 

@@ -86,7 +86,7 @@ def configured_loss(config: LossConfig) -> Callable[[Array, Array], tuple[Array,
 
 
 def sum_of(terms: Sequence[LossTerm]) -> Callable[[Array, Array], tuple[Array, dict[str, Array]]]:
-    """`configured_loss` of these terms."""
+    """The weighted sum of the terms, as in `configured_loss`."""
 
     def loss(pred: Array, gt: Array) -> tuple[Array, dict[str, Array]]:
         values = {term.name: term.distance(pred, gt) for term in terms}
@@ -101,7 +101,7 @@ def sum_of(terms: Sequence[LossTerm]) -> Callable[[Array, Array], tuple[Array, d
 def chosen_points(gt: Array, num_points: int) -> Array:
     """A fixed random choice of the true points; ValueError if there are fewer than `num_points`.
 
-    Records store their points sorted, so the first ones lie on one side of the object.
+    Records store their points sorted: the first points lie on one side of the object.
     """
     if num_points > len(gt):
         raise ValueError(f"gt: got {len(gt)} points, expected at least {num_points}")

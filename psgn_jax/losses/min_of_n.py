@@ -39,9 +39,9 @@ def min_of_n(
 ) -> Callable[[Array, Array], MinOfN]:
     """Turns a distance d of one pair into the MoN of several predictions and one ground truth.
 
-    The winner is the first sample with the smallest distance. The gradient is that of d for the
-    winner and 0 for the others, whose gradients are multiplied by 0 and must therefore be finite,
-    as those of `losses` are. A NaN distance wins, so that it is not hidden.
+    The winner is the first sample with the smallest distance. Its gradient is the gradient of d.
+    The gradients of the others are multiplied by 0; they must be finite, as in `losses`. A NaN
+    distance wins, so that it is not hidden.
 
     Args:
       distance: (pred [n, 3], gt [m, 3]) -> scalar, such as `chamfer_sq` or `emd_sum`; it may close

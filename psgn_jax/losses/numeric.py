@@ -42,7 +42,7 @@ def safe_sqrt(x: Float[Array, "..."]) -> Float[Array, "..."]:
 
 
 def distance(x: tuple[Array, ...], y: tuple[Array, ...]) -> Array:
-    """Euclidean distances between points, given as three coordinate arrays each."""
+    """Euclidean distances between points, as three arrays of coordinates each."""
     return jnp.sqrt(sum(jnp.square(s - t) for s, t in zip(x, y, strict=True)))
 
 

@@ -12,7 +12,7 @@ from psgn_jax.array_types import Array
 def per_platform(cpu: Callable[..., Any], other: Callable[..., Any], *arrays: Array) -> Any:
     """`cpu(*arrays)` where the arrays are on a CPU or XLA compiles for one, else `other(*arrays)`.
 
-    Inside `jit`, both are traced, and XLA gets the one that fits the device that it compiles for.
+    Inside `jit`, both are traced, and XLA compiles the program of its device.
     """
     if any(isinstance(x, jax.core.Tracer) for x in arrays):
         return jax.lax.platform_dependent(*arrays, cpu=cpu, default=other)

@@ -135,7 +135,7 @@ def _by_xla(part: onednn.Part, first: Array, kernel: Array, convolution: Convolu
     kernel = kernel.transpose(0, 2, 1, 3, 4, 5).reshape(m, n, s * s * c, c_out)
 
     def convolved(x: Array, kernel: Array, low: list[int], sizes: list[int]) -> Array:
-        """Stride 1; the result has these sizes."""
+        """Stride 1; the result has `sizes`."""
         rest = zip(low, sizes, x.shape[1:], many, strict=False)
         around = [(i, o - 1 + k - i - n) for i, o, n, k in rest]
         layout = ("NHWC", "HWIO", "NHWC")

@@ -121,7 +121,7 @@ def cloud_bias(spread: float) -> Initializer:
     """Initial bias of an output layer: coordinates xyz, xyz, ... near the middle of an object.
 
     This is **ours**. A dense output layer has a bias for each point; spread by a standard deviation
-    of `spread` units, most points soon become the nearest ones to some part of the surface. A
+    of `spread` units, most points soon become the nearest points of some part of the surface. A
     convolution has one bias for all cells (spread 0), and `grid_offset` spreads its points.
     """
 

@@ -264,7 +264,7 @@ class _Step:
 class _Primitive:
     """One part of a convolution, and the conversion between the two layouts of the kernel.
 
-    oneDNN chooses its own layout for kernels; rearranging them is part of the time of a call.
+    oneDNN chooses the layout of kernels; rearranging them is part of the time of a call.
     """
 
     def __init__(self, part: Part, convolution: Convolution):

@@ -42,7 +42,7 @@ ACTIVE = 0.01
 
 
 class Gaussian(NamedTuple):
-    """Independent normal distributions, given by means and logarithms of the variances."""
+    """Means and logarithms of the variances of independent normal distributions."""
 
     mean: Float[Array, "b k"]
     log_variance: Float[Array, "b k"]

@@ -15,7 +15,7 @@ Reconstruction", ECCV 2016. The sizes are those of its published code
 - `VolumeDecoder`: three levels with 128, 128 and 64 feature maps. Each level unpools (each number
   goes to one corner of 2^3 cells, the others are 0), applies two 3x3x3 convolutions and adds the
   unpooled volume (at 64 feature maps through a 1x1x1 convolution). At 32^3 two convolutions with 32
-  feature maps follow; a third one reads the output of the first and is added to that of the second.
+  feature maps follow; a third reads the output of the first, and is added to the second.
   A last convolution has 2 outputs per cell.
 
 The network has 35,968,706 parameters for images of 127 or 128 pixels. A leaky ReLU (.01) follows

@@ -74,7 +74,7 @@ def arc(key: PRNGKey, n: int) -> Plane:
 
 
 def _attached(key: PRNGKey, n: int, part: Callable[[PRNGKey], Plane], area: float) -> Plane:
-    """Points uniform on the union of the bar and a part of the given area."""
+    """Points uniform on the union of the bar and a part of area `area`."""
     of_bar, of_part, of_choice = jax.random.split(key, 3)
     share = area / (area + 4 * BAR[0] * BAR[1])
     chosen = jax.random.uniform(of_choice, (n, 1)) < share

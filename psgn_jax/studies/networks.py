@@ -37,7 +37,7 @@ METRICS = {
 
 BASE: runner.Overrides = {
     "data.image_size": (48, 64),
-    "data.num_points": 1024,  # an EMD requires as many true points as predicted ones
+    "data.num_points": 1024,  # as many as predicted points, for the EMD
     "model.widths": (16, 32, 64, 128, 256),
     "model.deconv_level": 1,
     "model.fc_widths": (512, 512),

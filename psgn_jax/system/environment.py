@@ -73,7 +73,7 @@ def _without_devices(given: list[str]) -> UserError | None:
 
 @functools.cache
 def _check_xla_flags(given: str) -> None:
-    """Lets another process read XLA_FLAGS, because XLA ends the one in which they are wrong."""
+    """Lets another process read XLA_FLAGS, because XLA ends a process in which they are wrong."""
     command = [sys.executable, "-P", "-c", _READ_FLAGS]
     found = subprocess.run(command, capture_output=True, text=True, errors="replace")
     first, *_ = found.stderr.splitlines() or [""]

@@ -37,7 +37,7 @@ PairFunction = Callable[..., Any]
 
 
 def points_task(config: Config, workdir: pathlib.Path) -> Task:
-    """Trains a network of `models.networks.NETWORKS`; metrics are those of `evaluation.clouds`.
+    """Trains a network of `models.networks.NETWORKS`; metrics: `evaluation.clouds`.
 
     Metrics of a training step, scalars except `kl_of_dims`:
 
@@ -129,8 +129,7 @@ def _measure(
         pred = predict(batch, r)
 
     def measure_pair(pred: Any, gt: Any, visible: Any = None) -> dict[str, Array]:
-        # If there are fewer true points than predicted ones, no bijection exists and the EMD is
-        # left out.
+        # Without a bijection, because there are fewer true points than predicted points, no EMD.
         emd_tolerance = (settings.emd_tolerance if len(pred) <= len(gt) else 0) or None
         metrics = metrics_lib.evaluate_pair(
             pred, gt, visible, threshold=settings.fscore_threshold, emd_tolerance=emd_tolerance

@@ -28,8 +28,8 @@ class Task:
     # `loss` is the value without regularisation.
     total_loss: Callable[[Any, Batch, Any], tuple[Any, dict[str, Any]]]
     # (params, split=None, max_samples=0, on_batch=None, chosen=None, draws=0) -> metrics on a
-    # split, as `evaluation.split.evaluate_split` measures them. `chosen` are thresholds of an
-    # earlier evaluation; missing ones are chosen on this split. `draws` is the number of
+    # split, as `evaluation.split.evaluate_split` measures them. `chosen`: thresholds of an earlier
+    # evaluation; missing thresholds are chosen on this split. `draws`: the number of
     # predictions per image whose distances are measured too (points only).
     evaluate: Callable[..., Evaluation]
     # params -> an image of some predictions, uint8 [h, w, 3], or None.

@@ -39,7 +39,7 @@ def voxel_task(
     latents: Callable[..., dict[str, Any]] = no_latents,
     keep_sources: Callable[[], None] = lambda: None,
 ) -> Task:
-    """A task on solid volumes; the other arguments are those of `Task`.
+    """A task on solid volumes; `Task` explains the other arguments.
 
     `measure` maps (params, batch) to predictions and metrics [B] or, if a threshold is to be
     chosen, [B, thresholds]. The metric `best` decides which checkpoint is the best; "" = none.
@@ -98,7 +98,7 @@ def views_task(config: Config, workdir: pathlib.Path) -> Task:
     original predicts in the frame of the data set, the same for all views.
 
     Metrics: `iou_1_views`, `iou_3_views`, ..., one for each number of views in `voxels.eval_views`.
-    `on_batch` of `evaluate` gets the predictions for the first of these numbers.
+    `on_batch` of `evaluate` gets the predictions for the first number.
     """
     model, sizes = networks.build_r2n2(config.model, config.voxels), config.model
     names = {count: f"iou_{count}_views" for count in config.voxels.eval_views}

@@ -97,7 +97,7 @@ class TrainingLog:
             self._writer.scalars(step, "eval", means)
 
     def _read(self, ahead: int) -> None:
-        """Reads the losses of all steps except the last ones."""
+        """Reads the losses of all steps but the last `ahead`."""
         while len(self._pending) > ahead:
             step, arrays = self._pending.popleft()
             watched = jax.device_get([arrays[k] for k in ("total_loss", "grad_norm", "loss")])
@@ -223,8 +223,8 @@ class MetricsWriter:
         # checkpoint.
         purge = self._step + 1 if folder.exists() else None
         board = tensorboardX.SummaryWriter(str(folder), purge_step=purge)
-        # Events are written in this thread. In the writer's own thread, an error such as a full
-        # disk would end that thread, and this one would wait forever for it to empty the queue.
+        # Events are written in this thread. In the writer's thread, an error such as a full disk
+        # would end that thread, and this thread would wait forever for it to empty the queue.
         events = board.file_writer.event_writer
         events.add_event = events._ev_writer.write_event
         return board

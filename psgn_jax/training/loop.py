@@ -83,8 +83,8 @@ def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
 
     Raises:
       ConfigError: before compilation, if the configuration is wrong, differs from the checkpoint's
-        in a field that is not in `MAY_CHANGE` or from that of another process of this training, or
-        if another process trains in this folder.
+        in a field that is not in `MAY_CHANGE`, or differs between the processes of this training,
+        or if another training runs in this folder.
       UserError: no file can be written to `workdir`.
       OSError: during training, for example if the disk is full.
       NonFiniteError: the loss or the norm of the gradient is not finite.
@@ -322,7 +322,7 @@ def _wait(state: TrainState) -> None:
 
 
 def _local(params: Any) -> Any:
-    """Parameters on this process's devices only: each process evaluates its own batches."""
+    """The parameters on this process's devices: each process evaluates some of the batches."""
     if jax.process_count() == 1:
         return params
     return jax.tree.map(lambda leaf: leaf.addressable_data(0), params)

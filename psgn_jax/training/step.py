@@ -26,7 +26,7 @@ class TrainState(NamedTuple):
     """State of training, stored in a checkpoint; batches and random numbers follow from `step`."""
 
     step: Array  # int32, number of updates
-    params: Any  # float32; with `model.posterior` those of the posterior network as "posterior"
+    params: Any  # float32; with `model.posterior` also the posterior network's, as "posterior"
     opt_state: Any
     ema: Any  # averaged parameters, or `()`
 
@@ -80,9 +80,8 @@ def create_training(
 ) -> tuple[Callable[[], TrainState], Callable[..., tuple[TrainState, dict[str, Array]]]]:
     """`() -> the first state`, and the compiled step `(state, batch) -> (state, metrics)`.
 
-    The step donates the state. Its metrics are those of the task, averaged over the devices,
-    `total_loss` (the value that is minimised), `grad_norm` (of the gradient before clipping), and
-    `learning_rate`.
+    The step donates the state. Its metrics are the task's, averaged over the devices, `total_loss`
+    (the value that is minimised), `grad_norm` (before clipping), and `learning_rate`.
     """
     tx, rate = optimizer(config.optim, config.train.steps)
     largest_decay, batch_size = config.optim.ema_decay, config.train.batch_size

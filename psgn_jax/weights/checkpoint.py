@@ -88,7 +88,7 @@ class Checkpoints:
         return -min(ranked)[1] if ranked else None
 
     def measure(self, what: Mapping[str, Any]) -> bool:
-        """States what the next scores measure, and forgets (True) those of anything else."""
+        """States what the next scores measure; forgets other scores, and then returns True."""
         changed = ", ".join(name for name in what if self.measured.get(name) != what[name])
         self.measured = dict(what)
         if forgotten := bool(changed and self.scores):
@@ -113,7 +113,7 @@ class Checkpoints:
         here or by the next `save`, `wait` or `close`.
         """
         self.wait()
-        # A copy, because the caller donates these buffers while the writer still reads them.
+        # A copy, because the caller donates the buffers while the writer still reads them.
         arrays = {name: np.array(leaf, copy=True) for name, leaf in leaves.items()}
         document = {
             "format": FORMAT,
@@ -209,7 +209,7 @@ class Checkpoints:
         kept = {*steps[-self._keep :], self.best_step()}
         for step in steps:
             if step not in kept:
-                # Renamed first, so that a kill leaves no incomplete checkpoint under its own name.
+                # Renamed first, so that a kill leaves no incomplete checkpoint under its name.
                 doomed = self._directory / f"{step}.deleting"
                 (self._directory / str(step)).rename(doomed)
                 shutil.rmtree(doomed, ignore_errors=True)

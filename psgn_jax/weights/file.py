@@ -240,7 +240,7 @@ def _common_dtype(path: pathlib.Path, dtypes: Mapping[str, str]) -> str:
 
 
 def _check_fits(config: Config, leaves: Mapping[str, np.ndarray], path: pathlib.Path) -> Any:
-    """The parameters as a tree, after a check that the network has exactly these parameters."""
+    """The parameters as a tree; `WeightsError` unless they are exactly the network's."""
     try:
         shapes = jax.eval_shape(lambda: networks.init_params(config, networks.build(config.model)))
         return from_named_leaves({"params": shapes}, dict(leaves))["params"]

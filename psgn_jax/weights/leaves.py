@@ -16,7 +16,7 @@ def named_leaves(tree: Any) -> dict[str, Any]:
 
 
 def from_named_leaves(template: Any, leaves: Mapping[str, np.ndarray]) -> Any:
-    """The tree with the structure of `template` (arrays or shapes) and the given leaves.
+    """A tree with the structure of `template` (arrays or shapes) and these leaves.
 
     Raises:
       ValueError: a leaf is missing or not in `template`, or has another shape or dtype.

@@ -175,7 +175,7 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
             f'train.init_skip="({flag})"'
         )
     if left := sorted(skipped.intersection(map(layer_of.__getitem__, wanted))):
-        logging.info("random parameters, not those of %s: %s", config.train.init, ", ".join(left))
+        logging.info("random parameters, not from %s: %s", config.train.init, ", ".join(left))
     taken = [
         (0.1 * leaf if layer_of[name] in added else leaf)
         if layer_of[name] in skipped

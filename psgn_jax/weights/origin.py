@@ -15,7 +15,7 @@ from psgn_jax.weights.run_folder import load_config
 
 
 def data_of(config: Config) -> list[dict[str, Any]]:
-    """The data sets of a training, then those of the networks that it started from.
+    """The data sets of a training and of the networks that it started from.
 
     A row has the name and, if the manifest can be read, the source and the number of training
     samples. Folders with the same name are listed with their parents' names.
@@ -27,7 +27,7 @@ def sources_of(config: Config, stated: Sequence[dict[str, Any]] = ()) -> list[di
     """The sources and licences of `data_of`, as in `weights.file.Weights`.
 
     Args:
-      stated: those of the training's own data; without them, their licences are not stated.
+      stated: the rows of the training's data; without them, their licences are not stated.
 
     Returns:
       a row for each; none if nothing is stated at all.

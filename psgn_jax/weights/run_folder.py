@@ -130,7 +130,7 @@ def _refuse_pipes(workdir: str | os.PathLike[str]) -> None:
 
 @contextlib.contextmanager
 def locked(workdir: str | pathlib.Path) -> Iterator[None]:
-    """Locks a run's folder against other trainings, and removes temporary files of killed ones.
+    """Locks a run's folder against other trainings; removes temporary files of killed processes.
 
     Raises:
       ConfigError: another process holds the lock.
