@@ -4,10 +4,7 @@ Volumes are occupancies in [0, 1] on the same grid, of any shape; bool counts as
 shapes and dtypes raise a ValueError. All functions take one pair. IoU has no unit.
 """
 
-from typing import Any
-
 import jax.numpy as jnp
-import numpy as np
 
 from psgn_jax.array_types import Array, Bool, Float
 
@@ -44,7 +41,7 @@ def iou(
     NaN if a predicted value is NaN. Source: Choy et al., "3D-R2N2", ECCV 2016, section 5.1 (its
     code compares with >= and uses the threshold .4).
     """
-    return iou_sweep(pred, gt, _array(threshold, "threshold")[None])[0]
+    return iou_sweep(pred, gt, jnp.asarray(threshold)[None])[0]
 
 
 def iou_sweep(
@@ -56,7 +53,7 @@ def iou_sweep(
     pred, gt = (volume.reshape(1, -1) for volume in _volumes(pred, gt))
     if gt.dtype != bool:
         raise ValueError(f"gt: got {gt.dtype}, expected bool")
-    inside = pred >= _array(thresholds, "thresholds", pred.dtype)[:, None]
+    inside = pred >= jnp.asarray(thresholds, pred.dtype)[:, None]
     both = (inside & gt).sum(axis=1)
     either = (inside | gt).sum(axis=1)
     score = jnp.where(either == 0, 1.0, both / jnp.where(either == 0, 1, either))
@@ -66,7 +63,7 @@ def iou_sweep(
 
 def _volumes(pred: Array, gt: Array) -> tuple[Array, Array]:
     """Both as arrays of the same shape, of floats or bool."""
-    volumes = _array(pred, "pred"), _array(gt, "gt")
+    volumes = jnp.asarray(pred), jnp.asarray(gt)
     if volumes[0].shape != volumes[1].shape:
         raise ValueError(
             f"pred has the shape {volumes[0].shape}, gt {volumes[1].shape}: expected the same grid"
@@ -75,14 +72,3 @@ def _volumes(pred: Array, gt: Array) -> tuple[Array, Array]:
         if volume.dtype != bool and not jnp.issubdtype(volume.dtype, jnp.floating):
             raise ValueError(f"{name}: got {volume.dtype}, expected floats in [0, 1] or bool")
     return volumes
-
-
-def _array(value: Any, name: str, dtype: Any = None) -> Array:
-    try:
-        if isinstance(value, np.ndarray) and value.dtype.kind in "OSU":
-            raise TypeError(f"no array of {value.dtype}")
-        return jnp.asarray(value, dtype)
-    except (TypeError, ValueError):
-        raise ValueError(
-            f"{name}: got {type(value).__name__}, expected an array of numbers"
-        ) from None

@@ -14,9 +14,7 @@ Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 
 
-def map_pairs(
-    function: Callable[Parameters, Result], *, platform: str | None = None
-) -> Callable[Parameters, Result]:
+def map_pairs(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """Maps a function of one pair over a batch of pairs, by the method that suits the platform.
 
     A CPU processes the pairs one after another (`jax.lax.scan`), so that the data of a pair stay in
@@ -26,15 +24,12 @@ def map_pairs(
 
     Args:
       function: (pred [n, 3], gt [m, 3]) -> any pytree of arrays, for one pair.
-      platform: "cpu", "gpu" or "tpu"; None: where the arrays are.
 
     Returns:
       (pred [B, n, 3], gt [B, m, 3]) -> the pytree with a leading axis B on every array. If the
       function takes further arrays, they need the same leading axis. It raises ValueError if the
       batches differ in size, or are one pair of clouds.
     """
-    if platform not in (None, "cpu", "gpu", "tpu"):
-        raise ValueError(f"platform: got {platform!r}, expected 'cpu', 'gpu', 'tpu' or None")
     apply: Callable[..., Any] = function
 
     # Defined here, not in `over_batch`, so that every call passes the same function to `scan`. JAX
@@ -59,8 +54,6 @@ def map_pairs(
         return jax.lax.scan(one_pair, None, arrays)[1]
 
     def over_part(*arrays: Array) -> Any:
-        if platform:
-            return (in_turn if platform == "cpu" else jax.vmap(apply))(*arrays)
         return per_platform(in_turn, jax.vmap(apply), *arrays)
 
     return over_batch  # type: ignore[return-value]  # every array has one more axis

@@ -166,7 +166,7 @@ def cd_table(args, whole):
         "extra MB fwd, fwd+bwd", "mean error", "max error",
     )  # fmt: skip
     measures = {
-        "map": functools.partial(cd_jax, losses.map_pairs(losses.chamfer_sq_mean, platform="cpu")),
+        "map": functools.partial(cd_jax, losses.map_pairs(losses.chamfer_sq_mean)),
         "naive": functools.partial(cd_jax, jax.vmap(naive)),
     }
     if installed("torch"):
@@ -196,9 +196,7 @@ def emd_rows(a, b, few):
     best = [d[match].sum() for (d,), match in zip(matrices, matches, strict=True)]
     yield "scipy", spent / pairs, best, {}
     del matrices[few:]
-    sums, one, both, memory, found = emd_ours(
-        functools.partial(losses.map_pairs, platform="cpu"), a, b
-    )
+    sums, one, both, memory, found = emd_ours(losses.map_pairs, a, b)
     bids = found.iterations / n
     yield "ours, map", one / pairs, sums, {
         "both": f"{1e3 * both / pairs:.2f}", "gap": f"{found.gap.max():.2%}",

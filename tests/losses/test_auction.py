@@ -9,7 +9,7 @@ from psgn_jax import losses
 
 solve = losses.assign  # without `jit`, it is compiled once per size
 traced_solve = jax.jit(solve)
-solve_map = jax.jit(losses.map_pairs(losses.assign, platform="cpu"))
+solve_map = jax.jit(losses.map_pairs(losses.assign))
 
 
 def check(a, b, found, tolerance=0.01, *, converged=True):

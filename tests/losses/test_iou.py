@@ -55,13 +55,6 @@ def test_shapes_and_dtypes(rng):
             function(solid.astype(np.uint8), solid)
         with pytest.raises(ValueError, match=r"pred has the shape \(3,\), gt \(4,\)"):
             function(jnp.zeros(3), jnp.zeros(4))
-    for wrong in (np.array(["x", "y"]), ["x", "y"], [[1.0], [1.0, 2.0]], None):
-        with pytest.raises(ValueError, match=r"pred: got \w+, expected an array of numbers"):
-            losses.iou(wrong, solid)
-        with pytest.raises(ValueError, match=r"gt: got \w+, expected an array of numbers"):
-            losses.soft_iou(solid, wrong)
-    with pytest.raises(ValueError, match="threshold: got str, expected"):
-        losses.iou(solid, solid, ".5")
     with pytest.raises(ValueError, match="gt: got int32, expected"):
         iou(solid, solid.astype(np.int32))
     with pytest.raises(ValueError, match="gt: got float32, expected bool"):

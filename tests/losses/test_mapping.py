@@ -1,4 +1,4 @@
-"""`map_pairs` has the results of each pair, whatever the platform."""
+"""`map_pairs` has the results of each pair, on a CPU and by the program of an accelerator."""
 
 import jax
 import jax.numpy as jnp
@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from psgn_jax import losses
+from psgn_jax.losses import mapping
 
 
-@pytest.mark.parametrize("platform", ["cpu", "gpu"])
-def test_the_results_are_those_of_each_pair(platform, rng):
+@pytest.mark.parametrize("chosen", [0, 1])
+def test_the_results_are_those_of_each_pair(chosen, rng, monkeypatch):
+    choose = lambda *programs_and_arrays: programs_and_arrays[chosen](*programs_and_arrays[2:])  # noqa: E731
+    monkeypatch.setattr(mapping, "per_platform", choose)
     arrays = [jnp.asarray(rng.normal(size=(4, *s)), jnp.float32) for s in ((5, 3), (7, 3), (2,))]
 
     def function(a, b, w):
@@ -18,18 +21,13 @@ def test_the_results_are_those_of_each_pair(platform, rng):
     def total(a, mapped):
         return jnp.sum(mapped(a, *arrays[1:])["cd"])
 
-    mapped = losses.map_pairs(function, platform=platform)
+    mapped = losses.map_pairs(function)
     pairs = [function(*pair) for pair in zip(*arrays, strict=True)]
     each = jax.tree.map(lambda *leaves: jnp.stack(leaves), *pairs)
     found = jax.jit(mapped)(*arrays)
     jax.tree.map(lambda x, y: np.testing.assert_allclose(x, y, rtol=1e-6), found, each)
     gradients = [jax.grad(total)(arrays[0], m) for m in (mapped, jax.vmap(function))]
     np.testing.assert_allclose(*gradients, rtol=1e-5)
-
-
-def test_an_unknown_platform_is_refused():
-    with pytest.raises(ValueError, match="platform: got 'cup', expected 'cpu'"):
-        losses.map_pairs(losses.chamfer_sq_mean, platform="cup")
 
 
 def test_batches_of_two_sizes_are_refused_and_no_pairs_give_no_losses():
