@@ -51,9 +51,6 @@ class ModelConfig:
     name: Version = "two_branch"
     # Feature maps at each resolution level, full size first; each level halves the size.
     widths: tuple[Size, ...] = (16, 32, 64, 128, 256, 512, 512)
-    # Factor of all hidden widths, except in the posterior network. If it is not 1, the results are
-    # rounded to multiples of 8 and are at least 8.
-    width_multiplier: Factor = 1.0
     # Number of points of the fully connected branch; all points of `vanilla`.
     fc_points: Annotated[int, Bounds(low=0, high=1_000_000)] = 256
     # Level at which the deconv branch ends (3 = an eighth of the image size).
@@ -92,9 +89,8 @@ class LossConfig:
     # An entry of `losses.LOSSES`, or a weighted sum of entries, each with a number of true points,
     # such as "emd_mean@1024 + 5*chamfer_sq_mean".
     name: str = "chamfer_sq_mean"
-    # "authors" adds `l2_scale` times the L2 terms of `tasks.points.l2_authors`.
+    # "authors" adds the L2 terms of `tasks.points.l2_authors`.
     l2: Literal["none", "authors"] = "none"
-    l2_scale: NonNegative = 0.1  # Weight of these terms; 0.1 is the authors' value.
     emd_tolerance: Positive = 0.01  # Accepted relative error of the assignment in an EMD.
     # Number of draws of the random input for each sample and training step, of which only the
     # nearest to the truth counts (`losses.min_of_n`); 2 in the paper. Evaluation uses one draw.
@@ -142,8 +138,6 @@ class TrainConfig:
     checkpoint_every: Count = 1_000  # Steps between checkpoints; also at evaluations, at the end.
     # Steps between images of predictions in TensorBoard; also at the end.
     images_every: Count = 5_000
-    # Number of samples in such an image; at most `eval.batch_size`.
-    num_images: Annotated[int, Bounds(low=1, high=1000)] = 6
     keep_checkpoints: PositiveInt = 2  # Number of newest checkpoints kept, besides the best one.
     # Time after SIGTERM or Ctrl-C in which the current step may end and be saved. Then the process
     # ends, after completing a checkpoint that is being written.
@@ -223,7 +217,11 @@ class Config:
     voxels: VoxelConfig = dataclasses.field(default_factory=VoxelConfig)
 
 
-_REMOVED = {("model", "trained_blocks"): 0, ("optim", "encoder_rate"): 1}
+_REMOVED = {
+    ("model", "trained_blocks"): 0, ("model", "width_multiplier"): 1, ("loss", "l2_scale"): 0.1,
+    ("optim", "encoder_rate"): 1, ("train", "num_images"): None,
+}  # fmt: skip
+"""Fields of earlier versions -> the value that has no effect, None = any."""
 
 
 def parse(config: Any) -> Config:
@@ -261,7 +259,6 @@ _NEEDS: tuple[tuple[str, Callable[[Config], object], tuple[str, ...]], ...] = (
     ("model.posterior=True", lambda config: config.model.posterior,
      ("loss.kl_weight", "loss.kl_warmup_steps", "model.posterior_widths",
       "model.posterior_hidden")),
-    ("loss.l2='authors'", lambda config: config.loss.l2 == "authors", ("loss.l2_scale",)),
     ("optim.schedule='cosine'", lambda config: config.optim.schedule == "cosine",
      ("optim.final_fraction",)),
     ("task='refiner'", lambda config: config.task == "refiner",
@@ -304,14 +301,11 @@ def to_json(config: Config) -> str:
 
 
 def _without_removed(config: Any) -> Any:
-    """Leaves out fields of earlier versions that have the value without effect.
-
-    Stored configurations, for example in the package's weights, have all fields of their time.
-    """
+    """Leaves out `_REMOVED`: stored configurations, as in the package's weights, still have it."""
     tree = config.to_dict() if hasattr(config, "to_dict") else config
     for (section, field), idle in _REMOVED.items():
         values = tree.get(section) if isinstance(tree, Mapping) else None
-        if isinstance(values, Mapping) and values.get(field) == idle:
+        if isinstance(values, Mapping) and field in values and idle in (None, values[field]):
             tree = {**tree, section: {k: v for k, v in values.items() if k != field}}
     return tree
 

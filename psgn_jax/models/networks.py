@@ -42,9 +42,7 @@ def build_posterior(config: ModelConfig) -> posterior.Posterior:
 
 def build_volume_net(config: ModelConfig) -> volumes.VolumeNet:
     """The network that predicts the volume of an object from its image."""
-    widths = scaled_widths(config.widths, config.width_multiplier)
-    (hidden,) = scaled_widths((512,), config.width_multiplier)
-    return volumes.VolumeNet(widths, hidden, DTYPES[config.compute_dtype])
+    return volumes.VolumeNet(config.widths, dtype=DTYPES[config.compute_dtype])
 
 
 def build_r2n2(config: ModelConfig, sizes: VoxelConfig) -> recurrent.RecurrentVolume:
@@ -72,9 +70,9 @@ def _point_out_net(config: ModelConfig) -> PointOutNet:
         version=config.name,
         image_size=config.image_size,
         in_channels=config.in_channels,
-        widths=scaled_widths(config.widths, config.width_multiplier),
+        widths=config.widths,
         fc_points=config.fc_points,
-        fc_widths=scaled_widths(config.fc_widths, config.width_multiplier),
+        fc_widths=config.fc_widths,
         deconv_level=config.deconv_level,
         deconv_channels=config.deconv_channels,
         random_size=config.random_size,

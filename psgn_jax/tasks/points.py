@@ -32,6 +32,8 @@ from psgn_jax.viewing import spheres
 # Weights of the L2 terms in the authors' published training code, each w * sum(kernel**2) / 2 as in
 # tf.nn.l2_loss.
 L2_CONV, L2_DENSE, L2_CARRY = 1e-5, 1e-3, 1e-4
+L2_SCALE = 0.1  # of their sum, as in the authors' code
+_NUM_PICTURES = 6  # at most, in TensorBoard
 
 PairFunction = Callable[..., Any]
 
@@ -107,7 +109,7 @@ def _total_loss(
     metrics |= {f"loss_{name}": jnp.mean(values) for name, values in terms.items()}
     metrics["loss"] = value
     if config.loss.l2 != "none":
-        metrics["l2"] = config.loss.l2_scale * l2_authors(params)
+        metrics["l2"] = L2_SCALE * l2_authors(params)
         extra += metrics["l2"]
     return value + extra, metrics
 
@@ -154,7 +156,7 @@ def _picture(config: Config, eval_step: Callable[..., Any], params: Any) -> np.n
         choose=lambda number: range(1),
     )
     points, _ = eval_step(params, batch, 0)
-    shown = np.flatnonzero(batch["valid"])[: config.train.num_images]
+    shown = np.flatnonzero(batch["valid"])[:_NUM_PICTURES]
     rows = []
     for i in shown.tolist():
         case = {key: batch[key][i] for key in ("image", "intrinsics", "extrinsics")}

@@ -58,7 +58,7 @@ MAY_CHANGE = frozenset((
     "data.path", "data.eval_path",  # folders can be moved
     "data.eval_split", "data.num_eval_points", "data.num_workers", "data.cache_gb",
     "train.steps", "train.log_every", "train.eval_every", "train.checkpoint_every",
-    "train.images_every", "train.num_images", "train.keep_checkpoints", "train.stop_seconds",
+    "train.images_every", "train.keep_checkpoints", "train.stop_seconds",
     "eval.batch_size", "eval.max_samples", "eval.fscore_threshold", "eval.emd_tolerance",
     "eval.visible_tolerance", "eval.aligned", "eval.refine",
 ))  # fmt: skip

@@ -111,7 +111,7 @@ def config(**changes):
         "model": {**widths, "deconv_level": 1, "random_size": 3},
         "optim": {"learning_rate": 1e-3, "ema_decay": 0.9, "clip_norm": 5.0},
         "loss": {"l2": "authors"},
-        "train": {**every, "batch_size": 8, "steps": 12, "num_images": 2},
+        "train": {**every, "batch_size": 8, "steps": 12},
         "eval": {"batch_size": 4, "emd_tolerance": 0},
     }
     for name, value in changes.items():

@@ -164,7 +164,9 @@ def test_output_order():
 
 def test_every_pixel_random_number_and_parameter_reaches_the_output():
     """In both passes of the hourglass, which has all layers of the other versions."""
-    config = ModelConfig(name="hourglass", random_size=5, width_multiplier=1 / 64, fc_points=16)
+    config = ModelConfig(
+        name="hourglass", random_size=5, widths=(8,) * 7, fc_widths=(32, 16), fc_points=16
+    )
     network, params = initialised(config)
     x, r = arguments(config, batch=1)
     weights = np.random.default_rng(3).normal(size=(1, network.num_points, 3)).astype("f4")
