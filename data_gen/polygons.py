@@ -7,10 +7,6 @@ import numpy as np
 MOST_CORNERS = 4000
 """Largest number of corners of a polygon that is triangulated by cutting ears; others use a fan."""
 
-_AT_ONCE = 100  # polygons with more corners are cut one by one
-
-_BLOCK = 1 << 22  # triples of corners that are compared at a time, one byte each
-
 
 def cut_ears(outlines: np.ndarray) -> np.ndarray:
     """Triangulates simple polygons, counter-clockwise [p, n, 2], by cutting ears: [p, n - 2, 3].
@@ -20,63 +16,43 @@ def cut_ears(outlines: np.ndarray) -> np.ndarray:
     count: a bridge to a hole has its two ends twice. A polygon that intersects itself has as many
     triangles, but they may overlap.
     """
-    count, size = outlines.shape[:2]
-    if size > _AT_ONCE:
-        return np.stack([_cut_ears_of_one(outline) for outline in outlines])
-    parts = -(-count * size**2 // _BLOCK)
-    if parts > 1 and count > 1:
-        return np.concatenate([cut_ears(part) for part in np.array_split(outlines, parts)])
-    rows = np.arange(count)
-    left = np.tile(np.arange(size), (count, 1))
-    result = []
-    while size > 3:
-        points = np.take_along_axis(outlines, left[..., None], axis=1)
-        a, b, c = (np.roll(points, shift, axis=1)[:, :, None] for shift in (1, 0, -1))
-        others = points[:, None]
-        with np.errstate(over="ignore", invalid="ignore"):
-            convex = _cross(a, b, c)[..., 0] > 0
-            inside = _cross(a, b, others) >= 0
-            inside &= _cross(b, c, others) >= 0
-            inside &= _cross(c, a, others) >= 0
-        for corner in (a, b, c):
-            inside &= (others != corner).any(axis=-1)
-        own = (np.arange(size)[:, None] - np.arange(size)) % size
-        ears = convex & ~(inside & ~np.isin(own, [0, 1, size - 1])).any(axis=2)
-        ear = ears.argmax(axis=1)  # the first corner if there is none
-        result.append(np.stack([left[rows, (ear + k) % size] for k in (-1, 0, 1)], axis=1))
-        left = left[np.arange(size) != ear[:, None]].reshape(count, size - 1)
-        size -= 1
+    points, (count, size) = outlines, outlines.shape[:2]
+    rows, left = np.arange(count), np.tile(np.arange(size), (count, 1))
+    convex, inside = np.zeros((count, size), bool), np.zeros((count, size), np.int64)
+
+    def measure(column: np.ndarray) -> None:
+        """Finds whether a corner of each polygon is convex, and the corners in its triangle."""
+        a, b, c = (points[rows, (column + k) % size][:, None] for k in (-1, 0, 1))
+        convex[rows, column] = _cross(a, b, c)[:, 0] > 0
+        inside[rows, column] = _contains(a, b, c, points).sum(axis=1)
+
+    with np.errstate(over="ignore", invalid="ignore"):
+        for column in range(size):
+            measure(np.full(count, column))
+        result = []
+        while size > 3:
+            ear = (convex & (inside == 0)).argmax(axis=1)  # the first corner if there is none
+            result.append(np.stack([left[rows, (ear + k) % size] for k in (-1, 0, 1)], axis=1))
+            a, b, c = (np.roll(points, shift, axis=1) for shift in (1, 0, -1))
+            inside -= _contains(a, b, c, points[rows, ear][:, None])
+            kept = np.arange(size) != ear[:, None]
+            size -= 1
+            points, left, convex, inside = (
+                values[kept].reshape(count, size, *values.shape[2:])
+                for values in (points, left, convex, inside)
+            )
+            measure((ear - 1) % size)
+            measure(ear % size)
     return np.stack([*result, left], axis=1)
 
 
-def _cut_ears_of_one(outline: np.ndarray) -> np.ndarray:
-    """`cut_ears` for one polygon [n, 2]: only the neighbours of a cut ear are compared again."""
-    size = len(outline)
-    before, after = np.arange(-1, size - 1) % size, np.arange(1, size + 1) % size
-    left = np.ones(size, bool)
-
-    def is_ear(corner: int) -> bool:
-        a, b, c = outline[before[corner]], outline[corner], outline[after[corner]]
-        if _cross(a, b, c) <= 0:
-            return False
-        others = outline[left]
-        inside = _cross(a, b, others) >= 0
-        inside &= (_cross(b, c, others) >= 0) & (_cross(c, a, others) >= 0)
-        for own in (a, b, c):
-            inside &= (others != own).any(axis=1)
-        return not inside.any()
-
-    ears = np.array([is_ear(corner) for corner in range(size)])
-    result = []
-    for _ in range(size - 2):
-        if not (ears & left).any():  # a corner that was in the way may be gone
-            ears = np.array([there and is_ear(corner) for corner, there in enumerate(left)])
-        corner = int((ears & left if (ears & left).any() else left).argmax())
-        one, two = before[corner], after[corner]
-        result.append((one, corner, two))
-        left[corner], after[one], before[two] = False, two, one
-        ears[one], ears[two] = is_ear(one), is_ear(two)
-    return np.array(result)
+def _contains(a: np.ndarray, b: np.ndarray, c: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Whether triangles a, b, c contain points that are not at their corners."""
+    result: np.ndarray = (_cross(a, b, points) >= 0) & (_cross(b, c, points) >= 0)
+    result &= _cross(c, a, points) >= 0
+    for corner in (a, b, c):
+        result &= (points != corner).any(axis=-1)
+    return result
 
 
 def strip(count: int) -> np.ndarray:
