@@ -43,6 +43,10 @@ class UnreadableModelError(UnusableModelError):
     status = "unreadable"
 
 
+GREY = (0.6, 0.6, 0.6)
+"""Colour of models without colours."""
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Material:
     """The appearance of a surface (Blinn-Phong).
@@ -56,7 +60,7 @@ class Material:
       name: name of the material in its file.
     """
 
-    diffuse: tuple[float, float, float] = (0.6, 0.6, 0.6)
+    diffuse: tuple[float, float, float] = GREY
     specular: tuple[float, float, float] = (0.0, 0.0, 0.0)
     shininess: float = 20.0
     opacity: float = 1.0
@@ -134,7 +138,6 @@ def build_model(
     normals: np.ndarray | None = None,
     uv: np.ndarray | None = None,
     warnings: Sequence[str] = (),
-    max_faces: int = MAX_FACES,
     **names: Any,
 ) -> Model:
     """Cleans raw arrays and makes a `Model` from them.
@@ -152,16 +155,14 @@ def build_model(
       normals: [F, 3, 3] for corners, or None.
       uv: [F, 3, 2] for corners, or None.
       warnings: of the reader.
-      max_faces: largest accepted number of faces.
       **names: `category`, `model_id` and `parameters` of the model.
 
     Raises:
-      UnusableModelError: no face is left, there are too many faces, or a vertex is not finite.
+      UnusableModelError: no face is left, or a vertex is not finite.
     """
     notes = list(warnings)
     vertices = np.asarray(vertices, np.float64).reshape(-1, 3)
     faces = np.asarray(faces, np.int64).reshape(-1, 3)
-    check_face_count(len(faces), max_faces)
     materials = tuple(materials) or (Material(),)
     owner = np.zeros(len(faces), np.int64) if face_material is None else np.asarray(face_material)
 
@@ -195,8 +196,7 @@ def build_model(
     faces, owner = faces[keep], owner[keep].astype(np.int64)
     index, flat_faces = np.unique(faces, return_inverse=True)
     vertices, faces = vertices[index], flat_faces.reshape(-1, 3)
-    if uv is None:
-        uv = np.zeros((len(keep), 3, 2))
+    uv = np.zeros((len(keep), 3, 2)) if uv is None else uv
     uv = np.nan_to_num(np.asarray(uv, np.float32).reshape(-1, 3, 2)[keep], posinf=0, neginf=0)
     if normals is None:
         normals = crease_normals(vertices, faces)
@@ -210,8 +210,7 @@ def build_model(
         if missing.any():
             if not missing.all():
                 notes.append(f"corner normals missing or zero, recomputed: {int(missing.sum())}")
-            smooth = crease_normals(vertices, faces)
-            normals = np.where(missing[..., None], smooth, normals)
+            normals = np.where(missing[..., None], crease_normals(vertices, faces), normals)
     normals = normals.astype(np.float32)
     return Model(vertices, faces, normals, uv, owner, materials, warnings=tuple(notes), **names)
 
@@ -219,12 +218,6 @@ def build_model(
 def kind_of_warning(line: str) -> str:
     """The kind of a warning, which has no names and numbers of the file: the text before ": "."""
     return line.partition(": ")[0]
-
-
-def check_face_count(count: int, max_faces: int) -> None:
-    """Raises UnusableModelError if there are more than `max_faces` faces."""
-    if count > max_faces:
-        raise UnusableModelError(f"{count} faces are more than the limit of {max_faces}")
 
 
 def unit_vectors(v: np.ndarray) -> np.ndarray:

@@ -1,29 +1,26 @@
 """A format of meshes: RAW, a line of nine numbers for each triangle.
 
-In the package: a reader of the bytes in `data_gen/readers/`; its suffix in `READERS` of
-`data_gen/readers/load.py`, then catalogues find such files; its column in the table of features in
-`docs/rendering.md`
+In the package: a function in `data_gen/readers/` from bytes to `readers.parts.Part`s; its suffix in
+`READERS` of `data_gen/readers/load.py`, then catalogues find such files; its column in the table of
+features in `docs/rendering.md`
 """
-
-from typing import Any
 
 import numpy as np
 
-from data_gen.mesh import UnusableModelError, check_face_count
 from data_gen.readers.load import READERS
+from data_gen.readers.model_files import DamagedError, numbers
+from data_gen.readers.parts import Part
 from data_gen.readers.textures import Assets
 
 
-def read_raw(data: bytes, assets: Assets) -> dict[str, Any]:
-    """The arrays of a file, for `mesh.build_model`; `assets` opens files that this one names."""
-    check_face_count(data.count(b"\n"), assets.max_faces)
-    try:
-        corners = np.array([line.split() for line in data.decode().splitlines()], np.float64)
-    except ValueError as error:
-        raise UnusableModelError(f"not readable as raw: {error}") from None
+def read_raw(data: bytes, assets: Assets) -> list[Part]:
+    """The triangles of a file; `assets` opens files that this one names, and takes warnings."""
+    assets.add_faces(data.count(b"\n"))
+    corners = numbers([line.split() for line in data.decode().splitlines()])
     if corners.ndim != 2 or corners.shape[1] != 9:
-        raise UnusableModelError("not readable as raw: expected nine numbers a line")
-    return {"vertices": corners, "faces": np.arange(3 * len(corners))}
+        raise DamagedError("expected nine numbers a line")
+    count = len(corners)
+    return [Part(corners.reshape(-1, 3), np.full(count, 3), np.arange(3 * count))]
 
 
 READERS["raw"] = read_raw

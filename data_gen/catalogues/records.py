@@ -20,7 +20,7 @@ import scipy.spatial
 from data_gen.catalogues.entry import SPLITS, Catalogue, Entry
 from data_gen.catalogues.proportions import Change, random_proportions
 from data_gen.mesh import Model, UnusableModelError, build_model, unit_vectors
-from data_gen.parts import palette
+from data_gen.readers.parts import palette
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.manifest import DUPLICATES, load_manifest
 from psgn_jax.data.schema import Sample

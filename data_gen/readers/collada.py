@@ -5,23 +5,16 @@ instance with one missing material; it ignores the offset and the stride of acce
 """
 
 import re
-from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from data_gen.mesh import Material, UnusableModelError, check_face_count
-from data_gen.parts import Part, picked, rgba
+from data_gen.mesh import GREY, Material, UnusableModelError
 from data_gen.polygons import fan, strip, with_holes
-from data_gen.readers.mtl import GREY
-from data_gen.readers.textures import (
-    MISSING_TEXTURE,
-    NO_COORDINATES,
-    NOT_REPEATED,
-    Assets,
-    with_alpha,
-)
+from data_gen.readers.model_files import DamagedError, numbers
+from data_gen.readers.parts import Look, Part, picked, placed, rgba
+from data_gen.readers.textures import MISSING_TEXTURE, NO_COORDINATES, Assets, with_alpha
 
 MAX_XML_BYTES = 64 << 20
 
@@ -33,12 +26,14 @@ _TURNS = {
     "X_UP": ((0, -1, 0, 0), (1, 0, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
 }
 
+_SHADERS = ("phong", "blinn", "lambert", "constant")
 
-class _BrokenError(Exception):
-    """A part of the file cannot be read; the text says why."""
+_WRAPS = {"MIRROR": "mirror", "CLAMP": "clamp", "BORDER": "clamp", "NONE": "clamp"}
+
+_PLACED = ("repeatU", "repeatV", "offsetU", "offsetV", "rotateUV", "rotateFrame")  # of Maya
 
 
-def parsed_xml(data: bytes, title: str) -> Element:
+def parsed_xml(data: bytes) -> Element:
     """The root of an XML file, whose tags are without namespaces: some files have none."""
     if len(data) > MAX_XML_BYTES:
         raise UnusableModelError(f"{len(data)} bytes of XML, more than the limit {MAX_XML_BYTES}")
@@ -47,41 +42,43 @@ def parsed_xml(data: bytes, title: str) -> Element:
     try:
         root = ElementTree.fromstring(data.lstrip())
     except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise UnusableModelError(f"not readable as {title}: XML, {error}"[:200]) from error
+        raise DamagedError(f"XML, {error}") from error
     for element in root.iter():
         element.tag = element.tag.rpartition("}")[2]
     return root
 
 
-def read_collada(data: bytes, assets: Assets) -> dict[str, Any]:
-    """Arrays of a COLLADA file for `mesh.build_model`, turned to +y up."""
-    root = parsed_xml(data, "COLLADA")
+def read_collada(data: bytes, assets: Assets) -> list[Part]:
+    """The geometries of the scene of a COLLADA file, turned to +y up."""
+    root = parsed_xml(data)
     if root.tag != "COLLADA":
-        raise UnusableModelError(f"not readable as COLLADA: it is XML with <{root.tag[:40]}>")
+        raise DamagedError(f"it is XML with <{root.tag[:40]}>")
     parts = _Document(root, assets).parts()
     if not parts and assets.warnings:
         raise UnusableModelError(f"the mesh is empty: {assets.warnings[0]}")
-    return assets.arrays(parts)
+    return parts
 
 
 def _numbers(element: Element | None, count: int = 0) -> np.ndarray:
     """The numbers in an element: at least `count`, of which we take the first; 0 = all."""
-    words = (element.text or "").split() if element is not None else []
-    try:
-        values = np.array(words, np.float64)
-    except ValueError:
-        raise _BrokenError(f"a word in <{element.tag}> that is not a number") from None  # type: ignore[union-attr]
+    text, tag = ("", "") if element is None else (element.text or "", element.tag)
+    values = numbers(text.split(), where=f" in <{tag}>")
     if len(values) < count:
-        raise _BrokenError(f"{len(values)} numbers, expected {count}")
+        raise DamagedError(f"{len(values)} numbers, expected {count}")
     return values[:count] if count else values
 
 
-def _integer(text: str | None, default: int) -> int:
-    if text is None or not text.strip():
-        return default
-    if not text.strip().isdecimal():
-        raise _BrokenError(f"{text[:20]!r}, expected a number")
+def _integer(element: Element, name: str, default: int) -> int:
+    """An attribute that is a number from 0."""
+    text = (element.get(name) or "").strip() or str(default)
+    if not text.isdecimal():
+        raise DamagedError(f"{text[:20]!r}, expected a number")
     return int(text)
+
+
+def _id(url: str | None) -> str:
+    """The identifier at a URL of the same file."""
+    return (url or "").strip().removeprefix("#")
 
 
 def _transform(node: Element) -> np.ndarray:
@@ -104,7 +101,7 @@ def _transform(node: Element) -> np.ndarray:
             turn = np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
             matrix[:3, :3] += turn
         elif element.tag in ("skew", "lookat"):
-            raise _BrokenError(f"<{element.tag}>")
+            raise DamagedError(f"<{element.tag}>")
         result = result @ matrix
     return result
 
@@ -115,16 +112,14 @@ class _Document:
     def __init__(self, root: Element, assets: Assets) -> None:
         self.root, self.assets = root, assets
         self.ids = {(e.tag, name): e for e in root.iter() if (name := e.get("id"))}
-        self.materials: dict[Element, tuple[Material, str]] = {}
+        self.materials: dict[Element, tuple[Look, str]] = {}
         self.sources: dict[Element, np.ndarray] = {}
-        self.faces = 0
 
     def find(self, url: str | None, *tags: str) -> Element:
         """The element with one of these tags at a URL of this file."""
-        name = (url or "").strip().removeprefix("#")
-        found = [e for tag in tags if (e := self.ids.get((tag, name))) is not None]
+        found = [e for tag in tags if (e := self.ids.get((tag, _id(url)))) is not None]
         if not found:
-            raise _BrokenError(f"{tags[0]} {url!r} is not in the file")
+            raise DamagedError(f"{tags[0]} {url!r} is not in the file")
         return found[0]
 
     def parts(self) -> list[Part]:
@@ -132,7 +127,7 @@ class _Document:
         axis = (self.root.findtext("asset/up_axis") or "").strip().upper()
         turn = np.array(_TURNS.get(axis, np.eye(4)), np.float64)
         instance = self.root.find("scene/instance_visual_scene")
-        url = "" if instance is None else (instance.get("url") or "").strip().removeprefix("#")
+        url = "" if instance is None else _id(instance.get("url"))
         scenes = self.root.findall("library_visual_scenes/visual_scene")
         if len(scenes) > 1:
             self.assets.warn("scenes other than the default one not read", len(scenes) - 1)
@@ -155,7 +150,7 @@ class _Document:
                 raise UnusableModelError(what)
             try:
                 matrix = matrix @ _transform(node)
-            except _BrokenError as error:
+            except DamagedError as error:
                 self.leave_out("nodes", node, error)
                 continue
             for child in reversed(node):
@@ -174,11 +169,11 @@ class _Document:
                         parts += self.instance(geometry, child, here)
                     elif child.tag == "geometry" and node.tag == "library_geometries":
                         parts += self.instance(child, child, matrix)
-                except _BrokenError as error:
+                except DamagedError as error:
                     self.leave_out("parts of the scene", child, error)
         return parts
 
-    def leave_out(self, what: str, element: Element, error: _BrokenError) -> None:
+    def leave_out(self, what: str, element: Element, error: DamagedError) -> None:
         """Warns that an element is not read."""
         name = element.get("id") or element.get("url") or element.get("name") or element.tag
         self.assets.warn(f"{what} not readable, left out", f"{name} ({error})")
@@ -195,18 +190,18 @@ class _Document:
             elif (kind := controller.find("morph")) is not None:
                 self.assets.warn("morph targets not read, base shapes are", controller.get("id"))
             else:
-                raise _BrokenError("a controller without skin and morph")
+                raise DamagedError("a controller without skin and morph")
             controller = self.find(kind.get("source"), "geometry", "controller")
             if controller.tag == "geometry":
                 return controller, shape
-        raise _BrokenError("controllers of controllers")
+        raise DamagedError("controllers of controllers")
 
     def instance(self, geometry: Element, place: Element, matrix: np.ndarray) -> list[Part]:
         """The polygons of a geometry with the materials of its instance."""
         mesh = geometry.find("mesh")
         if mesh is None:
             kinds = [child.tag for child in geometry if child.tag not in ("asset", "extra")]
-            raise _BrokenError(f"geometry {geometry.get('id')!r} is a {(kinds or ['void'])[0]}")
+            raise DamagedError(f"geometry {geometry.get('id')!r} is a {(kinds or ['void'])[0]}")
         instances = place.iterfind("bind_material/technique_common/instance_material")
         bound = {instance.get("symbol"): instance for instance in instances}
         parts = []
@@ -216,7 +211,7 @@ class _Document:
             elif primitive.tag in ("triangles", "polylist", "polygons", "tristrips", "trifans"):
                 try:
                     parts.append(self.part(primitive, bound, matrix))
-                except _BrokenError as error:
+                except DamagedError as error:
                     self.leave_out("parts of geometries", geometry, error)
         return parts
 
@@ -226,7 +221,7 @@ class _Document:
         """The polygons of a primitive."""
         inputs: dict[tuple[str, str], tuple[int, Element]] = {}
         for element in primitive.iterfind("input"):
-            offset = _integer(element.get("offset"), 0)
+            offset = _integer(element, "offset", 0)
             semantic, number = element.get("semantic") or "", element.get("set") or "0"
             if semantic == "VERTEX":
                 for inner in self.find(element.get("source"), "vertices").iterfind("input"):
@@ -235,48 +230,34 @@ class _Document:
             elif semantic in ("NORMAL", "TEXCOORD", "COLOR"):
                 inputs[semantic, number] = offset, self.find(element.get("source"), "source")
         if ("POSITION", "0") not in inputs:
-            raise _BrokenError("no positions")
-        offsets = [_integer(e.get("offset"), 0) for e in primitive.iterfind("input")]
+            raise DamagedError("no positions")
+        stride = 1 + max(_integer(e, "offset", 0) for e in primitive.iterfind("input"))
         at, source = inputs["POSITION", "0"]
         positions = self.source(source, 3)[:, :3]
-        counts, rows = _polygons(primitive, max(offsets) + 1, at, positions)
-        self.faces += int(np.maximum(counts - 2, 0).sum())
-        check_face_count(self.faces, self.assets.max_faces)
+        counts, rows = _polygons(primitive, stride, at, positions)
+        self.assets.add_faces(int(np.maximum(counts - 2, 0).sum()))
 
         def of_corners(semantic: str, number: str, least: int) -> np.ndarray | None:
             at, source = inputs.get((semantic, number), (0, None))
             return None if source is None else picked(self.source(source, least), rows[:, at])
 
-        material, chosen = self.bound_material(primitive.get("material"), bound)
+        look, chosen = self.bound_look(primitive.get("material"), bound)
         sets = [number for semantic, number in inputs if semantic == "TEXCOORD"]
         first = min(sets, key=lambda number: (len(number), number), default="0")
         if chosen and chosen not in sets:
             self.assets.warn("missing sets of texture coordinates, others are used", chosen)
         uv = of_corners("TEXCOORD", chosen if chosen in sets else first, 2)
-        if uv is None and material is not None and material.texture is not None:
+        if uv is None and look is not None and look.material.texture is not None:
             self.assets.warn(NO_COORDINATES, primitive.get("material"))
         colours = of_corners("COLOR", min((n for s, n in inputs if s == "COLOR"), default="0"), 3)
-        colours = None if colours is None else rgba(colours)
         normals = of_corners("NORMAL", "0", 3)
-        linear = matrix[:3, :3]
-        determinant = np.linalg.det(linear)
-        if normals is not None:
-            normals = normals[:, :3] @ np.linalg.inv(linear) if determinant else None
-        turn = slice(None, None, -1 if determinant < 0 else 1)  # a mirror reverses all polygons
-
-        def turned(values: np.ndarray | None) -> np.ndarray | None:
-            return None if values is None else values[turn]
-
-        # Only the vertices of this primitive: others of the mesh may have the rest of millions.
-        corners = rows[turn, at]
-        used = np.unique(corners[(corners >= 0) & (corners < len(positions))])
-        place = np.searchsorted(used, corners)
-        found = np.append(used, -1)[place] == corners
-        return Part(
-            positions[used] @ linear.T + matrix[:3, 3], counts[turn], np.where(found, place, -1),
-            (material,), uv=None if uv is None else uv[turn, :2],
-            normals=turned(normals), colours=turned(colours),
+        part = Part(
+            positions, counts, rows[:, at], (look,),
+            uv=None if uv is None else uv[:, :2],
+            normals=None if normals is None else normals[:, :3],
+            colours=None if colours is None else rgba(colours, self.assets),
         )  # fmt: skip
+        return placed(part, matrix[None])
 
     def source(self, element: Element, least: int) -> np.ndarray:
         """The numbers [n, c] of a source, at least `least` of them in a row."""
@@ -287,111 +268,115 @@ class _Document:
             if array is None:
                 array = self.find(accessor.get("source"), "float_array")
             values = _numbers(array)
-            stride = _integer(accessor.get("stride"), 1)
-            skipped = _integer(accessor.get("offset"), 0)
-            count = _integer(accessor.get("count"), (len(values) - skipped) // (stride or 1))
+            stride, skipped = _integer(accessor, "stride", 1), _integer(accessor, "offset", 0)
+            rest = max(len(values) - skipped, 0)
+            count = _integer(accessor, "count", rest // (stride or 1))
             if not stride or skipped + count * stride > len(values):
-                raise _BrokenError(f"{len(values)} numbers, expected {count} x {stride}")
+                raise DamagedError(f"{len(values)} numbers, expected {count} x {stride}")
             params = accessor.findall("param")
             named = [k for k, param in enumerate(params[:stride]) if param.get("name")]
             table = values[skipped : skipped + count * stride].reshape(count, stride)
             self.sources[element] = table[:, named] if len(named) >= least else table
         if self.sources[element].shape[1] < least:
-            raise _BrokenError(f"{self.sources[element].shape[1]} numbers, expected {least}")
+            raise DamagedError(f"{self.sources[element].shape[1]} numbers, expected {least}")
         return self.sources[element]
 
-    def bound_material(
+    def bound_look(
         self, symbol: str | None, bound: dict[str | None, Element]
-    ) -> tuple[Material | None, str]:
-        """The material of a symbol, and the set of texture coordinates that it uses, or ""."""
+    ) -> tuple[Look | None, str]:
+        """The look of a symbol, and the set of texture coordinates that it uses, or ""."""
         if symbol is None:
             return None, ""
         instance = bound.get(symbol)
         try:
             element = self.find(symbol if instance is None else instance.get("target"), "material")
             if element not in self.materials:
-                self.materials[element] = self.material(element)
-        except _BrokenError as error:
+                self.materials[element] = self.look(element)
+        except DamagedError as error:
             self.assets.warn("materials missing, grey is used", f"{symbol!r} ({error})")
             return None, ""
-        material, name = self.materials[element]
+        look, name = self.materials[element]
         inputs = () if instance is None else instance.iterfind("bind_vertex_input")
         sets = [e.get("input_set") or "0" for e in inputs if e.get("semantic") == name]
-        return material, (sets or [""])[0]
+        return look, (sets or [""])[0]
 
-    def material(self, element: Element) -> tuple[Material, str]:
+    def look(self, element: Element) -> tuple[Look, str]:
         """A material, and the name of the texture coordinates of its texture."""
         instance = element.find("instance_effect")
         effect = self.find(None if instance is None else instance.get("url"), "effect")
         profile = effect.find("profile_COMMON")
         technique = None if profile is None else profile.find("technique")
         if profile is None or technique is None:
-            raise _BrokenError("an effect without profile_COMMON")
+            raise DamagedError("an effect without profile_COMMON")
         shader = next((e for e in technique if e.tag in _SHADERS), None)
         if shader is None:
-            raise _BrokenError(f"an effect with none of {', '.join(_SHADERS)}")
+            raise DamagedError(f"an effect with none of {', '.join(_SHADERS)}")
         places = (effect, profile, technique)
         params = {e.get("sid"): e for place in places for e in place.iterfind("newparam")}
+        title = element.get("id")
         if instance is not None and instance.find("setparam") is not None:
-            self.assets.warn("parameters that a material sets not read", element.get("id"))
+            self.assets.warn("parameters that a material sets not read", title)
 
-        def given(name: str) -> tuple[list[float] | None, np.ndarray | None, str]:
+        def values(name: str, default: tuple[float, ...] = ()) -> tuple[float, ...]:
+            """The numbers of a colour or of a factor, if there are as many as in the default."""
             value = shader.find(name)
-            if value is None or not len(value):
-                return None, None, ""
-            if value[0].tag == "texture":
-                return None, self.texture(value[0], params), value[0].get("texcoord") or ""
+            if value is None or not len(value) or value[0].tag == "texture":
+                return default
             inner = value[0]
             if inner.tag == "param" and len(params.get(inner.get("ref"), ())):
                 inner = params[inner.get("ref")][0]
-            return _numbers(inner).tolist(), None, ""
+            found = _numbers(inner).tolist()
+            return tuple(found) if len(found) >= len(default) else default
 
-        def rgb(values: list[float] | None, default: tuple[float, ...]) -> Any:
-            clipped = [min(max(v, 0.0), 1.0) for v in values or ()]
-            return tuple(clipped[:3]) if len(clipped) >= 3 else default
+        def rgb(name: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
+            red, green, blue, *_ = np.clip(values(name, default), 0, 1).tolist()
+            return red, green, blue
 
         source = "emission" if shader.tag == "constant" else "diffuse"
-        colour, texture, name = given(source)
-        diffuse = rgb(colour, (1.0, 1.0, 1.0) if texture is not None else GREY)
-        if source == "diffuse" and max(rgb(given("emission")[0], (0,))) > 0.02:
-            self.assets.warn("emission not read", element.get("id"))
-        shiny = shader.tag in ("phong", "blinn")
-        specular = rgb(given("specular")[0], (0.0, 0.0, 0.0)) if shiny else (0.0, 0.0, 0.0)
-        gloss = (given("shininess")[0] or [20.0])[0]
+        texture, wraps, name = self.texture(shader.find(f"{source}/texture"), params)
+        diffuse = rgb(source, GREY if texture is None else (1.0, 1.0, 1.0))
+        if source == "diffuse" and max(rgb("emission", (0.0, 0.0, 0.0))) > 0.02:
+            self.assets.warn("emission not read", title)
+        glossy = shader.tag in ("phong", "blinn")
+        specular = rgb("specular", (0.0, 0.0, 0.0)) if glossy else (0.0, 0.0, 0.0)
+        shininess = values("shininess", (20.0,))[0]
+        shininess = min(max(shininess, 1.0), 1000.0) if shininess >= 1 else 20.0  # some: 0 to 1
 
-        mode = "A_ONE"
-        if (transparent := shader.find("transparent")) is not None:
-            mode = transparent.get("opaque") or mode
-        factor = (given("transparency")[0] or [1.0])[0]
-        values, picture, _ = given("transparent")
-        opacity = 1.0
+        transparent, opacity = shader.find("transparent"), 1.0
+        mode = ("" if transparent is None else transparent.get("opaque")) or "A_ONE"
+        factor = values("transparency", (1.0,))[0]
+        picture, *_ = self.texture(shader.find("transparent/texture"), params)
         if picture is not None:
             level = picture[..., 3] if mode[0] == "A" else picture[..., :3].mean(axis=2)
             level = (255 - factor * level if mode.endswith("ZERO") else factor * level).clip(0, 255)
             texture = with_alpha(texture, level.round().astype(np.uint8))
         elif transparent is not None or shader.find("transparency") is not None:
-            clear = [*(values or ()), 1.0, 1.0, 1.0, 1.0][:4] if values else [1.0] * 4
+            clear = [*values("transparent"), 1.0, 1.0, 1.0, 1.0]
             level = factor * (clear[3] if mode[0] == "A" else sum(clear[:3]) / 3)
             if level == 0 and transparent is not None and transparent.get("opaque") is None:
                 # Several writers mean that nothing is transparent.
-                self.assets.warn("transparency 0, opaque is used", element.get("id"))
+                self.assets.warn("transparency 0, opaque is used", title)
                 level = 1.0
             opacity = min(max(1 - level if mode.endswith("ZERO") else level, 0.0), 1.0)
         elif texture is not None and (texture[..., 3] < 255).any():
-            self.assets.warn("alpha of textures without <transparent> not used", element.get("id"))
+            self.assets.warn("alpha of textures without <transparent> not used", title)
             texture = with_alpha(texture, np.full(texture.shape[:2], 255, np.uint8))
-        gloss = min(max(gloss, 1.0), 1000.0) if gloss >= 1 else 20.0  # some write 0 to 1
-        title = element.get("name") or element.get("id") or ""
-        return Material(diffuse, specular, gloss, opacity, texture, title), name
+        title = element.get("name") or title or ""
+        material = Material(diffuse, specular, shininess, opacity, texture, title)
+        return Look(material, wraps=wraps), name
 
-    def texture(self, element: Element, params: dict[str | None, Element]) -> np.ndarray | None:
-        """The texture of an element <texture>; None and a warning if it is missing."""
+    def texture(
+        self, element: Element | None, params: dict[str | None, Element]
+    ) -> tuple[np.ndarray | None, tuple[str, str], str]:
+        """A <texture>, how it wraps, and the name of its coordinates; None if it is missing."""
+        wraps = ["repeat", "repeat"]
+        if element is None:
+            return None, ("repeat", "repeat"), ""
         image = element.get("texture") or ""
         sampler = params[image].find("sampler2D") if image in params else None
         if sampler is not None:
-            for axis in ("wrap_s", "wrap_t"):
-                if (wrap := (sampler.findtext(axis) or "WRAP").strip()) != "WRAP":
-                    self.assets.warn(NOT_REPEATED, wrap)
+            wraps = [_WRAPS.get((sampler.findtext(f"wrap_{k}") or "").strip(), "repeat")
+                     for k in "st"]  # fmt: skip
             instance = sampler.find("instance_image")
             surface = params.get((sampler.findtext("source") or "").strip())
             if instance is not None:
@@ -401,17 +386,12 @@ class _Document:
         for inner in element.iter():
             if inner.tag in _PLACED and _numbers(inner, 1)[0] != inner.tag.startswith("repeat"):
                 self.assets.warn("placement of textures not read", inner.tag)
-        found = self.ids.get(("image", image.strip().removeprefix("#")), Element("image"))
+        found = self.ids.get(("image", _id(image)), Element("image"))
         file = (found.findtext("init_from/ref") or found.findtext("init_from") or "").strip()
+        picture = self.assets.texture(re.sub(r"^file:/*", "", file)) if file else None
         if not file:
             self.assets.warn(MISSING_TEXTURE, repr(image))
-            return None
-        return self.assets.texture(re.sub(r"^file:/*", "", file))
-
-
-_SHADERS = ("phong", "blinn", "lambert", "constant")
-
-_PLACED = ("repeatU", "repeatV", "offsetU", "offsetV", "rotateUV", "rotateFrame")  # of Maya
+        return picture, (wraps[0], wraps[1]), element.get("texcoord") or ""
 
 
 def _polygons(
@@ -422,7 +402,7 @@ def _polygons(
     def rows(element: Element) -> np.ndarray:
         values = _numbers(element)
         if len(values) % stride or (values != np.rint(values)).any():
-            raise _BrokenError(f"{len(values)} indices, expected {stride} whole ones a corner")
+            raise DamagedError(f"{len(values)} indices, expected {stride} whole ones a corner")
         return values.astype(np.int64).reshape(-1, stride)
 
     blocks = [rows(element) for element in primitive.findall("p")]
@@ -442,8 +422,8 @@ def _polygons(
     if primitive.tag == "polylist":
         counts = _numbers(primitive.find("vcount")).astype(np.int64)
         if (counts < 0).any() or counts.sum() != len(corners):
-            raise _BrokenError(f"{len(corners)} corners, expected {counts.sum()}")
+            raise DamagedError(f"{len(corners)} corners, expected {counts.sum()}")
         return counts, corners
     if len(corners) % 3:
-        raise _BrokenError(f"{len(corners)} corners of triangles")
+        raise DamagedError(f"{len(corners)} corners of triangles")
     return np.full(len(corners) // 3, 3), corners

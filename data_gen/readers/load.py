@@ -14,26 +14,35 @@ from data_gen.frame import normalize, orient
 from data_gen.mesh import MAX_FACES, Model, UnreadableModelError, UnusableModelError, build_model
 from data_gen.readers.collada import read_collada
 from data_gen.readers.gltf import read_gltf
-from data_gen.readers.model_files import MAX_FILE_BYTES, Files, FolderFiles, ZipFiles, reason
+from data_gen.readers.model_files import (
+    MAX_FILE_BYTES,
+    DamagedError,
+    Files,
+    FolderFiles,
+    ZipFiles,
+    reason,
+)
 from data_gen.readers.obj import read_obj
 from data_gen.readers.off import read_off
+from data_gen.readers.parts import Part, joined
 from data_gen.readers.ply import read_ply
 from data_gen.readers.stl import read_stl
 from data_gen.readers.textures import Assets
 from data_gen.readers.three_mf import read_3mf
+from psgn_jax.system.untrusted import one_line
 
 
-def _read_zae(data: bytes, assets: Assets) -> dict[str, Any]:
+def _read_zae(data: bytes, assets: Assets) -> list[Part]:
     """A zip archive of a COLLADA file and its textures."""
     assets.files = ZipFiles(io.BytesIO(data))
     name = next((n for n in assets.files.names if n.lower().endswith(".dae")), None)
     if name is None:
-        raise UnusableModelError("not readable as zae: it contains no .dae file")
+        raise DamagedError("it contains no .dae file")
     assets.base = posixpath.dirname(name)
     return read_collada(assets.files.read(name), assets)
 
 
-READERS: dict[str, Callable[[bytes, Assets], dict[str, Any]]] = {
+READERS: dict[str, Callable[[bytes, Assets], list[Part]]] = {
     "obj": read_obj, "ply": read_ply, "off": read_off, "stl": read_stl, "dae": read_collada,
     "zae": _read_zae, "3mf": read_3mf,
     "glb": read_gltf, "gltf": read_gltf,
@@ -83,15 +92,16 @@ def load_model(
         why = error.strerror or "the system gives no reason"
         raise UnreadableModelError(f"file {name!r} is not readable: {why}") from error
     with np.errstate(over="ignore", invalid="ignore"):  # `normalize` refuses what overflows
-        arrays = _read(name, data, assets)
+        parts = _read(name, data, assets)
         del data
+        arrays = joined(parts, assets)
         about["model_id"] = model_id or name
-        model = build_model(**arrays, **about, warnings=assets.warnings, max_faces=max_faces)
+        model = build_model(**arrays, **about, warnings=assets.warnings)
         return normalize(orient(turn(model), up, front))
 
 
-def _read(name: str, data: bytes, assets: Assets) -> dict[str, Any]:
-    """The arrays of a file for `mesh.build_model`."""
+def _read(name: str, data: bytes, assets: Assets) -> list[Part]:
+    """The parts of a file."""
     stem, ending = posixpath.splitext(name.lower())
     if ending == ".gz":
         ending = posixpath.splitext(stem)[1]
@@ -107,8 +117,9 @@ def _read(name: str, data: bytes, assets: Assets) -> dict[str, Any]:
         return READERS[kind](data, assets)
     except (UnusableModelError, MemoryError):
         raise
-    except Exception as error:  # of a parser that does not expect this damage
-        raise UnusableModelError(f"not readable as {title}: the file is damaged") from error
+    except Exception as error:  # another one is of a parser that does not expect the damage
+        why = one_line(error) if isinstance(error, DamagedError) else "the file is damaged"
+        raise UnusableModelError(f"not readable as {title}: {why}"[:200]) from error
 
 
 def _unpacked(data: bytes) -> bytes:

@@ -12,6 +12,8 @@ import zlib
 from collections.abc import Sequence
 from typing import IO, Any
 
+import numpy as np
+
 from data_gen.mesh import UnreadableModelError, UnusableModelError
 from psgn_jax.system.untrusted import kind_of
 
@@ -19,6 +21,25 @@ MAX_FILE_BYTES = 256 << 20
 """Largest accepted size of a mesh or image file."""
 
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+
+
+class DamagedError(Exception):
+    """A file, or a part of it, cannot be read as its format; the text says why."""
+
+
+def numbers(words: Sequence[Any], kind: type = np.float64, where: str = "") -> np.ndarray:
+    """The numbers that words, or rows of words, stand for; errors say where they are."""
+    try:
+        return np.array(words, kind)
+    except (ValueError, OverflowError, TypeError):
+        raise DamagedError(f"a word{where} that is not a number") from None
+
+
+def check_announced(what: str, announced: int, there: int) -> None:
+    """Raises UnusableModelError if less is there than the file announces."""
+    if there < announced:
+        counts = f"{announced} announced, {there} there"
+        raise UnusableModelError(f"the file is cut off: {what}: {counts}")
 
 
 def as_utf8(text: bytes) -> bytes:

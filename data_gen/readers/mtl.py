@@ -1,25 +1,14 @@
 """Materials of Wavefront MTL files."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from data_gen.mesh import Material
+from data_gen.mesh import GREY, Material
 from data_gen.readers.model_files import whole_lines
+from data_gen.readers.parts import Look
 from data_gen.readers.textures import Assets, levels, with_alpha
 from psgn_jax.system.untrusted import one_line
-
-GREY = (0.6, 0.6, 0.6)
-
-
-class Look(NamedTuple):
-    """A material, and how its texture lies: coordinates times `scale` plus `offset`."""
-
-    material: Material
-    scale: Sequence[float] = (1.0, 1.0)
-    offset: Sequence[float] = (0.0, 0.0)
-    clamped: bool = False
 
 
 def floats(words: Sequence[str], count: int) -> list[float] | None:
@@ -70,8 +59,8 @@ def read_mtl(data: bytes, assets: Assets, folder: str = "") -> dict[str, Look]:
     """The materials of an MTL file in a `folder` below that of the model, by name.
 
     We read Kd, Ks, Ns, d, Tr, illum (2 and above have a highlight), map_Kd and map_d with the
-    options -s, -o, -mm and -imfchan, and map_Ka if there is no map_Kd. A black Kd with a texture
-    counts as white, because many exporters write black and mean only the texture.
+    options -s, -o, -clamp, -mm and -imfchan, and map_Ka if there is no map_Kd. A black Kd with a
+    texture counts as white, because many exporters write black and mean only the texture.
     """
     statements: dict[str, dict[str, str]] = {}
     current: dict[str, str] = {}
@@ -129,9 +118,10 @@ def _look(name: str, lines: dict[str, str], assets: Assets, folder: str) -> Look
         return Look(material)
     if any(float(word) for word in options.get("-t", ())):
         assets.warn("turbulence (-t) of textures not read", file)
-    used = of_alpha if not file else options
+    used = options if file else of_alpha
     scale, offset = (
-        (*map(float, used.get(key, ())), default, default)[:2]
+        [*map(float, used.get(key, ())), default, default][:2]
         for key, default in (("-s", 1.0), ("-o", 0.0))
     )
-    return Look(material, scale, offset, used.get("-clamp") == ["on"])
+    wrap = "clamp" if used.get("-clamp") == ["on"] else "repeat"
+    return Look(material, np.column_stack([np.diag(scale), offset]), (wrap, wrap))

@@ -6,19 +6,19 @@ images, concave polygons.
 """
 
 import collections
+import contextlib
 import posixpath
 import re
 import warnings as python_warnings
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
-from data_gen.mesh import Material, UnusableModelError, check_face_count
-from data_gen.parts import Part, picked, rgba
-from data_gen.readers.model_files import reason, whole_lines
-from data_gen.readers.mtl import Look, floats, read_mtl
-from data_gen.readers.textures import NO_COORDINATES, NOT_REPEATED, Assets
+from data_gen.mesh import Material, UnusableModelError
+from data_gen.readers.model_files import DamagedError, numbers, reason, whole_lines
+from data_gen.readers.mtl import floats, read_mtl
+from data_gen.readers.parts import Look, Part, picked, rgba
+from data_gen.readers.textures import NO_COORDINATES, Assets
 from psgn_jax.system.untrusted import one_line
 
 
@@ -48,7 +48,7 @@ def _rows(lines: list[list[str]], columns: int) -> np.ndarray:
     """The words of lines as numbers [n, columns]; short lines are padded with 0."""
     if any(len(words) < columns for words in lines):
         lines = [[*words, "0", "0", "0"][:columns] for words in lines]
-    return np.array(lines, np.float64).reshape(-1, columns)
+    return numbers(lines).reshape(-1, columns)
 
 
 def _indices(tokens: list[str]) -> np.ndarray:
@@ -56,14 +56,14 @@ def _indices(tokens: list[str]) -> np.ndarray:
     slashes = {token.count("/") for token in tokens}
     columns = max(slashes, default=0) + 1
     if len(slashes) == 1 and columns <= 3:  # fast, as nearly all files have one form
-        with python_warnings.catch_warnings():
+        with contextlib.suppress(ValueError), python_warnings.catch_warnings():
             python_warnings.simplefilter("ignore", DeprecationWarning)  # the array is then shorter
             text = " ".join(tokens).replace("//", "/0/").replace("/", " ")
             values = np.fromstring(text, np.int64, sep=" ")
-        if len(values) == columns * len(tokens) and np.abs(values).max() < 1 << 60:
-            return np.pad(values.reshape(-1, columns), ((0, 0), (0, 3 - columns)))
-    parts = [p or "0" for t in tokens for p in [*t.split("/"), "0", "0"][:3]]
-    return np.array([int(p) for p in parts], np.int64).reshape(-1, 3)
+            if len(values) == columns * len(tokens) and np.abs(values).max() < 1 << 60:
+                return np.pad(values.reshape(-1, columns), ((0, 0), (0, 3 - columns)))
+    words = [word or "0" for token in tokens for word in [*token.split("/"), "0", "0"][:3]]
+    return numbers(words, np.int64).reshape(-1, 3)
 
 
 def _short(name: str) -> str:
@@ -71,21 +71,41 @@ def _short(name: str) -> str:
     return re.split(r"\s#", name)[0].strip()
 
 
-def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
-    """Arrays of an OBJ file for `mesh.build_model`, read in blocks so that memory is bounded."""
+def _read_libraries(line: str, assets: Assets, seen: set[str]) -> dict[str, Look]:
+    """The materials of the files that a line `mtllib` names, except those already `seen`."""
+    # Either one name, which may contain spaces, or several names.
+    rest = line.split(None, 1)[1].strip().strip('"').replace("\\", "/")
+    path = posixpath.normpath(posixpath.join(assets.base, rest))
+    inside = not path.startswith(("/", ".."))
+    looks: dict[str, Look] = {}
+    for name in [rest] if inside and assets.files.find(path) else _short(rest).split():
+        if name in seen or len(seen) == _MOST_LIBRARIES:
+            continue
+        seen.add(name)
+        try:
+            library = assets.files.open(assets.base, name)
+            if why := reason(library):
+                assets.warn("material files not readable", f"{name!r} ({why})")
+            looks |= read_mtl(library, assets, posixpath.dirname(name))
+        except FileNotFoundError:
+            assets.warn("material files missing, grey is used", repr(name))
+    return looks
+
+
+def read_obj(data: bytes, assets: Assets) -> list[Part]:
+    """The polygons of an OBJ file, read in blocks so that memory is bounded."""
     rows = {key: [np.zeros((0, columns))] for key, columns in _COLUMNS.items()}
     read = dict.fromkeys(_COLUMNS, 0)  # number of rows of each kind so far
     looks: dict[str, Look] = {}
     names: dict[str, int] = {}
     libraries: set[str] = set()
     owner = -1
-    owners_of_faces: list[int] = []
+    owners: list[int] = []
     sizes: list[int] = []
     corner_blocks: list[np.ndarray] = []
     painted: list[int] = []
     paint: list[list[str]] = []
     unread: collections.Counter[str] = collections.Counter()
-    total = 0
     for block in _blocks(whole_lines(data)):
         fresh: dict[str, list[list[str]]] = {key: [] for key in _COLUMNS}
         tokens: list[str] = []
@@ -106,41 +126,22 @@ def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
                 fresh[key].append(words[: _COLUMNS[key]])
                 read[key] += 1
             elif key in ("f", "fo"):
-                total += max(len(words) - 2, 0)
+                assets.add_faces(max(len(words) - 2, 0))
                 tokens += words
                 seen += [(read["v"], read["vt"], read["vn"])] * len(words)
                 sizes.append(len(words))
-                owners_of_faces.append(owner)
+                owners.append(owner)
             elif key == "usemtl":
                 owner = names.setdefault(line.split(None, 1)[1].strip(), len(names))
             elif key == "mtllib" and len(libraries) < _MOST_LIBRARIES:
-                # Either one name, which may contain spaces, or several names.
-                rest = line.split(None, 1)[1].strip().strip('"').replace("\\", "/")
-                path = posixpath.normpath(posixpath.join(assets.base, rest))
-                inside = not path.startswith(("/", ".."))
-                for name in [rest] if inside and assets.files.find(path) else _short(rest).split():
-                    if name in libraries or len(libraries) == _MOST_LIBRARIES:
-                        continue
-                    libraries.add(name)
-                    try:
-                        library = assets.files.open(assets.base, name)
-                        if why := reason(library):
-                            assets.warn("material files not readable", f"{name!r} ({why})")
-                        looks |= read_mtl(library, assets, posixpath.dirname(name))
-                    except FileNotFoundError:
-                        assets.warn("material files missing, grey is used", repr(name))
+                looks |= _read_libraries(line, assets, libraries)
             elif key in _UNREAD:
                 unread[key] += 1
-        check_face_count(total, assets.max_faces)
-        try:
-            for key, lines in fresh.items():
-                rows[key].append(_rows(lines, _COLUMNS[key]))
-            corners = _indices(tokens)
-        except (ValueError, OverflowError) as error:
-            what = "a word that is not a number, or not a whole one in a face"
-            raise UnusableModelError(f"not readable as OBJ: {what}") from error
+        for key, lines in fresh.items():
+            rows[key].append(_rows(lines, _COLUMNS[key]))
+        corners = _indices(tokens)
         if (corners[:, 0] == 0).any():
-            raise UnusableModelError("not readable as OBJ: a face has index 0, but 1 is the first")
+            raise DamagedError("a face has index 0, but 1 is the first")
         if (corners < 0).any():  # counted back from the rows before the face
             corners += np.where(corners < 0, np.array(seen) + 1, 0)
         corner_blocks.append(corners - 1)  # from 0, and negative = none
@@ -153,36 +154,21 @@ def read_obj(data: bytes, assets: Assets) -> dict[str, Any]:
     corners, counts = np.concatenate(corner_blocks), np.array(sizes)
 
     by_short_name = {_short(name): look for name, look in reversed(looks.items())}
-    table: list[Material | None] = []
-    owner_of_corners = np.repeat(np.array(owners_of_faces), counts)
-    uv = picked(texture, corners[:, 1])
+    table: list[Look | None] = []
+    owner_of_corners, no_uv = np.repeat(np.array(owners), counts), corners[:, 1] < 0
     for index, name in enumerate(names):
         look = looks.get(name) or by_short_name.get(_short(name))
         if look is None:
             assets.warn("materials missing, grey is used", repr(name))
-            table.append(None if paint else Material(name=one_line(name)))
-            continue
-        table.append(look.material)
-        if look.material.texture is not None and (corners[owner_of_corners == index, 1] < 0).any():
+            look = None if paint else Look(Material(name=one_line(name)))
+        elif look.material.texture is not None and no_uv[owner_of_corners == index].any():
             assets.warn(NO_COORDINATES, repr(name))
-        if uv is not None and look != Look(look.material):
-            chosen = owner_of_corners == index
-            uv[chosen] = uv[chosen] * look.scale + look.offset
-            if look.clamped and ((uv[chosen] < 0) | (uv[chosen] > 1)).any():
-                assets.warn(NOT_REPEATED, "-clamp")
+        table.append(look)
     colours = None
     if paint:
-        try:
-            rgb = np.array(paint, np.float64)
-        except ValueError as error:
-            raise UnusableModelError("not readable as OBJ: a colour that is not numbers") from error
         of_vertices = np.ones((len(vertices), 4))
-        of_vertices[painted] = rgba(rgb)
+        of_vertices[painted] = rgba(numbers(paint), assets)
         colours = picked(of_vertices, corners[:, 0])
-    owners = np.array(owners_of_faces)
-    if (owners < 0).any():
-        owners = np.where(owners < 0, len(table), owners)
-        table.append(None)
-    normals = picked(normal, corners[:, 2])
-    part = Part(vertices, counts, corners[:, 0], table, owners, uv, normals, colours)
-    return assets.arrays([part])
+    table.append(None)  # of faces before the first `usemtl`
+    uv, normals = picked(texture, corners[:, 1]), picked(normal, corners[:, 2])
+    return [Part(vertices, counts, corners[:, 0], table, np.array(owners), uv, normals, colours)]

@@ -4,13 +4,13 @@ import itertools
 import math
 import re
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
 from data_gen.mesh import Material, UnusableModelError
-from data_gen.parts import Part, rgba
 from data_gen.polygons import strip
+from data_gen.readers.model_files import DamagedError, check_announced, numbers
+from data_gen.readers.parts import Look, Part, rgba
 from data_gen.readers.textures import TRAILING, TWO_COLOURS, Assets
 
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
@@ -34,19 +34,15 @@ _Rows = dict[str, tuple[np.ndarray | None, np.ndarray]]
 _Property = tuple[str, str, str]  # a name, the type of its numbers, that of the length of a list
 
 
-def _damaged(what: str) -> UnusableModelError:
-    return UnusableModelError(f"not readable as PLY: {what}")
-
-
-def read_ply(data: bytes, assets: Assets) -> dict[str, Any]:
-    """Arrays of a PLY file for `mesh.build_model`."""
+def read_ply(data: bytes, assets: Assets) -> list[Part]:
+    """The polygons and strips of a PLY file."""
     elements, images = _elements(data, assets)
     for name in elements.keys() - {"vertex", "face", "tristrips", *_UNUSED}:
         assets.warn("elements of PLY not read", repr(name))
     vertex, faces, strips = (elements.get(name, {}) for name in ("vertex", "face", "tristrips"))
     vertices = _columns(vertex, ("x", "y", "z"))
     if vertices is None:
-        raise _damaged("it has no vertices with x, y and z")
+        raise DamagedError("it has no vertices with x, y and z")
     counts, corners = _lists(faces, "vertex_indices", "vertex_index")
     triangles = _from_strips(_lists(strips, "vertex_indices", "vertex_index")[1].astype(np.int64))
     if not len(counts) + len(triangles):
@@ -66,37 +62,35 @@ def read_ply(data: bytes, assets: Assets) -> dict[str, Any]:
         uv[np.repeat(placed, counts)] = wedges[np.repeat(placed[: len(own)], sizes)].reshape(-1, 2)
     if uv is None and images:
         assets.warn("textures without texture coordinates not read", len(images))
-    materials: list[Material | None] = [None]
+    looks: list[Look | None] = [None]
     owner = np.zeros(len(counts), np.int64)
     if uv is not None and images:
         textures = [assets.texture(name) for name in images]
-        white = (1.0, 1.0, 1.0)
-        materials = [None if t is None else Material(white, texture=t) for t in textures]
+        looks = [
+            None if t is None else Look(Material((1.0, 1.0, 1.0), texture=t)) for t in textures
+        ]
         number = _columns(faces, ("texnumber",))
         if number is not None:
-            inside = (number[:, 0] >= 0) & (number[:, 0] < len(materials))
-            owner[: len(own)] = np.where(inside, number[:, 0], len(materials))
+            inside = (number[:, 0] >= 0) & (number[:, 0] < len(images))
+            owner[: len(own)] = np.where(inside, number[:, 0], -1)
             if (number[~inside, 0] != -1).any():  # which means none
                 assets.warn("texnumber of missing textures, the plain colour is used")
-        elif len(materials) > 1:
-            assets.warn("no texnumber, only the first texture is used", len(materials))
-        owner[~placed] = len(materials)
-        materials.append(None)
+        elif len(images) > 1:
+            assets.warn("no texnumber, only the first texture is used", len(images))
+        owner[~placed] = -1
+        looks.append(None)
 
     normals = _columns(vertex, ("nx", "ny", "nz"))
-    colours, painted = _colours(vertex), _colours(faces)
+    colours, painted = _colours(vertex, assets), _colours(faces, assets)
     if colours is not None:
         colours = colours[index]
         if painted is not None:
             assets.warn(TWO_COLOURS)
     elif painted is not None:  # strips have no colours
-        grey = rgba(np.full((len(triangles), 4), np.nan))
+        grey = rgba(np.full((len(triangles), 4), np.nan), assets)
         colours = np.append(np.repeat(painted, own, axis=0), grey, axis=0)
-    part = Part(
-        vertices, counts, corners, materials, owner, uv,
-        None if normals is None else normals[index], colours,
-    )  # fmt: skip
-    return assets.arrays([part])
+    normals = None if normals is None else normals[index]
+    return [Part(vertices, counts, corners, looks, owner, uv, normals, colours)]
 
 
 def _elements(data: bytes, assets: Assets) -> tuple[dict[str, _Rows], list[str]]:
@@ -104,12 +98,12 @@ def _elements(data: bytes, assets: Assets) -> tuple[dict[str, _Rows], list[str]]
     data = data.removeprefix(b"\xef\xbb\xbf")
     first = re.match(rb"ply[ \t]*(\r\n|\r|\n)", data)
     if not first:
-        raise _damaged("it does not begin with a line 'ply'")
+        raise DamagedError("it does not begin with a line 'ply'")
     # After a single carriage return, data may begin with the byte of a line feed.
     stop = rb"[\r\n][ \t]*end_header[ \t]*" + (rb"\r" if first[1] == b"\r" else rb"\r?\n")
     last = re.search(stop, data[: 1 << 20])
     if not last:
-        raise _damaged("the header has no line 'end_header'")
+        raise DamagedError("the header has no line 'end_header'")
     form = here = ""
     images: list[str] = []
     counts: dict[str, int] = {}
@@ -126,13 +120,13 @@ def _elements(data: bytes, assets: Assets) -> tuple[dict[str, _Rows], list[str]]
             case ["property", "list", length, kind, name] if here and {kind, length} <= {*_TYPES}:
                 properties[here].append((name, _TYPES[kind], _TYPES[length]))
             case ["property" | "element" | "format", *_]:
-                raise _damaged(f"line {line[:80]!r} of the header")
+                raise DamagedError(f"line {line[:80]!r} of the header")
             case ["comment" | "obj_info", *_]:
                 images += _TEXTURE.findall(line)
             case _:
                 assets.warn("lines of the header not read", repr(line))
     if not form:
-        raise _damaged("the header has no line 'format'")
+        raise DamagedError("the header has no line 'format'")
     for name, count in counts.items():
         if count > assets.max_faces and any(length for *_, length in properties[name]):
             what = f"{count} rows of element {name!r} are more than the limit of"
@@ -141,10 +135,7 @@ def _elements(data: bytes, assets: Assets) -> tuple[dict[str, _Rows], list[str]]
     if form == "ascii":  # a line is a row
         lines = [words for line in body.splitlines() if (words := line.split())]
         used = itertools.chain(*lines[: sum(counts.values())])
-        try:
-            body = np.array(list(used), np.float64).tobytes()
-        except ValueError:
-            raise _damaged("a word that is not a number") from None
+        body = numbers(list(used)).tobytes()
     result: dict[str, _Rows] = {}
     at = 0
     for name, count in counts.items():
@@ -156,18 +147,16 @@ def _elements(data: bytes, assets: Assets) -> tuple[dict[str, _Rows], list[str]]
         if lines is not None:
             widths = [run.itemsize // 8 for run in runs for _ in run]
             if widths != [len(words) for words in lines[:done]]:
-                raise _damaged(f"lines of element {name!r} have too few or too many words")
+                raise DamagedError(f"lines of element {name!r} have too few or too many words")
             lines = lines[done:]
-        if done < count:
-            what = f"element {name!r}: {count} announced, {done} there"
-            raise UnusableModelError(f"the file is cut off: {what}")
+        check_announced(f"rows of element {name!r}", count, done)
         result[name] = {}
         for key, (own, kind, length) in enumerate(properties[name]):
             sizes = [run[f"n{key}"] for run in runs if length]
             values = np.concatenate([run[f"{key}"].ravel() for run in runs])
             typed = values.astype(kind)
             if kind[0] != "f" and (typed != values).any():
-                raise _damaged(f"a number of {own!r} that does not fit its type")
+                raise DamagedError(f"a number of {own!r} that does not fit its type")
             result[name][own] = np.concatenate(sizes).astype(np.int64) if sizes else None, typed
     if left := len(body) - at if lines is None else len(lines):
         assets.warn(TRAILING, left)
@@ -193,7 +182,7 @@ def _runs(
                     return
                 given = np.frombuffer(data, stored, 1, stop)[0]
                 if not 0 <= given <= len(data) or given % 1:
-                    raise _damaged(f"a list of {given} numbers")
+                    raise DamagedError(f"a list of {given} numbers")
                 shape = (int(given),)
                 fields.append((f"n{key}", stored, ()))
                 stop += stored.itemsize
@@ -233,7 +222,7 @@ def _from_strips(corners: np.ndarray) -> np.ndarray:
     return np.concatenate([one[strip(len(one)).ravel()] for one in strips])
 
 
-def _colours(rows: _Rows) -> np.ndarray | None:
+def _colours(rows: _Rows, assets: Assets) -> np.ndarray | None:
     """Display RGBA [n, 4] in [0, 1] of a property's integers or floats; None if there are none."""
     for names in _COLOURS:
         if (rgb := _columns(rows, names[:3])) is None:
@@ -241,5 +230,5 @@ def _colours(rows: _Rows) -> np.ndarray | None:
         kind = rows[names[0]][1].dtype
         white = 0 if kind.kind == "f" else 65535 if kind.itemsize == 2 else 255
         alpha = _columns(rows, names[3:])
-        return rgba(rgb if alpha is None else np.hstack([rgb, alpha]), white)
+        return rgba(rgb if alpha is None else np.hstack([rgb, alpha]), assets, white)
     return None

@@ -1,22 +1,26 @@
 """Reader of STL files, text and binary, with the colours of Magics and VisCAM."""
 
 import re
-from typing import Any
 
 import numpy as np
 
-from data_gen.mesh import UnusableModelError, check_face_count
-from data_gen.parts import Part
-from data_gen.readers.model_files import UTF_16_MARKS, as_utf8
-from data_gen.readers.mtl import GREY
+from data_gen.mesh import GREY, UnusableModelError
+from data_gen.readers.model_files import (
+    UTF_16_MARKS,
+    DamagedError,
+    as_utf8,
+    check_announced,
+    numbers,
+)
+from data_gen.readers.parts import Part
 from data_gen.readers.textures import TRAILING, Assets
 
 _HEAD = 84  # bytes of a binary file before the facets: 80 of any content, and their number
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("word", "<u2")])
 
 
-def read_stl(data: bytes, assets: Assets) -> dict[str, Any]:
-    """Arrays of an STL file for `mesh.build_model`."""
+def read_stl(data: bytes, assets: Assets) -> list[Part]:
+    """The triangles of an STL file."""
     # Both kinds may begin with "solid", but the number of facets of a binary file has a zero byte.
     count = int.from_bytes(data[80:_HEAD], "little")
     exact = len(data) == _HEAD + _FACET.itemsize * count
@@ -26,7 +30,7 @@ def read_stl(data: bytes, assets: Assets) -> dict[str, Any]:
     else:
         corners, colours = _from_binary(data, count, assets)
     counts, index = np.full(len(corners), 3), np.arange(3 * len(corners))
-    return assets.arrays([Part(corners.reshape(-1, 3), counts, index, colours=colours)])
+    return [Part(corners.reshape(-1, 3), counts, index, colours=colours)]
 
 
 def _from_text(text: str, assets: Assets) -> np.ndarray:
@@ -39,17 +43,14 @@ def _from_text(text: str, assets: Assets) -> np.ndarray:
     # Without the names of solids, which may contain anything.
     text = re.sub(r"(?m)^[ \t]*(?:end)?solid\b.*?(?=\bfacet\s+normal\b|$)", "", text)
     facets = len(re.findall(r"\bfacet\b", text))
-    check_face_count(facets, assets.max_faces)
+    assets.add_faces(facets)
     if not facets:
-        raise UnusableModelError("not readable as STL: neither binary data nor a text with facets")
+        raise DamagedError("neither binary data nor a text with facets")
     words = re.findall(r"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", text)
     if len(words) != 3 * facets or text.count("endloop") != facets:
         what = f"{facets} facets begin, but it has {len(words)} corners"
         raise UnusableModelError(f"the file is cut off or damaged: {what}")
-    try:
-        return np.array(words, np.float64).reshape(-1, 3, 3)
-    except ValueError as error:
-        raise UnusableModelError("not readable as STL: a corner without numbers") from error
+    return numbers(words).reshape(-1, 3, 3)
 
 
 def _from_binary(data: bytes, count: int, assets: Assets) -> tuple[np.ndarray, np.ndarray | None]:
@@ -58,11 +59,8 @@ def _from_binary(data: bytes, count: int, assets: Assets) -> tuple[np.ndarray, n
     if count == 0 and there > 0 and left == 0:
         assets.warn("0 facets announced, those after the header are read", there)
         count = there
-    check_face_count(count, assets.max_faces)
-    if count > there:
-        raise UnusableModelError(
-            f"the file is cut off: {count} facets announced, {max(there, 0)} there"
-        )
+    assets.add_faces(count)
+    check_announced("facets", count, max(there, 0))
     if over := len(data) - _HEAD - _FACET.itemsize * count:
         assets.warn(TRAILING, over)
     facets = np.frombuffer(data, _FACET, count, _HEAD)

@@ -6,13 +6,11 @@ import posixpath
 import struct
 import warnings as python_warnings
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from data_gen.mesh import MAX_FACES, Material
-from data_gen.parts import Part, joined
+from data_gen.mesh import MAX_FACES, Material, UnusableModelError
 from data_gen.readers.model_files import Files, reason
 from psgn_jax.system.untrusted import one_line
 
@@ -23,8 +21,6 @@ TEXTURE_SIDE = 1024
 """Number of pixels to which the longer side of a texture is reduced."""
 
 TRAILING = "lines or bytes after the data not read"
-
-NOT_REPEATED = "textures that do not repeat, they are repeated"
 
 TWO_COLOURS = "colours of faces beside colours of vertices not read"
 
@@ -39,10 +35,13 @@ BROKEN_TEXTURE = "textures not readable, the plain colour is used"
 
 _MOST_DETAILS = 1000  # of a kind of warning
 
+_MOST_TILES = 4  # beyond, coordinates of a texture that does not repeat are cut off
+_MOST_TEXELS_ALONG = 4096  # of a texture with a margin
+
 _PICTURE_FORMATS = ("PNG", "JPEG", "BMP", "TGA", "GIF", "WEBP", "TIFF", "PPM", "DDS", "SGI")
 
 
-def decode_texture(data: bytes | Image.Image, side: int = TEXTURE_SIDE) -> np.ndarray:
+def decode_texture(data: bytes, side: int = TEXTURE_SIDE) -> np.ndarray:
     """An image as uint8 [H, W, 4] RGBA, reduced to `side` pixels on its longer side.
 
     Raises:
@@ -55,11 +54,7 @@ def decode_texture(data: bytes | Image.Image, side: int = TEXTURE_SIDE) -> np.nd
             # Pillow refuses large images, even JPEGs that `draft` reduces by a factor of up to 8.
             before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
             try:
-                picture = (
-                    data
-                    if isinstance(data, Image.Image)
-                    else Image.open(io.BytesIO(data), formats=_PICTURE_FORMATS)
-                )
+                picture: Image.Image = Image.open(io.BytesIO(data), formats=_PICTURE_FORMATS)
             finally:
                 Image.MAX_IMAGE_PIXELS = before
             full = picture.size
@@ -76,8 +71,7 @@ def decode_texture(data: bytes | Image.Image, side: int = TEXTURE_SIDE) -> np.nd
                 picture = Image.fromarray((255 * np.clip(values / top, 0, 1)).astype(np.uint8))
             return np.asarray(picture.convert("RGBA"))
         except UnidentifiedImageError as error:
-            why = reason(data) if isinstance(data, bytes) else None
-            raise ValueError(why or "not an image of a known format") from error
+            raise ValueError(reason(data) or "not an image of a known format") from error
         except (OSError, SyntaxError, struct.error, EOFError) as error:
             raise ValueError("the image is damaged or cut off") from error
 
@@ -112,14 +106,51 @@ def with_alpha(texture: np.ndarray | None, alpha: np.ndarray) -> np.ndarray:
     return np.concatenate([texture[..., :3], alpha[..., None]], axis=2)
 
 
+def repeated(
+    texture: np.ndarray, uv: np.ndarray, wraps: tuple[str, str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """A texture and coordinates that show, repeated, what `Look.wraps` describes.
+
+    A mirrored texture is as large again, a clamped one has a margin as wide as the coordinates
+    need, up to `_MOST_TILES` times its size.
+    """
+    texture, uv = texture[::-1], uv.copy()  # the first row at v = 0
+    for axis, wrap in enumerate(wraps):
+        side, place = 1 - axis, uv[..., axis]
+        if wrap == "mirror":
+            texture = np.concatenate([texture, np.flip(texture, side)], axis=side)
+            uv[..., axis] = place / 2
+        elif wrap == "clamp":
+            place = place.clip(-_MOST_TILES, 1 + _MOST_TILES)
+            low, high = min(place.min(), 0.0), max(place.max(), 1.0)
+            if (low, high) == (0, 1):
+                uv[..., axis] = place.clip(0, 1 - 1e-6)  # 1 would be 0 again
+                continue
+            while texture.shape[side] * (high - low) > _MOST_TEXELS_ALONG:
+                texture = texture[:, ::2] if side else texture[::2]
+            size, margin = texture.shape[side], [(0, 0)] * 3
+            margin[side] = int(np.ceil(-low * size)) + 1, int(np.ceil((high - 1) * size)) + 1
+            texture = np.pad(texture, margin, mode="edge")
+            uv[..., axis] = (place * size + margin[side][0]) / texture.shape[side]
+    return np.ascontiguousarray(texture[::-1]), uv
+
+
 class Assets:
     """The files that a model in the folder `base` refers to, within limits, and warnings."""
 
     def __init__(self, files: Files, base: str = "", max_faces: int = MAX_FACES) -> None:
         self.files, self.base, self.max_faces = files, base, max_faces
+        self.faces = 0
         self._kinds: dict[str, dict[str, None]] = {}
         self._textures: dict[tuple[object, object], np.ndarray | None] = {}
         self._texels = 0
+
+    def add_faces(self, count: int) -> None:
+        """Raises UnusableModelError if the file has more than `max_faces` faces so far."""
+        self.faces += count
+        if self.faces > self.max_faces:
+            what = f"{self.faces} faces are more than the limit of {self.max_faces}"
+            raise UnusableModelError(what)
 
     def warn(self, kind: str, what: object = "") -> None:
         """Notes what is not read as the file says. `warnings` has one line for each kind.
@@ -173,11 +204,6 @@ class Assets:
             except (ValueError, OSError) as error:
                 self.warn(BROKEN_TEXTURE, f"{label} ({error})")
         return self._textures[key]
-
-    def arrays(self, parts: Sequence[Part]) -> dict[str, Any]:
-        """The parts as arrays for `mesh.build_model`."""
-        result = joined(parts, self.warn, self.max_faces)
-        return {**result, "materials": self.bounded(result["materials"])}
 
     def bounded(self, materials: Sequence[Material]) -> tuple[Material, ...]:
         """The materials, with the largest textures halved until their total is within the limit.

@@ -24,8 +24,6 @@ def test_build_drops_what_is_no_surface_and_refuses_what_it_cannot_use():
         build_model(cube().vertices * np.inf, cube().faces)
     with pytest.raises(UnusableModelError, match="empty"):
         build_model(np.zeros((3, 3)), [[0, 1, 2]])
-    with pytest.raises(UnusableModelError, match="limit of 11"):
-        model_of(cube(), max_faces=11)
 
 
 def test_crease_normals_of_a_cube_are_flat_and_of_a_sphere_round():

@@ -43,13 +43,13 @@ def test_blocks_of_lines_do_not_change_the_arrays(tmp_path, monkeypatch):
         forms = ("f 1 2 3", "f -1/-1 -2/-2 -3/-3", "f 1//1 \\\n-1//-1 2//2", "f 1/1/1 2/2 -1")
         lines += [forms[k % 4]] * (k > 2)
     text = "\n".join(lines[:150]) + "\r\n" + "\r\n".join(lines[150:])
-    whole = read_obj(text.encode(), textures.Assets(FolderFiles(tmp_path)))
-    assert len(whole["faces"]) == 57
-    np.testing.assert_array_equal(whole["faces"][:3], [[0, 1, 3], [0, 1, 2], [5, 4, 3]])
+    (whole,) = read_obj(text.encode(), textures.Assets(FolderFiles(tmp_path)))
+    assert len(whole.counts) == 57
+    np.testing.assert_array_equal(whole.corners[:9], [0, 1, 3, 0, 1, 2, 5, 4, 3])
     monkeypatch.setattr(_blocks, "__defaults__", (64,))
-    parts = read_obj(text.encode(), textures.Assets(FolderFiles(tmp_path)))
-    for key in ("vertices", "faces", "uv", "normals", "face_material"):
-        np.testing.assert_array_equal(parts[key], whole[key])
+    (parts,) = read_obj(text.encode(), textures.Assets(FolderFiles(tmp_path)))
+    for key in ("vertices", "corners", "counts", "uv", "normals", "owner"):
+        np.testing.assert_array_equal(getattr(parts, key), getattr(whole, key))
 
 
 # An L of area 3 in a square of edge 2, and a frame in a square of edge 4 around a window of edge 2.

@@ -71,12 +71,12 @@ def test_stl_counts_and_refusals(write):
     model = load_model(write("a.stl", text().rpartition("endsolid")[0]))
     assert "the file may be cut off" in model.warnings[0]
     for words, content in {
-        "cut off: 3 facets announced, 2 there": binary(count=3),
+        "cut off: facets: 3 announced, 2 there": binary(count=3),
         "more than the limit": binary(count=5_000_000),
         "2 facets begin, but it has 5 corners": text().rpartition("vertex")[0],
         "2 facets begin, but it has 6 corners": text().rpartition("endloop")[0],
         "4 facets begin, but it has 10 corners": text() + text().rpartition("vertex 1.0 1.0")[0],
-        "a corner without numbers": text().replace("1.0", "1,0"),
+        "a word that is not a number": text().replace("1.0", "1,0"),
         "neither binary data nor": "solid a\nendsolid a\n",
         "no faces": binary(FACETS[:0], (), head=b"a"),
         "cut off: 1 facets announced, 0 there": binary(count=1)[:100],

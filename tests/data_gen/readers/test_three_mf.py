@@ -62,7 +62,9 @@ def test_3mf_what_is_not_read_is_named_or_refused(write):
         "XML entities": three_mf(head="<!DOCTYPE a [<!ENTITY b 'b'>]>"),
         "not readable as 3MF: XML": three_mf(SHAPE[:-3]),
         "not readable as 3MF: the file is damaged": three_mf()[:300],
-        "not readable as 3MF: the file is": three_mf(SHAPE.replace("v1='0'", "v1='a'")),
+        "not readable as 3MF: a word that is not a number": three_mf(
+            SHAPE.replace("v1='0'", "v1='a'")
+        ),
     }.items():
         with pytest.raises(UnusableModelError, match=words):
             load_model(write("a.3mf", content))

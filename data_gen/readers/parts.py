@@ -1,0 +1,237 @@
+"""Parts of a model as files describe them, polygons with colours, and their arrays.
+
+All readers end here, so that polygons, textures and colours of all formats get the same treatment.
+"""
+
+import collections
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from data_gen.mesh import GREY, Material, UnusableModelError
+from data_gen.polygons import MOST_CORNERS, triangles
+from data_gen.readers.textures import Assets, repeated
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Look:
+    """A material, and how it is applied.
+
+    Attributes:
+      material: its texture repeats.
+      uv_matrix: changes texture coordinates (u, v, 1), [2, 3]; None = unchanged.
+      wraps: of the texture along u and v: "repeat", "mirror" or "clamp".
+      tinted: whether colours of faces multiply the texture; otherwise they have no effect on it.
+    """
+
+    material: Material
+    uv_matrix: np.ndarray | None = None
+    wraps: tuple[str, str] = ("repeat", "repeat")
+    tinted: bool = False
+
+
+PLAIN = Look(Material())
+
+WHITE = Look(Material(diffuse=(1.0, 1.0, 1.0), name="colours"))
+
+
+@dataclasses.dataclass
+class Part:
+    """Polygons, whose corners follow each other in all arrays.
+
+    Attributes:
+      vertices: [V, 3].
+      counts: number of corners [P] of each polygon.
+      corners: the vertices [C] of the polygons' corners, in order.
+      looks: None = the file gives no material.
+      owner: index [P] into `looks`; None = all 0.
+      uv, normals: of the corners, [C, 2] and [C, 3], or None. Images begin at v = 1.
+      colours: of the corners, display RGBA [C, 4] in [0, 1], or None.
+    """
+
+    vertices: np.ndarray
+    counts: np.ndarray
+    corners: np.ndarray
+    looks: Sequence[Look | None] = (None,)
+    owner: np.ndarray | None = None
+    uv: np.ndarray | None = None
+    normals: np.ndarray | None = None
+    colours: np.ndarray | None = None
+
+
+def placed(part: Part, matrices: np.ndarray) -> Part:
+    """Copies of a part under matrices [n, 4, 4]. If a matrix mirrors, the polygons are reversed."""
+    linear, copies = matrices[:, :3, :3], len(matrices)
+    there = (part.corners >= 0) & (part.corners < len(part.vertices))
+    corners, vertices = np.where(there, part.corners, -1), part.vertices
+    if len(vertices) > len(corners):  # of an array that many parts share
+        used, corners[there] = np.unique(corners[there], return_inverse=True)
+        vertices = vertices[used]
+    # The corner in the part of each corner of each copy.
+    order, first = np.arange(len(corners)), np.cumsum(part.counts) - part.counts
+    backward = np.repeat(2 * first + part.counts - 1, part.counts) - order
+    order = np.where(np.linalg.det(linear)[:, None] < 0, backward, order).ravel()
+    copy = np.repeat(np.arange(copies), len(corners))
+
+    def taken(values: np.ndarray | None) -> np.ndarray | None:
+        return None if values is None else values[order]
+
+    normals = part.normals
+    if normals is not None:
+        normals = np.einsum("nij,vj->nvi", of_normals(linear), normals)[copy, order]
+    return Part(
+        (np.einsum("nij,vj->nvi", linear, vertices) + matrices[:, None, :3, 3]).reshape(-1, 3),
+        np.tile(part.counts, copies),
+        np.where(there[order], corners[order] + len(vertices) * copy, -1),
+        part.looks,
+        None if part.owner is None else np.tile(part.owner, copies),
+        uv=taken(part.uv), normals=normals, colours=taken(part.colours),
+    )  # fmt: skip
+
+
+def of_normals(linear: np.ndarray) -> np.ndarray:
+    """Matrices [n, 3, 3] for normals, whose length they change; `linear` may be singular."""
+    a, b, c = np.moveaxis(linear, 2, 0)
+    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=2)
+    result: np.ndarray = cofactors * np.where(np.linalg.det(linear) < 0, -1, 1)[:, None, None]
+    return result
+
+
+def joined(parts: Sequence[Part], assets: Assets) -> dict[str, Any]:
+    """The parts as the arrays of `mesh.build_model`.
+
+    Polygons with less than three corners or with missing vertices are dropped with a warning.
+
+    Raises:
+      UnusableModelError: nothing is left, or there are too many triangles.
+    """
+    blocks: dict[str, list[np.ndarray]] = collections.defaultdict(list)
+    looks: list[Look] = []
+    fields = {"uv": (2, 0.0), "normals": (3, 0.0), "colours": (4, 1.0)}  # columns and default
+    for name in ("normals", "colours"):
+        if all(getattr(part, name) is None for part in parts):
+            del fields[name]
+    offset = few = lost = 0
+    total = sum(int(np.maximum(part.counts - 2, 0).sum()) for part in parts)
+    assets.add_faces(total - assets.faces)  # the rest, if the reader has counted some
+    for part in parts:
+        counts, corners = part.counts, part.corners
+        polygon = np.repeat(np.arange(len(counts)), counts)
+        outside = (corners < 0) | (corners >= len(part.vertices))
+        broken = np.bincount(polygon[outside], minlength=len(counts)) > 0
+        few, lost = few + int((counts < 3).sum()), lost + int(broken[counts > 2].sum())
+        keep = (counts > 2) & ~broken
+        if not keep.any():
+            continue
+        kept = np.flatnonzero(keep[polygon])
+        counts, corners = counts[keep], corners[kept]
+        if (many := counts > MOST_CORNERS).any():
+            what = f"polygons with more than {MOST_CORNERS} corners, bays may be filled"
+            assets.warn(what, many.sum())
+        triangle, polygon = triangles(counts, corners, part.vertices)
+
+        blocks["vertices"].append(part.vertices)
+        blocks["faces"].append(corners[triangle] + offset)
+        for name, (width, default) in fields.items():
+            values = getattr(part, name)
+            plain = np.full((*triangle.shape, width), default)
+            blocks[name].append(plain if values is None else values[kept[triangle]])
+        owner = np.zeros(len(keep), np.int64) if part.owner is None else part.owner
+        used, owner = np.unique(owner[keep][polygon], return_inverse=True)
+        blocks["owner"].append(owner + len(looks))
+        default_look = PLAIN if part.colours is None else WHITE
+        looks += [part.looks[index] or default_look for index in used]
+        offset += len(part.vertices)
+    for number, what in ((few, "less than three corners"), (lost, "missing vertices")):
+        if number:
+            assets.warn(f"faces with {what} dropped", number)
+    if not blocks:
+        why = "all faces have missing vertices" if lost else "no faces, expected at least one"
+        raise UnusableModelError(f"the mesh is empty: {why}")
+    arrays = {name: np.concatenate(arrays) for name, arrays in blocks.items()}
+    colours = arrays.pop("colours").mean(axis=1) if "colours" in arrays else None
+    materials, owner = _dressed(looks, arrays.pop("owner"), arrays["uv"], colours, assets)
+    return {**arrays, "materials": materials, "face_material": owner}
+
+
+def _dressed(
+    looks: Sequence[Look],
+    owner: np.ndarray,
+    uv: np.ndarray,
+    colours: np.ndarray | None,
+    assets: Assets,
+) -> tuple[Sequence[Material], np.ndarray]:
+    """Materials, and the material of each face; changes texture coordinates.
+
+    Colours of faces multiply the diffuse colour and the opacity.
+    """
+    distinct = list(dict.fromkeys(looks))
+    number = {look: index for index, look in enumerate(distinct)}
+    owner = np.array([number[look] for look in looks])[owner]
+    result, table = np.empty_like(owner), list[Material]()
+    faces = np.split(np.argsort(owner, kind="stable"), np.cumsum(np.bincount(owner))[:-1])
+    for look, own in zip(distinct, faces, strict=True):
+        material, groups = look.material, np.zeros(len(own), np.int64)
+        colour = np.ones((1, 4)) if colours is None else colours[own]
+        if material.texture is not None:
+            if look.uv_matrix is not None:
+                uv[own] = uv[own] @ look.uv_matrix[:, :2].T + look.uv_matrix[:, 2]
+            if look.wraps != ("repeat", "repeat"):
+                texture, uv[own] = repeated(material.texture, np.nan_to_num(uv[own]), look.wraps)
+                material = dataclasses.replace(material, texture=texture)
+        variants = [material]
+        if material.texture is None and (colour != 1).any():
+            levels = (255 * np.nan_to_num(colour).clip(0, 1)).round().astype(np.uint8)
+            painted, uv[own] = palette(levels)
+            variants = [dataclasses.replace(material, texture=painted.texture)]
+        elif look.tinted and (colour != 1).any():
+            steps, groups = np.unique(np.round(15 * colour), axis=0, return_inverse=True)
+            variants = []
+            for *rgb, alpha in (steps / 15).tolist():
+                red, green, blue = (a * b for a, b in zip(rgb, material.diffuse, strict=True))
+                variants.append(dataclasses.replace(
+                    material, diffuse=(red, green, blue), opacity=alpha * material.opacity
+                ))  # fmt: skip
+        elif (colour < 0.998).any():
+            assets.warn("colours of faces with a texture not used")
+        result[own] = groups.ravel() + len(table)
+        table += variants
+    return assets.bounded(table), result
+
+
+def picked(values: np.ndarray, index: np.ndarray) -> np.ndarray | None:
+    """The rows of values at indices, 0 where there is no such row; None if there is none at all."""
+    good = (index >= 0) & (index < len(values))
+    if not good.any():
+        return None
+    return np.where(good[:, None], values[np.where(good, index, 0)], 0)
+
+
+def rgba(colours: np.ndarray, assets: Assets, white: float = 0) -> np.ndarray:
+    """RGB or RGBA [n, 3 or 4] as RGBA in [0, 1]; white = 0: it is 1, or 255 if a value is above 1.
+
+    Colours that are not numbers become grey.
+    """
+    colours = np.pad(
+        colours[:, :4], ((0, 0), (0, max(4 - colours.shape[1], 0))), constant_values=np.nan
+    )
+    colours = colours / (white or (255 if (colours[:, :3] > 1).any() else 1))
+    if len(colours) and (colours[:, 3] == 0).all():  # as several writers leave it
+        assets.warn("alpha 0 in all colours, opaque is used")
+        colours[:, 3] = 1
+    return np.where(np.isnan(colours), (*GREY, 1.0), colours)
+
+
+def palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:
+    """A material and uv [F, 3, 2] that give each face its colour, uint8 [F, 4] to 5 bits."""
+    key = (colours.astype(np.int64) >> 3) @ np.array([1 << 15, 1 << 10, 1 << 5, 1])
+    distinct, first, index = np.unique(key, return_index=True, return_inverse=True)
+    width = int(np.ceil(np.sqrt(len(distinct))))
+    # Unused texels repeat the last colour: an opaque palette has no alpha, which is slow to handle.
+    texture = np.pad(colours[first], ((0, width * width - len(distinct)), (0, 0)), mode="edge")
+    column, row = index % width, index // width
+    uv = np.stack([(column + 0.5) / width, 1 - (row + 0.5) / width], axis=1)
+    material = dataclasses.replace(WHITE.material, texture=texture.reshape(width, width, 4))
+    return material, np.repeat(uv[:, None], 3, axis=1)
