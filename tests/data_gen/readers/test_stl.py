@@ -79,7 +79,7 @@ def test_stl_counts_and_refusals(write):
         "a word that is not a number": text().replace("1.0", "1,0"),
         "neither binary data nor": "solid a\nendsolid a\n",
         "no faces": binary(FACETS[:0], (), head=b"a"),
-        "cut off: 1 facets announced, 0 there": binary(count=1)[:100],
+        "cut off: facets: 1 announced, 0 there": binary(count=1)[:100],
     }.items():
         with pytest.raises(UnusableModelError, match=words):
             load_model(write("a.stl", content))
