@@ -19,7 +19,7 @@ OF_MASK = ("erode", "dilate", "ragged")
 @pytest.fixture(scope="module")
 def sample():
     rng = np.random.default_rng(1)
-    return solids.draw(solids.random_solid("box", rng), rng, image_size=(96, 128))
+    return solids.draw(solids.RANDOM["box"](rng), rng, image_size=(96, 128))
 
 
 def disturbed(sample, seed=0, **effects):

@@ -53,7 +53,7 @@ def splits_of(folder):
 @functools.cache
 def record_of(model_id, category):
     rng = np.random.default_rng(model_seed(0, "listed", model_id) % 2**31)
-    solid = solids.random_solid("box", rng)
+    solid = solids.RANDOM["box"](rng)
     sample = solids.draw(solid, rng, image_size=(16, 24), num_points=50, model_id=model_id)
     return encode(dataclasses.replace(sample, category=category))
 

@@ -5,8 +5,8 @@ camera (`camera.default_camera`) on their grey background, with exact depth, mas
 and normals.
 """
 
-import dataclasses
 from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,22 +18,15 @@ NUM_POINTS = 4096
 _MISS = np.inf
 
 
-@dataclasses.dataclass(frozen=True)
-class Solid:
-    """A solid around the origin of its own frame; its axis is z.
-
-    Attributes:
-      category: name of its kind.
-      height: its extent along z.
-      sample: (rng, n) -> points [n, 3] uniform on the surface, and outward normals [n, 3].
-      cast: (origin [3], directions [n, 3]) -> parameter t [n] of the first hit at
-        origin + t * direction (inf = none) and outward normals [n, 3] there. The origin is outside.
-    """
+class Solid(NamedTuple):
+    """A solid around the origin; its axis is z."""
 
     category: str
-    height: float
-    sample: Callable[[np.random.Generator, int], tuple[np.ndarray, np.ndarray]]
-    cast: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+    height: float  # along z
+    sample: Callable  # (rng, n) -> points [n, 3] uniform on the surface, outward normals [n, 3]
+    # (origin [3], directions [n, 3]) -> parameter t [n] of the first hit at origin + t * direction
+    # (inf = none), and outward normals [n, 3] there. The origin is outside.
+    cast: Callable
 
 
 def _unit(v: np.ndarray) -> np.ndarray:
@@ -227,23 +220,14 @@ def torus(ring: float, tube: float) -> Solid:
     return Solid("torus", 2 * tube, sample, cast)
 
 
-CATEGORIES = ("box", "cone", "cylinder", "ellipsoid", "torus")
-"""Categories of the default data set."""
-
-
-def random_solid(category: str, rng: np.random.Generator) -> Solid:
-    """A solid of random proportions; `draw` normalises its size."""
-    if category == "box":
-        return box(rng.uniform(0.25, 1.0, 3))
-    if category == "ellipsoid":
-        return ellipsoid(rng.uniform(0.3, 1.0, 3))
-    if category == "cylinder":
-        return cylinder(rng.uniform(0.2, 1.0), rng.uniform(0.4, 2.0))
-    if category == "cone":
-        return cone(rng.uniform(0.3, 1.0), rng.uniform(0.5, 2.0))
-    if category == "torus":
-        return torus(1.0, rng.uniform(0.12, 0.45))
-    raise ValueError(f"category {category!r}: expected one of {list(CATEGORIES)}")
+RANDOM = {
+    "box": lambda rng: box(rng.uniform(0.25, 1.0, 3)),
+    "cone": lambda rng: cone(rng.uniform(0.3, 1.0), rng.uniform(0.5, 2.0)),
+    "cylinder": lambda rng: cylinder(rng.uniform(0.2, 1.0), rng.uniform(0.4, 2.0)),
+    "ellipsoid": lambda rng: ellipsoid(rng.uniform(0.3, 1.0, 3)),
+    "torus": lambda rng: torus(1.0, rng.uniform(0.12, 0.45)),
+}
+"""Category -> a solid of random proportions; `draw` normalises its size."""
 
 
 def _window(
@@ -272,13 +256,6 @@ def draw(
 
     Lambert shading without shadows: colour = albedo * (0.35 + 0.65 max(n . l, 0)). The unit is the
     distance from the origin to the farthest of the sampled points.
-
-    Args:
-      solid: the solid.
-      rng: generator of pose, colour, light and points.
-      image_size: (H, W).
-      num_points: number of points on the surface.
-      model_id: name of the model in the sample.
     """
     turn = rng.uniform(0, 2 * np.pi)
     cosine, sine = np.cos(turn), np.sin(turn)
@@ -336,13 +313,13 @@ def samples(
     """`count` samples with alternating categories; the same seed gives the same samples."""
     for number in range(count):
         rng = np.random.default_rng([seed, number])
-        category = CATEGORIES[number % len(CATEGORIES)]
+        category = list(RANDOM)[number % len(RANDOM)]
         name = f"{category}-{seed}-{number:05d}"
-        yield draw(random_solid(category, rng), rng, image_size=image_size, model_id=name)
+        yield draw(RANDOM[category](rng), rng, image_size=image_size, model_id=name)
 
 
 def view_of(category: str, image_size: tuple[int, int], seed: int = 0) -> augment.View:
     """A random solid of a category, as the augmentations take it."""
     rng = np.random.default_rng(seed)
-    s = draw(random_solid(category, rng), rng, image_size=image_size)
+    s = draw(RANDOM[category](rng), rng, image_size=image_size)
     return augment.View(s.image, s.mask, s.depth, s.points, s.intrinsics, s.extrinsics)
