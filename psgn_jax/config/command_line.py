@@ -74,7 +74,7 @@ class Flags:
         self.string("config", file, "A configuration; --config.FIELD=VALUE changes a field of it.")
 
     def given(self, *names: str) -> list[str]:
-        """Those of the flags that are on the command line, as `--name`."""
+        """The flags among `names` that are on the command line, as `--name`."""
         return [f"--{name}" for name in names if self.values[name].present]
 
     def run(
@@ -114,10 +114,10 @@ class Flags:
             return Exit.CTRL_C
 
     def _parse(self, argv: Sequence[str]) -> None:
-        changes = [match for x in argv if (match := _CHANGE.fullmatch(x)) and self._config]
-        rest = [x for x in argv if not (self._config and _CHANGE.fullmatch(x))]
+        changes = [*filter(None, map(_CHANGE.fullmatch, argv if self._config else ()))]
+        others = set(argv) - {match[0] for match in changes}
         try:
-            self.arguments = self.values(["psgn", *rest])[1:]
+            self.arguments = self.values(["psgn", *(x for x in argv if x in others)])[1:]
         except (absl_flags.Error, TypeError, ValueError) as error:
             raise ConfigError(str(error)) from error
         _, _, *needed = self._usage.split()
