@@ -56,7 +56,10 @@ def quiet():
 
 @pytest.fixture(scope="module")
 def keep_compiled(tmp_path_factory):
-    """Each program is compiled once for all tests of the module."""
+    """Each program is compiled once for all tests of the module.
+
+    JAX keeps no program that calls oneDNN, so XLA computes the convolutions.
+    """
     own = {
         "jax_compilation_cache_dir": str(tmp_path_factory.mktemp("compiled")),
         "jax_persistent_cache_min_compile_time_secs": 0,
@@ -70,7 +73,9 @@ def keep_compiled(tmp_path_factory):
         compilation_cache.reset_cache()
 
     use(own)
-    yield
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PSGN_CONVOLUTIONS", os.environ.get("PSGN_CONVOLUTIONS", "xla"))
+        yield
     use(before)
 
 

@@ -30,9 +30,10 @@ def write_config(path, config):
 
 
 def quick_environment(folder):
-    """An environment in which each program is compiled once, with the flags of `conftest`."""
+    """An environment in which each program is compiled once, as by `keep_compiled`."""
     return os.environ | {
         "JAX_PLATFORMS": "cpu",
+        "PSGN_CONVOLUTIONS": "xla",
         "JAX_COMPILATION_CACHE_DIR": str(folder / "cache"),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
         "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",

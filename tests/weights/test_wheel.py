@@ -75,8 +75,8 @@ def packages(wheel, tmp_path_factory):
 @pytest.fixture
 def psgn(packages, tmp_path):
     """Runs the installed `psgn` in the folder `work`, which has a photo."""
-    path = ("PYTHONPATH", "PYTHONSAFEPATH")
-    environment = {k: v for k, v in quick_environment(tmp_path).items() if k not in path}
+    others = ("PYTHONPATH", "PYTHONSAFEPATH", "PSGN_CONVOLUTIONS")
+    environment = {k: v for k, v in quick_environment(tmp_path).items() if k not in others}
     script = (packages.parents[2] / "bin" / "python", packages / "bin" / "psgn")
     (tmp_path / "work").mkdir()
     write_modules(tmp_path / "work", tmp_path / "executed")
