@@ -29,7 +29,7 @@ from psgn_jax.data import shards
 from psgn_jax.data.shards import REPORT
 from psgn_jax.system.untrusted import one_line
 
-_FORMAT = 1  # raised when the same settings give other samples
+_FORMAT = 2  # raised when the same settings give other samples
 
 _RETRIED = ("crashed", "error", "memory", "timeout", "unreadable")
 """Statuses that may depend on the machine or the limits. If a data set is complete, the next call

@@ -4,7 +4,11 @@ We do not use pycollada. It leaves out a whole geometry that contains a strip of
 instance with one missing material; it ignores the offset and the stride of accessors in silence.
 """
 
+import contextlib
+import io
+import posixpath
 import re
+from collections.abc import Iterator
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -12,7 +16,7 @@ import numpy as np
 
 from data_gen.mesh import GREY, Material, UnusableModelError
 from data_gen.polygons import fan, strip, with_holes
-from data_gen.readers.model_files import DamagedError, numbers
+from data_gen.readers.model_files import DamagedError, ZipFiles, numbers
 from data_gen.readers.parts import Look, Part, picked, placed, rgba
 from data_gen.readers.textures import MISSING_TEXTURE, NO_COORDINATES, Assets, with_alpha
 
@@ -57,6 +61,16 @@ def read_collada(data: bytes, assets: Assets) -> list[Part]:
     if not parts and assets.warnings:
         raise UnusableModelError(f"the mesh is empty: {assets.warnings[0]}")
     return parts
+
+
+def read_zae(data: bytes, assets: Assets) -> list[Part]:
+    """The same of a zip archive of a COLLADA file and its textures."""
+    assets.files = ZipFiles(io.BytesIO(data))
+    name = next((n for n in assets.files.names if n.lower().endswith(".dae")), None)
+    if name is None:
+        raise DamagedError("it contains no .dae file")
+    assets.base = posixpath.dirname(name)
+    return read_collada(assets.files.read(name), assets)
 
 
 def _numbers(element: Element | None, count: int = 0) -> np.ndarray:
@@ -148,35 +162,35 @@ class _Document:
             if visited > _MAX_NODES:
                 what = f"more than {_MAX_NODES} nodes, or nodes that contain themselves"
                 raise UnusableModelError(what)
-            try:
+            with self.left_out("nodes", node):
                 matrix = matrix @ _transform(node)
-            except DamagedError as error:
-                self.leave_out("nodes", node, error)
-                continue
-            for child in reversed(node):
-                try:
-                    if child.tag == "node":
-                        stack.append((child, matrix))
-                    elif child.tag == "instance_node":
-                        stack.append((self.find(child.get("url"), "node"), matrix))
-                    elif child.tag == "instance_geometry":
-                        geometry = self.find(child.get("url"), "geometry")
-                        parts += self.instance(geometry, child, matrix)
-                    elif child.tag == "instance_controller":
-                        geometry, shape = self.controlled(self.find(child.get("url"), "controller"))
-                        # Joints move a skin, the node in which it is does not.
-                        here = matrix if shape is None else turn @ shape
-                        parts += self.instance(geometry, child, here)
-                    elif child.tag == "geometry" and node.tag == "library_geometries":
-                        parts += self.instance(child, child, matrix)
-                except DamagedError as error:
-                    self.leave_out("parts of the scene", child, error)
+                for child in reversed(node):
+                    with self.left_out("parts of the scene", child):
+                        if child.tag == "node":
+                            stack.append((child, matrix))
+                        elif child.tag == "instance_node":
+                            stack.append((self.find(child.get("url"), "node"), matrix))
+                        elif child.tag == "instance_geometry":
+                            geometry = self.find(child.get("url"), "geometry")
+                            parts += self.instance(geometry, child, matrix)
+                        elif child.tag == "instance_controller":
+                            controller = self.find(child.get("url"), "controller")
+                            geometry, shape = self.controlled(controller)
+                            # Joints move a skin, the node in which it is does not.
+                            here = matrix if shape is None else turn @ shape
+                            parts += self.instance(geometry, child, here)
+                        elif child.tag == "geometry" and node.tag == "library_geometries":
+                            parts += self.instance(child, child, matrix)
         return parts
 
-    def leave_out(self, what: str, element: Element, error: DamagedError) -> None:
-        """Warns that an element is not read."""
-        name = element.get("id") or element.get("url") or element.get("name") or element.tag
-        self.assets.warn(f"{what} not readable, left out", f"{name} ({error})")
+    @contextlib.contextmanager
+    def left_out(self, what: str, element: Element) -> Iterator[None]:
+        """Leaves out, with a warning, what is damaged."""
+        try:
+            yield
+        except DamagedError as error:
+            name = element.get("id") or element.get("url") or element.get("name") or element.tag
+            self.assets.warn(f"{what} not readable, left out", f"{name} ({error})")
 
     def controlled(self, controller: Element) -> tuple[Element, np.ndarray | None]:
         """The geometry of a controller, and the matrix of a skin in bind pose."""
@@ -209,10 +223,8 @@ class _Document:
             if primitive.tag in ("lines", "linestrips"):
                 self.assets.warn("lines and points not read", geometry.get("id"))
             elif primitive.tag in ("triangles", "polylist", "polygons", "tristrips", "trifans"):
-                try:
+                with self.left_out("parts of geometries", geometry):
                     parts.append(self.part(primitive, bound, matrix))
-                except DamagedError as error:
-                    self.leave_out("parts of geometries", geometry, error)
         return parts
 
     def part(

@@ -1,6 +1,5 @@
 """Loads a model from a file, with the reader of its format, and normalises it."""
 
-import io
 import os
 import pathlib
 import posixpath
@@ -12,16 +11,9 @@ import numpy as np
 
 from data_gen.frame import normalize, orient
 from data_gen.mesh import MAX_FACES, Model, UnreadableModelError, UnusableModelError, build_model
-from data_gen.readers.collada import read_collada
+from data_gen.readers.collada import read_collada, read_zae
 from data_gen.readers.gltf import read_gltf
-from data_gen.readers.model_files import (
-    MAX_FILE_BYTES,
-    DamagedError,
-    Files,
-    FolderFiles,
-    ZipFiles,
-    reason,
-)
+from data_gen.readers.model_files import MAX_FILE_BYTES, DamagedError, Files, FolderFiles, reason
 from data_gen.readers.obj import read_obj
 from data_gen.readers.off import read_off
 from data_gen.readers.parts import Part, joined
@@ -31,20 +23,9 @@ from data_gen.readers.textures import Assets
 from data_gen.readers.three_mf import read_3mf
 from psgn_jax.system.untrusted import one_line
 
-
-def _read_zae(data: bytes, assets: Assets) -> list[Part]:
-    """A zip archive of a COLLADA file and its textures."""
-    assets.files = ZipFiles(io.BytesIO(data))
-    name = next((n for n in assets.files.names if n.lower().endswith(".dae")), None)
-    if name is None:
-        raise DamagedError("it contains no .dae file")
-    assets.base = posixpath.dirname(name)
-    return read_collada(assets.files.read(name), assets)
-
-
 READERS: dict[str, Callable[[bytes, Assets], list[Part]]] = {
     "obj": read_obj, "ply": read_ply, "off": read_off, "stl": read_stl, "dae": read_collada,
-    "zae": _read_zae, "3mf": read_3mf,
+    "zae": read_zae, "3mf": read_3mf,
     "glb": read_gltf, "gltf": read_gltf,
 }  # fmt: skip
 """Suffixes of the formats that can be read; `.gz` may follow them."""
@@ -92,16 +73,15 @@ def load_model(
         why = error.strerror or "the system gives no reason"
         raise UnreadableModelError(f"file {name!r} is not readable: {why}") from error
     with np.errstate(over="ignore", invalid="ignore"):  # `normalize` refuses what overflows
-        parts = _read(name, data, assets)
+        arrays = _read(name, data, assets)
         del data
-        arrays = joined(parts, assets)
         about["model_id"] = model_id or name
         model = build_model(**arrays, **about, warnings=assets.warnings)
         return normalize(orient(turn(model), up, front))
 
 
-def _read(name: str, data: bytes, assets: Assets) -> list[Part]:
-    """The parts of a file."""
+def _read(name: str, data: bytes, assets: Assets) -> dict[str, Any]:
+    """The arrays of a file for `mesh.build_model`."""
     stem, ending = posixpath.splitext(name.lower())
     if ending == ".gz":
         ending = posixpath.splitext(stem)[1]
@@ -114,7 +94,7 @@ def _read(name: str, data: bytes, assets: Assets) -> list[Part]:
     if (why := reason(data)) and not (packed and data.startswith(b"PK")):
         raise UnusableModelError(f"not readable as {title}: {why}")
     try:
-        return READERS[kind](data, assets)
+        return joined(READERS[kind](data, assets), assets)
     except (UnusableModelError, MemoryError):
         raise
     except Exception as error:  # another one is of a parser that does not expect the damage
