@@ -55,15 +55,15 @@ def _existing_share(
 ) -> Float[np.ndarray, " n"]:
     """For the bounding box of each triangle in the texture, the fraction of existing texels."""
     size = np.array(sums.shape[::-1]) - 1
-    places = uv * [1, -1] * size
-    first = np.floor(places.min(axis=1) + 1e-4).astype(np.int64)
-    count = np.ceil(places.max(axis=1) - 1e-4).astype(np.int64) - first
+    texels = uv * [1, -1] * size
+    first = np.floor(texels.min(axis=1) + 1e-4).astype(np.int64)
+    count = np.ceil(texels.max(axis=1) - 1e-4).astype(np.int64) - first
     count = np.clip(count, 1, size)
     first %= size
 
-    def before(place: np.ndarray) -> np.ndarray:
+    def before(corner: np.ndarray) -> np.ndarray:
         # The texture repeats.
-        (columns, rows), (column, row) = (place // size).T, (place % size).T
+        (columns, rows), (column, row) = (corner // size).T, (corner % size).T
         return (
             rows * columns * sums[-1, -1] + rows * sums[-1, column]
             + columns * sums[row, -1] + sums[row, column]

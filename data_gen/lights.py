@@ -30,7 +30,7 @@ class LightSettings:
       source: "procedural" skies, Mitsuba's "sunsky", a "folder", or "mixed": for each view an
         outdoor scene, a room, a studio or, if `folder` is given, one of its maps.
       folder: folder of .hdr and .exr files, for "folder" and "mixed". The job depends on their
-        contents, not on their place.
+        contents, not on its path.
       count: number of directional lights to which a map is reduced.
       ambient: range of the ambient fraction of the light. Without it, surfaces that face away from
         the lights would be black.

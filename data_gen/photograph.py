@@ -105,11 +105,11 @@ def trace(
         parts["ground"] = _strip(ground)
     values = np.array(mi.render(mi.load_dict(parts), spp=rays, seed=seed), np.float32)
     values = np.nan_to_num(values, posinf=0, neginf=0)
-    colour, opacity, albedo, normal, place = np.split(values, [3, 4, 7, 10], axis=-1)
+    colour, opacity, albedo, normal, position = np.split(values, [3, 4, 7, 10], axis=-1)
     # A pixel is whole if it shows one surface, and not what lies behind a hole of a texture.
     whole = np.linalg.norm(normal, axis=-1) > 0.8
-    depth = place @ camera.extrinsics[2, :3] + camera.extrinsics[2, 3]
-    ours = (np.linalg.norm(place, axis=-1) < 1.05) & (place[..., 2] > 1e-3)
+    depth = position @ camera.extrinsics[2, :3] + camera.extrinsics[2, 3]
+    ours = (np.linalg.norm(position, axis=-1) < 1.05) & (position[..., 2] > 1e-3)
     hole = ours & whole & (depth < np.where(view.mask, view.depth, np.inf) - 0.02)
     hole &= not scene.surfaces.opaque
     whole &= ~hole
@@ -122,7 +122,7 @@ def trace(
     edge = ~whole & ~hole & (opacity[..., 0] > 0)
     mixed = smooth(light * bounded, edge) / np.maximum(smooth(albedo, edge), 1e-3)
     off = np.full((*whole.shape, 1), 2 * camera.distance / camera.intrinsics[0, 0], np.float32)
-    guides = np.concatenate([normal, place, off], axis=-1)
+    guides = np.concatenate([normal, position, off], axis=-1)
     for step in (1, 2):
         light = smooth(light, whole, guides, step=step)
     result = np.where(whole[..., None], light * bounded, mixed * albedo)

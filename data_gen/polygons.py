@@ -12,9 +12,9 @@ def cut_ears(outlines: np.ndarray) -> np.ndarray:
     """Triangulates simple polygons, counter-clockwise [p, n, 2], by cutting ears: [p, n - 2, 3].
 
     An ear is a corner whose triangle is convex and contains no other corner. We cut the first ear
-    of each polygon, then the first ear of the rest, and so on. Corners at the same place do not
-    count: a bridge to a hole has its two ends twice. A polygon that intersects itself has as many
-    triangles, but they may overlap.
+    of each polygon, then the first ear of the rest, and so on. Corners at the same position do
+    not count: a bridge to a hole has its two ends twice. A polygon that intersects itself has as
+    many triangles, but they may overlap.
     """
     points, (count, size) = outlines, outlines.shape[:2]
     rows, left = np.arange(count), np.tile(np.arange(size), (count, 1))

@@ -104,12 +104,12 @@ def _line_hits(
         slope = (two_w - one_w) / np.maximum(two_u - one_u, 1e-300)
         owner, number = repeat_numbers(columns)
         column = start[owner] + number
-        place = np.clip(
+        position = np.clip(
             one_w[owner] + (column + 0.5 - one_u[owner]) * slope[owner],
             np.minimum(one_w, two_w)[owner],
             np.maximum(one_w, two_w)[owner],
         )
-        yield column.astype(np.int64), row[owner].astype(np.int64), place
+        yield column.astype(np.int64), row[owner].astype(np.int64), position
 
 
 def _edge_points(corners: np.ndarray, edges: np.ndarray) -> np.ndarray:
@@ -159,15 +159,15 @@ def mark_surface(
     for axis in range(3):
         between = np.zeros((size, size, size), bool)
         step = strides[axis]
-        for column, row, place in _line_hits(corners, faces, axis, size):
+        for column, row, position in _line_hits(corners, faces, axis, size):
             line = column * strides[(axis + 1) % 3] + row * strides[(axis + 2) % 3]
             # A point on the border of the grid belongs to the cell inside.
-            cell = np.floor(place).astype(np.int64)
-            cell[(place > -_TOLERANCE) & (place < 0)] = 0
-            cell[(place >= size) & (place < size + _TOLERANCE)] = size - 1
+            cell = np.floor(position).astype(np.int64)
+            cell[(position > -_TOLERANCE) & (position < 0)] = 0
+            cell[(position >= size) & (position < size + _TOLERANCE)] = size - 1
             here = (cell >= 0) & (cell < size)
             marked.reshape(-1)[line[here] + cell[here] * step] = True
-            cell = np.floor(place - 0.5).astype(np.int64)
+            cell = np.floor(position - 0.5).astype(np.int64)
             here = (cell >= 0) & (cell < size - 1)
             between.reshape(-1)[line[here] + cell[here] * step] = True
         crossed.append(between)
@@ -254,8 +254,8 @@ def peel(
     flat = result.reshape(-1)
     strides = np.array([result.shape[1] * result.shape[2], result.shape[2], 1])
     steps = _OFFSETS @ strides
-    places = np.argwhere(np.pad(cells & loose, 1))
-    index, parity = places @ strides, places % 2 @ [4, 2, 1]
+    indices = np.argwhere(np.pad(cells & loose, 1))
+    index, parity = indices @ strides, indices % 2 @ [4, 2, 1]
     groups = [index[parity == k] for k in range(8)]
     # Two rounds remove the skin of thick parts. More would open slits between a sheet and a wall,
     # beginning at the rim of the sheet.

@@ -107,9 +107,9 @@ class _Twins:
         if not len(self._keys):
             return result, both
         key = self._key(self._cell(points), face)
-        place = np.searchsorted(self._keys, key).clip(0, len(self._keys) - 1)
-        count = np.where(self._keys[place] == key, self._count[place], 0)
-        start = self._start[place]
+        index = np.searchsorted(self._keys, key).clip(0, len(self._keys) - 1)
+        count = np.where(self._keys[index] == key, self._count[index], 0)
+        start = self._start[index]
         for owner, number in in_parts(count, count):
             other = self._faces[start[owner] + number]
             kept = other != face[owner]
@@ -150,8 +150,8 @@ def _toward_air(
     for sign in (1, -1):
         side = np.zeros(len(points), np.int64)
         for distance in (1.0, 1.75, 2.5, 3.25):
-            place = (points - low) * scale + [2, 2, 0] + sign * distance * normals
-            cell = tuple((np.floor(place).astype(np.int64) + 4).clip(0, size + 7).T)
+            point = (points - low) * scale + [2, 2, 0] + sign * distance * normals
+            cell = tuple((np.floor(point).astype(np.int64) + 4).clip(0, size + 7).T)
             side = np.where((side == 0) & ~marked[cell], np.where(outside[cell], 1, -1), side)
         sides.append(side)
     return np.sign(sides[0] - sides[1]) * (sides[0] * sides[1] == -1)
@@ -247,11 +247,11 @@ def _parts(model: Model) -> tuple[Int[np.ndarray, " f"], Bool[np.ndarray, " p"]]
     span = int(corner.max()) + 1
     forward, back = start * span + end, end * span + start
     order = np.argsort(forward, kind="stable")
-    place = np.searchsorted(forward[order], back).clip(0, len(order) - 1)
-    met = forward[order[place]] == back
+    index = np.searchsorted(forward[order], back).clip(0, len(order) - 1)
+    met = forward[order[index]] == back
     owner = np.repeat(np.arange(len(model.faces)), 3)
     graph = scipy.sparse.coo_array(
-        (np.ones(int(met.sum()), np.int8), (owner[met], order[place][met] // 3)),
+        (np.ones(int(met.sum()), np.int8), (owner[met], order[index][met] // 3)),
         shape=(len(model.faces), len(model.faces)),
     )
     number, label = scipy.sparse.csgraph.connected_components(graph, directed=False)

@@ -150,10 +150,10 @@ def room(rng: np.random.Generator, eye: Float[np.ndarray, " 3"]) -> Surroundings
     ceiling = max(rng.uniform(4, 9), eye[2] + 1)
     with np.errstate(divide="ignore"):
         reach = (np.where(toward > 0, [*half, ceiling], [*-half, floor]) - eye) / toward
-    axis, place = reach.argmin(-1), eye + toward * reach.min(-1, keepdims=True)
+    axis, point = reach.argmin(-1), eye + toward * reach.min(-1, keepdims=True)
     # 0 to 3: walls; 4: floor; 5: ceiling.
     wall = 2 * axis + (np.take_along_axis(toward, axis[..., None], -1)[..., 0] > 0)
-    along, up = np.where(axis == 0, place[..., 1], place[..., 0]), place[..., 2]
+    along, up = np.where(axis == 0, point[..., 1], point[..., 0]), point[..., 2]
     colours = _colour(rng, 0.25, 0.8, 0.12) * rng.uniform(0.7, 1.1, (6, 1))
     colours[rng.integers(5, size=2)] = [_colour(rng, 0.1, 0.6, 0.3), _colour(rng, 0.1, 0.6, 0.1)]
     corner = np.where(axis == 2, 9, np.minimum(up - floor, ceiling - up))  # these are darker

@@ -95,11 +95,11 @@ def split_of(model_id: str, fractions: tuple[float, float, float] = FRACTIONS) -
     if len(fractions) != len(SPLITS) or min(fractions) < 0 or abs(sum(fractions) - 1) > 1e-6:
         expected = f"{len(SPLITS)} numbers of 0 or more with a sum of 1"
         raise ValueError(f"split fractions: got {list(fractions)}, expected {expected}")
-    place = hashed(model_id)
+    number = hashed(model_id)
     for split, fraction in zip(SPLITS, fractions, strict=True):
-        if place < fraction:
+        if number < fraction:
             return split
-        place -= fraction
+        number -= fraction
     # Reached only if the hash exceeds the sum of the fractions because of rounding.
     return next(s for s, f in zip(SPLITS[::-1], fractions[::-1], strict=True) if f > 0)
 
@@ -146,12 +146,12 @@ def moved_to_empty_splits(splits: Mapping[str, str], wanted: Sequence[str]) -> d
     has two objects, a later split gives its own: two objects are for training and validation.
     """
     moved: dict[str, str] = {}
-    for place, empty in enumerate(wanted):
+    for index, empty in enumerate(wanted):
         now = {**splits, **moved}
         counts = Counter(now.values())
         if counts[empty] or not counts:
             continue
-        givers = [s for s in wanted if counts[s] > 1] or [s for s in wanted[place:] if counts[s]]
+        givers = [s for s in wanted if counts[s] > 1] or [s for s in wanted[index:] if counts[s]]
         if givers:
             giver = max(givers, key=lambda s: counts[s])
             moved[min((name for name in now if now[name] == giver), key=hashed)] = empty

@@ -53,8 +53,8 @@ def find_meshes(source: str | os.PathLike[str]) -> tuple[list[str], list[str]]:
 
     endings = {f".{kind}" for kind in READERS}
     found: dict[str, list[str]] = {"meshes": [], "others": [], "archives": []}
-    for place, folders, files in os.walk(root, followlinks=True):
-        here = pathlib.Path(place)
+    for path, folders, files in os.walk(root, followlinks=True):
+        here = pathlib.Path(path)
         folders[:] = sorted(f for f in folders if not f.startswith(".") and is_new(here / f))
         for file in files:
             ending = _ending(file)

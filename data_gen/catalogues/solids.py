@@ -245,10 +245,10 @@ def hull(
     """
     table = np.array(sorted(map(tuple, stations)))
     knots = np.arange(len(table))
-    places = np.interp(np.arange((len(table) - 1) * steps + 1) / steps, knots, table[:, 0])
-    rows = scipy.interpolate.PchipInterpolator(table[:, 0], table[:, 1:])(places)
+    stations_x = np.interp(np.arange((len(table) - 1) * steps + 1) / steps, knots, table[:, 0])
+    rows = scipy.interpolate.PchipInterpolator(table[:, 0], table[:, 1:])(stations_x)
     rings = []
-    for x, row in zip(places, rows, strict=True):
+    for x, row in zip(stations_x, rows, strict=True):
         outline = superellipse(2 * row[0], 2 * row[1], power, sides)
         rings.append(np.column_stack([np.full(sides, x), outline[:, 0], outline[:, 1] + row[2]]))
     return loft(rings)

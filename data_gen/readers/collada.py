@@ -22,7 +22,7 @@ from data_gen.readers.textures import MISSING_TEXTURE, NO_COORDINATES, Assets, w
 
 MAX_XML_BYTES = 64 << 20
 
-_MAX_NODES = 100_000  # a node may be in several places of the scene
+_MAX_NODES = 100_000  # a node may have several instances
 
 # Turn the axis that points up into +y, by its name.
 _TURNS = {
@@ -152,8 +152,8 @@ class _Document:
             self.assets.warn(f"no scene, {used} read")
         if self.root.find("library_animations/animation") is not None:
             self.assets.warn("animations not read, the pose of the nodes is taken")
-        places = self.root.findall("library_geometries") if scene is None else [scene]
-        stack = [(place, turn) for place in places]
+        roots = self.root.findall("library_geometries") if scene is None else [scene]
+        stack = [(root, turn) for root in roots]
         parts: list[Part] = []
         visited = 0
         while stack:
@@ -210,13 +210,13 @@ class _Document:
                 return controller, shape
         raise DamagedError("controllers of controllers")
 
-    def instance(self, geometry: Element, place: Element, matrix: np.ndarray) -> list[Part]:
+    def instance(self, geometry: Element, element: Element, matrix: np.ndarray) -> list[Part]:
         """The polygons of a geometry with the materials of its instance."""
         mesh = geometry.find("mesh")
         if mesh is None:
             kinds = [child.tag for child in geometry if child.tag not in ("asset", "extra")]
             raise DamagedError(f"geometry {geometry.get('id')!r} is a {(kinds or ['void'])[0]}")
-        instances = place.iterfind("bind_material/technique_common/instance_material")
+        instances = element.iterfind("bind_material/technique_common/instance_material")
         bound = {instance.get("symbol"): instance for instance in instances}
         parts = []
         for primitive in mesh:
@@ -323,8 +323,8 @@ class _Document:
         shader = next((e for e in technique if e.tag in _SHADERS), None)
         if shader is None:
             raise DamagedError(f"an effect with none of {', '.join(_SHADERS)}")
-        places = (effect, profile, technique)
-        params = {e.get("sid"): e for place in places for e in place.iterfind("newparam")}
+        parents = (effect, profile, technique)
+        params = {e.get("sid"): e for parent in parents for e in parent.iterfind("newparam")}
         title = element.get("id")
         if instance is not None and instance.find("setparam") is not None:
             self.assets.warn("parameters that a material sets not read", title)

@@ -165,7 +165,7 @@ class _Scene:
         return nodes, world, inside
 
     def parts(self) -> Iterator[Part]:
-        """The meshes of the scene, each once with all its places."""
+        """The meshes of the scene, each once with all its instances."""
         nodes, world, inside = self.nodes()
         uses: dict[tuple[int, int, tuple[float, ...]], list[np.ndarray]] = {}
         for number in np.flatnonzero(inside).tolist():

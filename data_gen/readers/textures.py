@@ -116,22 +116,22 @@ def repeated(
     """
     texture, uv = texture[::-1], uv.copy()  # the first row at v = 0
     for axis, wrap in enumerate(wraps):
-        side, place = 1 - axis, uv[..., axis]
+        side, values = 1 - axis, uv[..., axis]
         if wrap == "mirror":
             texture = np.concatenate([texture, np.flip(texture, side)], axis=side)
-            uv[..., axis] = place / 2
+            uv[..., axis] = values / 2
         elif wrap == "clamp":
-            place = place.clip(-_MOST_TILES, 1 + _MOST_TILES)
-            low, high = min(place.min(), 0.0), max(place.max(), 1.0)
+            values = values.clip(-_MOST_TILES, 1 + _MOST_TILES)
+            low, high = min(values.min(), 0.0), max(values.max(), 1.0)
             if (low, high) == (0, 1):
-                uv[..., axis] = place.clip(0, 1 - 1e-6)  # 1 would be 0 again
+                uv[..., axis] = values.clip(0, 1 - 1e-6)  # 1 would be 0 again
                 continue
             while texture.shape[side] * (high - low) > _MOST_TEXELS_ALONG:
                 texture = texture[:, ::2] if side else texture[::2]
             size, margin = texture.shape[side], [(0, 0)] * 3
             margin[side] = int(np.ceil(-low * size)) + 1, int(np.ceil((high - 1) * size)) + 1
             texture = np.pad(texture, margin, mode="edge")
-            uv[..., axis] = (place * size + margin[side][0]) / texture.shape[side]
+            uv[..., axis] = (values * size + margin[side][0]) / texture.shape[side]
     return np.ascontiguousarray(texture[::-1]), uv
 
 

@@ -11,7 +11,7 @@ from data_gen.readers.model_files import DamagedError, ZipFiles, numbers
 from data_gen.readers.parts import Part, placed
 from data_gen.readers.textures import Assets
 
-_MOST_PLACES = 100_000  # an object may be in several places
+_MOST_INSTANCES = 100_000  # an object may have several instances
 
 
 def read_3mf(data: bytes, assets: Assets) -> list[Part]:
@@ -30,18 +30,19 @@ def read_3mf(data: bytes, assets: Assets) -> list[Part]:
         raise DamagedError("it contains no .model file with objects")
     parts: list[Part] = []
     meshes: dict[Element, Part] = {}
-    places = 0
+    instances = 0
     while stack:
-        name, place, matrix = stack.pop()
-        places += 1
-        if places > _MOST_PLACES:
-            raise UnusableModelError(f"more than {_MOST_PLACES} places of objects")
-        if words := (place.get("transform") or "").split():  # column after column
+        name, instance, matrix = stack.pop()
+        instances += 1
+        if instances > _MOST_INSTANCES:
+            raise UnusableModelError(f"more than {_MOST_INSTANCES} instances of objects")
+        if words := (instance.get("transform") or "").split():  # column after column
             matrix = matrix @ np.vstack([numbers(words).reshape(4, 3).T, [0, 0, 0, 1]])
-        path = next((v for k, v in place.attrib.items() if k.endswith("}path")), name).lstrip("/")
-        shape = objects.get((path, place.get("objectid")))
+        paths = [v for k, v in instance.attrib.items() if k.endswith("}path")]
+        path = (paths or [name])[0].lstrip("/")
+        shape = objects.get((path, instance.get("objectid")))
         if shape is None:
-            assets.warn("objects of 3MF missing", place.get("objectid"))
+            assets.warn("objects of 3MF missing", instance.get("objectid"))
             continue
         stack += [(path, inner, matrix) for inner in shape.iterfind("components/component")]
         if shape not in meshes:

@@ -39,9 +39,9 @@ class Kit:
         for angle in start + np.arange(count) * 360 / count:
             self.add(material, *(part.turned("z", angle) for part in parts))
 
-    def change(self, start: int, place: Callable[[Solid], Solid]) -> None:
+    def change(self, start: int, move: Callable[[Solid], Solid]) -> None:
         """Moves all parts from number `start` on."""
-        self.parts[start:] = [(place(part), material) for part, material in self.parts[start:]]
+        self.parts[start:] = [(move(part), material) for part, material in self.parts[start:]]
 
     def uniform(self, low: float, high: float) -> float:
         """A random number."""
