@@ -16,7 +16,7 @@ import numpy as np
 
 from data_gen.mesh import GREY, Material, UnusableModelError
 from data_gen.polygons import fan, strip, with_holes
-from data_gen.readers.model_files import DamagedError, ZipFiles, numbers
+from data_gen.readers.model_files import DamagedError, ZipFiles, check_size, numbers
 from data_gen.readers.parts import Look, Part, picked, placed, rgba
 from data_gen.readers.textures import MISSING_TEXTURE, NO_COORDINATES, Assets, with_alpha
 
@@ -39,8 +39,7 @@ _PLACED = ("repeatU", "repeatV", "offsetU", "offsetV", "rotateUV", "rotateFrame"
 
 def parsed_xml(data: bytes) -> Element:
     """The root of an XML file, whose tags are without namespaces: some files have none."""
-    if len(data) > MAX_XML_BYTES:
-        raise UnusableModelError(f"{len(data)} bytes of XML, more than the limit {MAX_XML_BYTES}")
+    check_size("the XML file", len(data), MAX_XML_BYTES)
     if b"<!ENTITY" in data.replace(b"\0", b""):  # UTF-16 has zeros
         raise UnusableModelError("XML entities are refused")
     try:

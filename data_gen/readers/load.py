@@ -13,7 +13,14 @@ from data_gen.frame import normalize, orient
 from data_gen.mesh import MAX_FACES, Model, UnreadableModelError, UnusableModelError, build_model
 from data_gen.readers.collada import read_collada, read_zae
 from data_gen.readers.gltf import read_gltf
-from data_gen.readers.model_files import MAX_FILE_BYTES, DamagedError, Files, FolderFiles, reason
+from data_gen.readers.model_files import (
+    MAX_FILE_BYTES,
+    DamagedError,
+    Files,
+    FolderFiles,
+    check_size,
+    reason,
+)
 from data_gen.readers.obj import read_obj
 from data_gen.readers.off import read_off
 from data_gen.readers.parts import Part, joined
@@ -109,8 +116,7 @@ def _unpacked(data: bytes) -> bytes:
         content = stream.decompress(data, MAX_FILE_BYTES + 1)
     except zlib.error as error:
         raise UnusableModelError("not readable as gzip: the file is damaged") from error
-    if len(content) > MAX_FILE_BYTES:
-        raise UnusableModelError(f"more than the limit of {MAX_FILE_BYTES} bytes in a gzip file")
+    check_size("the content of the gzip file", len(content), MAX_FILE_BYTES)
     if not stream.eof:
         raise UnusableModelError("the file is cut off: its compression does not end")
     return content

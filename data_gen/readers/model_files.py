@@ -35,6 +35,12 @@ def numbers(words: Sequence[Any], kind: type = np.float64, where: str = "") -> n
         raise DamagedError(f"a word{where} that is not a number") from None
 
 
+def check_size(what: str, size: int, limit: int) -> None:
+    """Raises UnusableModelError if a file has too many bytes."""
+    if size > limit:
+        raise UnusableModelError(f"{what} has {size} bytes, more than the limit of {limit}")
+
+
 def check_announced(what: str, announced: int, there: int) -> None:
     """Raises UnusableModelError if less is there than the file announces."""
     if there < announced:
@@ -186,10 +192,7 @@ class FolderFiles(Files):
     def read(self, name: str) -> bytes:
         """See `Files`; UnusableModelError if the file is larger than `MAX_FILE_BYTES`."""
         path = self.root / name
-        size = path.stat().st_size
-        if size > MAX_FILE_BYTES:
-            what = f"{path.name} has {size} bytes"
-            raise UnusableModelError(f"{what}, more than the limit of {MAX_FILE_BYTES}")
+        check_size(path.name, path.stat().st_size, MAX_FILE_BYTES)
         return path.read_bytes()
 
 
@@ -222,9 +225,7 @@ class ZipFiles(Files):
     def read(self, name: str, limit: int = MAX_FILE_BYTES) -> bytes:
         """See `Files`; UnusableModelError if the member is too large, damaged or a zip bomb."""
         member = self._members[name]
-        if member.file_size > limit:
-            what = f"{name!r} has {member.file_size} bytes"
-            raise UnusableModelError(f"{what}, more than the limit of {limit}")
+        check_size(repr(name), member.file_size, limit)
         ratio = member.file_size / max(member.compress_size, 1)
         if member.file_size > _RATIO_FROM and ratio > _MAX_RATIO:
             what = f"{name!r} may be a zip bomb: its compression ratio is {ratio:.0f}"
@@ -235,8 +236,7 @@ class ZipFiles(Files):
         except (zipfile.BadZipFile, zlib.error, OSError, RuntimeError, EOFError,
                 NotImplementedError) as error:  # fmt: skip
             raise UnusableModelError(f"{name!r} in the archive is damaged") from error
-        if len(data) > limit:
-            raise UnusableModelError(f"{name!r} has more bytes than the limit of {limit}")
+        check_size(repr(name), len(data), limit)
         return data
 
 

@@ -688,7 +688,7 @@ def test_files_that_are_refused_with_the_reason(write, why):
 def test_cut_files_are_refused(write):
     g = Gltf()
     whole = g.show([g.square()]).glb()
-    for length in range(len(whole) - 1):
+    for length in [*range(0, len(whole) - 1, 17), len(whole) - 2]:
         with pytest.raises(UnusableModelError, match="not readable as glTF"):
             load_model(write("a.glb", whole[:length]))
     for start, other, why in (

@@ -39,6 +39,12 @@ def test_reasons(write, kind):
             load_model(write(f"a.{kind}", content))
 
 
+def test_other_suffixes_are_named(write):
+    for kind in ("xyzzy", ""):
+        with pytest.raises(UnusableModelError, match=f"format '{kind}': expected one of"):
+            load_model(write(f"a.{kind}", OBJ))
+
+
 def test_reasons_of_files_beside_a_model(write):
     pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:00\n"
     write("m.mtl", pointer)
@@ -63,12 +69,13 @@ def test_reasons_have_no_words_of_python(write, monkeypatch):
     assert not re.search(r"\w+Error", str(caught.value))
 
 
-def test_reasons_of_compressed_files(write):
+def test_reasons_of_compressed_files(write, monkeypatch):
+    monkeypatch.setattr(load, "MAX_FILE_BYTES", 10_000)
     assert len(load_model(write("a.obj.gz", gzip.compress(OBJ.encode()))).faces) == 12
     for words, content in {
         "cut off": gzip.compress(OBJ.encode())[:-20],
         "not readable as gzip": b"abc",
-        "limit of 268435456 bytes": gzip.compress(b" " * ((256 << 20) + 1), 1),
+        "gzip file has 10001 bytes, more than the limit": gzip.compress(bytes(20_000)),
     }.items():
         with pytest.raises(UnusableModelError, match=words):
             load_model(write("a.obj.gz", content))
