@@ -12,6 +12,8 @@ from flax import linen as nn
 
 from psgn_jax.array_types import Array, Bool, Float, PRNGKey, UInt8
 from psgn_jax.config.experiment import Config, ModelConfig, VoxelConfig
+from psgn_jax.data.camera import DISTANCE
+from psgn_jax.data.schema import BACKGROUND_GREY
 from psgn_jax.models import posterior, recurrent, volumes
 from psgn_jax.models.point_out_net import CloudNetwork, PointOutNet
 
@@ -20,12 +22,6 @@ DTYPES = {"float32": jnp.float32, "bfloat16": jnp.bfloat16}
 
 # Purposes of random numbers, which are folded into the key of the seed.
 _INIT, _TRAIN_RANDOM, _EVAL_RANDOM, _INIT_POSTERIOR = 0, 1, 2, 3
-
-# Background colour in the authors' files (github.com/fanhqme/PointSetGeneration).
-BACKGROUND = 191 / 255
-# Depth of the frame's origin in the authors' camera, along the optical axis. It was fitted to the
-# silhouettes in their images (`data.camera.default_camera`) and is used if no camera is given.
-DEFAULT_DISTANCE = 3.6
 
 
 def build(config: ModelConfig) -> CloudNetwork:
@@ -144,7 +140,7 @@ def stack_channels(
 ) -> Float[Array, "*b h w c"]:
     """Builds the input of a network, with its channels in the order of `channels`.
 
-    - "rgb", three channels: colour / 255; every background pixel is 191 / 255.
+    - "rgb", three channels: colour / 255; every background pixel is 191 / 255, as in the authors' files.
     - "mask", one channel: the **background** mask, 1 = background, 0 = object.
     - "depth", two channels (**ours**: the sources do not say how a network gets depth). The first
       is `distance - z`: how much nearer to the camera the surface is than the frame's origin, in
@@ -167,12 +163,12 @@ def stack_channels(
     for channel in channels:
         if channel == "rgb":
             colour = image.astype(jnp.float32) / 255
-            planes.append(jnp.where(mask[..., None], colour, BACKGROUND))
+            planes.append(jnp.where(mask[..., None], colour, BACKGROUND_GREY / 255))
         elif channel == "mask":
             planes.append(1 - mask[..., None].astype(jnp.float32))
         else:
             z = jnp.asarray(depth, jnp.float32)
-            origin = DEFAULT_DISTANCE if distance is None else jnp.asarray(distance, jnp.float32)
+            origin = DISTANCE if distance is None else jnp.asarray(distance, jnp.float32)
             origin = jnp.broadcast_to(origin, z.shape[:-2])[..., None, None]
             measured = mask & (z > 0) & jnp.isfinite(z)
             nearness = jnp.where(measured, origin - z, 0.0)
