@@ -23,7 +23,7 @@ import numpy as np
 from absl import flags
 from grain.multiprocessing import SharedMemoryArray
 
-from psgn_jax.config.experiment import DataConfig
+from psgn_jax.config.data import DEFAULT_DATA, DataConfig
 from psgn_jax.data import workers
 from psgn_jax.data.batches import ORDER, Batch, EvalBatch, Items, TrainBatch, model_views
 from psgn_jax.data.dataset import RecordReader
@@ -47,7 +47,7 @@ _CAUSES = {
 
 
 def _open(cfg: DataConfig, folders: tuple[str, ...], split: str) -> RecordReader:
-    if folders == DataConfig().folders and not os.path.isdir(folders[0]):
+    if os.path.basename(folders[0]) == DEFAULT_DATA and not os.path.isdir(folders[0]):
         raise RecordError(
             f"no data set is named, and there is no {folders[0]}; expected a folder of records, or "
             "a call of psgn_jax.commands.default_data.default_dataset"

@@ -140,7 +140,7 @@ def stack_channels(
 ) -> Float[Array, "*b h w c"]:
     """Builds the input of a network, with its channels in the order of `channels`.
 
-    - "rgb", three channels: colour / 255; every background pixel is 191 / 255, as in the authors' files.
+    - "rgb", three channels: colour / 255; every background pixel is 191 / 255.
     - "mask", one channel: the **background** mask, 1 = background, 0 = object.
     - "depth", two channels (**ours**: the sources do not say how a network gets depth). The first
       is `distance - z`: how much nearer to the camera the surface is than the frame's origin, in
