@@ -84,7 +84,7 @@ class ModelConfig:
 
 @dataclasses.dataclass(frozen=True)
 class LossConfig:
-    """The loss."""
+    """What training minimises (paper, section "Distance Metric between Point Sets")."""
 
     # An entry of `losses.LOSSES`, or a weighted sum of entries, each with a number of true points,
     # such as "emd_mean@1024 + 5*chamfer_sq_mean".

@@ -19,7 +19,6 @@ def folder() -> pathlib.Path:
 
 
 def names() -> list[str]:
-    """Names of the configurations that come with the package."""
     return sorted(path.stem for path in folder().glob("*.py"))
 
 

@@ -59,7 +59,6 @@ def aligned(lines: Lines, *, apart: int = 0) -> str:
 
 
 def markdown(lines: Lines) -> str:
-    """A table in Markdown."""
     head, *rows = lines
     ruled = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in ruled) + "\n"
@@ -76,13 +75,12 @@ _OF_DRAWS = re.compile(r"(.*)_(best|mean)_of_(\d+)")
 
 
 def cell(metric: str, value: float) -> str:
-    """A value as text."""
     percent = COLUMNS.get(metric, "").endswith("[%]")
     return f"{100 * value:.2f}" if percent else f"{value:.5f}"
 
 
 def text(evaluation: Evaluation) -> str:
-    """The table as text."""
+    """The printed table: a row for each category and the two averages; below, what they mean."""
     names = [name for name in COLUMNS if name in evaluation.metrics]
     names += filter(_OF_DRAWS.fullmatch, evaluation.metrics)
     if evaluation.note:
@@ -99,7 +97,6 @@ def text(evaluation: Evaluation) -> str:
 
 
 def csv_text(evaluation: Evaluation) -> str:
-    """The table as CSV."""
     rows = [[r.name, r.count, *r.metrics.values()] for r in evaluation.rows()]
     return csv_of(["category", "samples", *evaluation.metrics], rows)
 

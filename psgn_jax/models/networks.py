@@ -25,7 +25,6 @@ _INIT, _TRAIN_RANDOM, _EVAL_RANDOM, _INIT_POSTERIOR = 0, 1, 2, 3
 
 
 def build(config: ModelConfig) -> CloudNetwork:
-    """The network that predicts clouds."""
     return NETWORKS[config.name](config)
 
 

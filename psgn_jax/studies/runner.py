@@ -43,7 +43,7 @@ Overrides = Mapping[str, Any]
 
 
 class Run(NamedTuple):
-    """A training of a study."""
+    """A training of a study, in its folder."""
 
     name: str  # of its configuration
     seed: int
@@ -115,7 +115,7 @@ def evaluate(
 
 @dataclasses.dataclass(frozen=True)
 class Study:
-    """An experiment."""
+    """An experiment: which runs, what is measured, which metrics, tables and figure are shown."""
 
     name: str  # of the result files
     base: Overrides  # what all configurations change of the recipe
