@@ -4,11 +4,15 @@ import os
 import subprocess
 import sys
 
+import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
-from helpers.commands import PHOTOS, ROOT
+from helpers.commands import ROOT
+
+from psgn_jax.system.environment import explained
 
 LIST = ["weights", "list", "free-1"]  # imports JAX before it parses flags
-PREDICT = ["predict", PHOTOS / "cup.jpg", f"--mask={PHOTOS / 'cup_mask.png'}"]
 TRAIN = ["train", "--config=debug", "--config.data.path="]
 
 
@@ -29,8 +33,6 @@ def psgn_with(name, value, *arguments, cwd):
         ("JAX_NUM_CPU_DEVICES", "x", LIST, 'Invalid value "x"'),
         ("JAX_ENABLE_X64", "maybe", LIST, "invalid truth value"),
         ("XLA_FLAGS", "--xla_bogus_flag=1", LIST, "Unknown flag in XLA_FLAGS"),
-        ("JAX_TRANSFER_GUARD", "disallow", PREDICT, "INVALID_ARGUMENT: Disallowed"),
-        ("JAX_NUMPY_DTYPE_PROMOTION", "strict", PREDICT, "Input dtypes"),
         ("PSGN_CONVOLUTIONS", "bogus", LIST, "accepted: onednn, xla, or unset"),
     ],
 )
@@ -39,6 +41,20 @@ def test_wrong_variables_are_named(name, value, arguments, why, tmp_path):
     assert done.returncode == 2, done.stderr
     (line,) = done.stderr.splitlines()
     assert line.startswith(f"error: {name}={value}: {why}")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "context", "why"),
+    [
+        ("JAX_TRANSFER_GUARD", "disallow", jax.transfer_guard, "INVALID_ARGUMENT: Disallowed"),
+        ("JAX_NUMPY_DTYPE_PROMOTION", "strict", jax.numpy_dtype_promotion, "Input dtypes"),
+    ],
+)
+def test_errors_of_a_computation_name_the_variable(name, value, context, why, monkeypatch):
+    monkeypatch.setenv(name, value)
+    with context(value), pytest.raises(Exception, match=why) as caught:
+        jax.jit(lambda x: x + jnp.ones(3, jnp.int8))(np.ones(3, np.float32))
+    assert str(explained(caught.value)).startswith(f"{name}={value}: {why}")
 
 
 def test_right_variables_change_nothing(tmp_path):
