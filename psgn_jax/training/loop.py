@@ -26,7 +26,6 @@ from psgn_jax.config.experiment import (
     ConfigError,
     check_paths,
     flatten,
-    parse,
     to_dict,
     to_json,
 )
@@ -72,25 +71,21 @@ class Outcome(NamedTuple):
     stopped_by: int | None
 
 
-def train(config: Any, workdir: str | pathlib.Path) -> Outcome:
+def train(config: Config, workdir: str | pathlib.Path) -> Outcome:
     """Trains, or resumes training, until `config.train.steps` or a signal.
 
     After SIGTERM or SIGINT, the current step ends, its checkpoint is saved and the function
     returns, or the process ends after `train.stop_seconds` (`system.signals.StopSignal`).
 
-    Args:
-      config: a `Config`, or a mapping for `config.parse`.
-
     Raises:
-      ConfigError: before compilation, if the configuration is wrong, differs from the checkpoint's
-        in a field that is not in `MAY_CHANGE`, or differs between the processes of this training,
-        or if another training runs in this folder.
+      ConfigError: before compilation, if the configuration does not fit the data or the machine,
+        differs from the checkpoint's in a field that is not in `MAY_CHANGE`, or differs between the
+        processes of this training, or if another training runs in this folder.
       UserError: no file can be written to `workdir`.
       OSError: during training, for example if the disk is full.
       NonFiniteError: the loss or the norm of the gradient is not finite.
     """
     check_main_guard()
-    config = config if isinstance(config, Config) else parse(config)
     workdir, mesh, plan = pathlib.Path(workdir), data_mesh(), config.train
     first = distributed.is_first()
     sizes = _checked(config, workdir, mesh.size)
