@@ -59,11 +59,11 @@ def _kind(size: tuple[int, int]) -> type:
 def _write_maps() -> None:
     variant, names, size = json.loads(sys.stdin.read())
     engine.start(variant, shrink_threads=False)
-    maps = np.stack([_load_map(name, size) for name in names])
+    maps = np.stack([load_map(name, size) for name in names])
     sys.stdout.buffer.write(maps.astype(_kind(size)).tobytes())
 
 
-def _load_map(path: str, size: tuple[int, int]) -> np.ndarray:
+def load_map(path: str, size: tuple[int, int]) -> np.ndarray:
     """An environment map [h, w, 3] from an .hdr or .exr file, reduced to `size`."""
     try:
         bitmap = engine.mi.Bitmap(path).convert(

@@ -92,7 +92,7 @@ def test_ambiguous_models_are_refused_and_duplicates_of_held_out_ones_left_out(t
 
 
 def test_variants_replace_their_models(tmp_path):
-    sample = box_sample(3000)
+    sample = box_sample(800)
     # A vertical plane, oblique to the axes, so that its points lie in it only up to rounding.
     along, up = np.float32([[0.8, 0.6, 0], [0, 0, 1]])
     oblique = sample.points[:, :1] * along + sample.points * up

@@ -19,7 +19,7 @@ from data_gen.catalogues import solids
 from data_gen.catalogues.entry import Catalogue, Entry
 from data_gen.catalogues.open_catalogue import open_catalogue
 from data_gen.engine import Variant, choose_variant, has_mitsuba
-from data_gen.environment_maps import load_maps
+from data_gen.environment_maps import load_map, load_maps
 from data_gen.mesh import Material
 from data_gen.photograph import trace
 from data_gen.picture import Mesh, render
@@ -138,7 +138,7 @@ def test_environment_maps_of_a_folder(started, tmp_path):
     np.testing.assert_allclose(np.median(found), 1)
     engine.mi.Bitmap(values[:, :64]).write(str(tmp_path / "ball.hdr"))
     with pytest.raises(ValueError, match=r"ball\.hdr.*expected a width of twice the height"):
-        load_maps(str(tmp_path), variant, lights.MAP_SIZE)
+        load_map(str(tmp_path / "ball.hdr"), lights.MAP_SIZE)
 
 
 def options(**changes):
@@ -301,7 +301,7 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
     no_effect = "it has no effect without"
     cases = (
         ("--shard=2/2", "--shard=2/2: expected i/n"),
-        ("--config.vews=3", "Unknown command line flag 'config.vews'. Did you mean: config.views"),
+        ("--config.vews=3", "--config.vews=3: did you mean 'views'?"),
         ("--config.views=abc", "abc"),
         ("--config=nowhere.py", "--config=nowhere.py: no such file and no such name; expected"),
         ("--config=fotos", "did you mean 'photo'? expected the path of a configuration or one of"),

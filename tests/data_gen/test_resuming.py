@@ -351,17 +351,21 @@ def test_other_maps_are_other_settings_but_not_another_folder(tmp_path, monkeypa
         make(tmp_path / "out", TEN[:2], options=lit("two", ["b.hdr"]))
 
 
-@pytest.mark.parametrize("given", [False, True])
-def test_a_worker_whose_parent_was_killed_at_the_start_ends_in_silence(given):
-    ours, theirs = multiprocessing.connection.Pipe()
-    with theirs:
-        command = processes.python("data_gen.pool", str(theirs.fileno()))
-        worker = subprocess.Popen(command, pass_fds=[theirs.fileno()], stderr=subprocess.PIPE)
-    if given:
-        ours.send(Context(OPTIONS, "test", Variant("scalar_rgb"), None))
-    ours.close()
-    assert worker.communicate(timeout=100)[1] == b""
-    assert worker.returncode == 0
+def test_a_worker_whose_parent_was_killed_at_the_start_ends_in_silence():
+    workers = []
+    for given in (False, True):
+        ours, theirs = multiprocessing.connection.Pipe()
+        with theirs:
+            command = processes.python("data_gen.pool", str(theirs.fileno()))
+            workers.append(
+                subprocess.Popen(command, pass_fds=[theirs.fileno()], stderr=subprocess.PIPE)
+            )
+        if given:
+            ours.send(Context(OPTIONS, "test", Variant("scalar_rgb"), None))
+        ours.close()
+    for worker in workers:
+        assert worker.communicate(timeout=100)[1] == b""
+        assert worker.returncode == 0
 
 
 def test_the_pool_runs_where_processes_have_no_affinity(monkeypatch):

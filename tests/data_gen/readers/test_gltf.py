@@ -29,14 +29,19 @@ from data_gen.readers.model_files import ZipFiles
 ASIDE = CORNERS + np.float32([0.5, 0])
 RED, GREEN, BLUE, WHITE = (255, 0, 0), (0, 255, 0), (0, 0, 255), (255, 255, 255)
 R, G, B, W = (tuple(c / 255 for c in colour) for colour in (RED, GREEN, BLUE, WHITE))
-CASES = {}
+CASES, FEATURES = {}, {}
 
 
-def case(name="", **expected):
-    """Registers a function that makes a file (text, bytes, or names with contents) as a case."""
+def case(name="", feature="", **expected):
+    """Registers a function that makes a file (text, bytes, or names with contents) as a case.
+
+    `feature` is the row of the table in docs/rendering.md that it has.
+    """
 
     def register(make):
         CASES[name or make.__name__] = make, expected
+        if feature:
+            FEATURES[feature] = name or make.__name__
         return make
 
     return register
@@ -75,7 +80,7 @@ def painted(g, factors=None, fields=None, **attributes):
 # --- Files that were read wrongly ---------------------------------------------------------------
 
 
-@case(faces=4, extents=(3, 1, 0))
+@case(feature="normalised and quantised numbers", faces=4, extents=(3, 1, 0))
 def quant():
     g = Gltf(extensionsRequired=["KHR_mesh_quantization"])
     wide = np.pad((SQUARE * 32767).astype("i2"), ((0, 0), (0, 1)))  # rows of 8 bytes
@@ -86,7 +91,7 @@ def quant():
     return g.show([g.square(positions=0)], translation=[2, 0, 0]).text()
 
 
-@case(faces=5, area=0.5)
+@case(feature="strips and fans of triangles", faces=5, area=0.5)
 def fanmix():
     g = Gltf()
     fan = np.array([[0, 0, 0], [-1, 0, 0], [-1, -0.5, 0], [-1, -1, 0], [0, -1, 0]], "f4")
@@ -106,7 +111,7 @@ def draco(garbage=False):
     return g.show([g.square(), packed]).text()
 
 
-@case(faces=4, extents=(3, 1, 0))
+@case(feature="Draco", faces=4, extents=(3, 1, 0))
 def draco_mixed():
     return draco()
 
@@ -116,7 +121,11 @@ def draco_damaged():
     return draco(garbage=True)
 
 
-@case(colours=[W, W], warns=("extensions not read: 'KHR_texture_basisu'", "textures not readable"))
+@case(
+    feature="KTX2 textures",
+    colours=[W, W],
+    warns=("extensions not read: 'KHR_texture_basisu'", "textures not readable"),
+)
 def ktx2():
     g = Gltf(extensionsRequired=["KHR_texture_basisu"])
     g.show([textured(g, b"\xabKTX 20\xbb")])
@@ -124,7 +133,7 @@ def ktx2():
     return g.text()
 
 
-@case(extents=(1, 1, 0))
+@case(feature="a byte-order mark", extents=(1, 1, 0))
 def wrong_file():
     wide, g = Gltf(), Gltf()
     other = wide.show([wide.square()], scale=[5, 1, 1]).text()
@@ -147,7 +156,7 @@ def morphed(defaults, **node):
     return g
 
 
-@case(faces=4, extents=(3, 3, 0), area=4 / 9)
+@case(feature="skins", faces=4, extents=(3, 3, 0), area=4 / 9)
 def skin_scaled_joint():
     g = Gltf(skins=[{"joints": [2], "inverseBindMatrices": 0}])
     g.array(np.eye(4, dtype="f4").reshape(1, 16))
@@ -165,7 +174,11 @@ def glossy(g, image, **fields):
     return g.show([part])
 
 
-@case("SpecGlossVsMetalRough", colours=[(0.73, 0, 0), (0, 0, 0.73)])
+@case(
+    "SpecGlossVsMetalRough",
+    feature="specular-glossiness materials",
+    colours=[(0.73, 0, 0), (0, 0, 0.73)],
+)
 def specular_glossiness_with_a_palette():
     stream = io.BytesIO()
     Image.open(io.BytesIO(RED_BLUE)).convert("P").save(stream, "PNG")
@@ -208,13 +221,13 @@ def padded_with_zeros():
     return {"a.glb": g.show([g.square()]).glb(fill=b"\0")}
 
 
-@case(extents=(1, 1, 0))
+@case(feature="bytes after the end", extents=(1, 1, 0))
 def trailing():
     g = Gltf()
     return {"a.glb": g.show([g.square()]).glb() + b"junkjunk"}
 
 
-@case(refused="glTF 1.0, expected 2.0")
+@case(feature="glTF 1.0", refused="glTF 1.0, expected 2.0")
 def v1():
     return json.dumps({"asset": {"version": "1.0"}, "meshes": {"m": {"primitives": []}}})
 
@@ -274,7 +287,9 @@ def unicode():
             "Unicode❤♻Texture.png": RED_BLUE}  # fmt: skip
 
 
-@case("BoxVertexColors", colours=[(0.730, 0.730, 0), (0.730, 0.832, 0)])
+@case(
+    "BoxVertexColors", feature="colours of vertices", colours=[(0.730, 0.730, 0), (0.730, 0.832, 0)]
+)
 def box_vertex_colours():
     g = Gltf()
     paint = np.array([[1, 0, 0], [0.5, 0.5, 0], [0, 1, 0], [2.5, 0.5, -1]], "f4")
@@ -290,14 +305,22 @@ def vertex_colours():
     return g.show([plain, textured(g, positions=at(z=1), COLOR_0=bright)]).text()
 
 
-@case("vertex colours times a texture", colours=[(0.73, 0, 0), (0, 0, 0)])
+@case(
+    "vertex colours times a texture",
+    feature="colours of faces with a texture",
+    colours=[(0.73, 0, 0), (0, 0, 0)],
+)
 def vertex_colours_times_a_texture():
     g = Gltf()
     dark = np.tile(np.array([[0.5, 1, 0, 1]], "f4"), (4, 1))
     return g.show([textured(g, COLOR_0=dark)]).text()
 
 
-@case("MultipleScenes", warns=("scenes other than the default one not read: 1",))
+@case(
+    "MultipleScenes",
+    feature="scenes other than the default",
+    warns=("scenes other than the default one not read: 1",),
+)
 def multiple_scenes():
     g = Gltf(scenes=[{"nodes": [0]}, {"nodes": [1]}], scene=1)
     return g.show([g.square()]).show([g.square()]).text()
@@ -308,14 +331,14 @@ def simple_morph():
     return morphed([1.0, 0], weights=[1.5, 0]).text()
 
 
-@case("MorphPrimitivesTest", faces=4, extents=(2, 1.5, 0))
+@case("MorphPrimitivesTest", feature="morph targets", faces=4, extents=(2, 1.5, 0))
 def morph_primitives():
     g = morphed([0.5, 0])
     g.json["meshes"][0]["primitives"].append(g.square(positions=at(1)))
     return g.text()
 
 
-@case("MorphStressTest", warns=("animations not read",), extents=(1, 1, 0))
+@case("MorphStressTest", feature="animations", warns=("animations not read",), extents=(1, 1, 0))
 def morph_stress():
     g = morphed([0] * 8)
     part = g.json["meshes"][0]["primitives"][0]
@@ -364,7 +387,7 @@ def recursive_skeletons():
     return g.text()
 
 
-@case("SimpleSparseAccessor", faces=4, area=1)
+@case("SimpleSparseAccessor", feature="sparse accessors", faces=4, area=1)
 def sparse():
     g = Gltf()
     change = {"count": 2, "indices": {"bufferView": g.bytes(bytes([2, 3])), "componentType": 5121},
@@ -383,7 +406,7 @@ def triangle_without_indices():
     return g.show([g.square(None, SQUARE[:3])]).text()
 
 
-@case("SimpleInstancing", faces=6, extents=(6, 2, 0))
+@case("SimpleInstancing", feature="instances", faces=6, extents=(6, 2, 0))
 def instances():
     g = Gltf(extensionsRequired=["EXT_mesh_gpu_instancing"])
     moves = np.array([[0, 0, 0], [2, 0, 0], [6, 0, 0]], "f4")
@@ -405,7 +428,7 @@ def quantised_coordinates_and_turned_instances():
     return g.show([part], extensions={"EXT_mesh_gpu_instancing": {"attributes": placed}}).text()
 
 
-@case("MultiUVTest", faces=4, colours=[R, B, B, R])
+@case("MultiUVTest", feature="several sets of texture coordinates", faces=4, colours=[R, B, B, R])
 def multi_uv():
     g = Gltf()
     first = textured(g, TEXCOORD_1=ASIDE)
@@ -456,7 +479,7 @@ for name, shown, *how in (
     case(name, colours=[shown] * 2)(functools.partial(transformed, *how))
 
 
-@case("AlphaBlendModeTest", faces=8, opacities=[1, 1, 0.4, 0.4, 1, 1, 1, 1])
+@case("AlphaBlendModeTest", feature="transparency", faces=8, opacities=[1, 1, 0.4, 0.4, 1, 1, 1, 1])
 def alpha_modes():
     g, parts = Gltf(), []
     modes = ({}, {"alphaMode": "BLEND"}, {"alphaMode": "MASK", "alphaCutoff": 0.3},
@@ -480,14 +503,14 @@ def alpha_of_an_opaque_texture():
     return g.show([textured(g, picture([[(*RED, 0), (*BLUE, 200)]]))]).text()
 
 
-@case("UnlitTest", colours=[(1, 0.73, 0), (1, 0.73, 0)])
+@case("UnlitTest", feature="unlit materials", colours=[(1, 0.73, 0), (1, 0.73, 0)])
 def unlit():
     g = Gltf(extensionsUsed=["KHR_materials_unlit"])
     bare = {"extensions": {"KHR_materials_unlit": {}}}
     return g.show([painted(g, {"baseColorFactor": [1, 0.5, 0, 1]}, bare)]).text()
 
 
-@case("NormalTangentTest", colours=[R, B],
+@case("NormalTangentTest", feature="normal maps, emission, maps of roughness", colours=[R, B],
       warns=("parts of materials not read: normalTexture, emissiveFactor, me",))  # fmt: skip
 def normal_map():
     g = Gltf()
@@ -497,7 +520,7 @@ def normal_map():
     return g.show([part]).text()
 
 
-@case("WebP", colours=[R, B])
+@case("WebP", feature="WebP textures", colours=[R, B])
 def webp():
     g = Gltf(extensionsRequired=["EXT_texture_webp"])
     g.show([textured(g, picture([[RED, BLUE]], "WEBP", lossless=True))])
@@ -505,7 +528,12 @@ def webp():
     return g.text()
 
 
-@case("MeshPrimitiveModes", faces=7, warns=("lines, points and primitives without positions",))
+@case(
+    "MeshPrimitiveModes",
+    feature="lines and points",
+    faces=7,
+    warns=("lines, points and primitives without positions",),
+)
 def modes():
     g = Gltf()
     strip = g.square(np.array([0, 1, 2, 3], "u1"))  # (0 1 2) (2 1 3)
@@ -556,7 +584,7 @@ def packed_by_meshopt(mode="ATTRIBUTES"):
     return g.show([part]).text()
 
 
-@case("MeshoptCubeTest", area=1)
+@case("MeshoptCubeTest", feature="meshopt", area=1)
 def meshopt():
     return packed_by_meshopt()
 
@@ -732,34 +760,8 @@ def test_a_file_takes_the_name_of_the_other_kind(write):
     assert len(load_model(write("a.glb", g.text())).faces) == 2
 
 
-# The rows of the table in docs/rendering.md, and the cases that have the feature.
-FEATURES = {
-    "strips and fans of triangles": "fanmix",
-    "colours of vertices": "BoxVertexColors",
-    "colours of faces with a texture": "vertex colours times a texture",
-    "normalised and quantised numbers": "quant",
-    "sparse accessors": "SimpleSparseAccessor",
-    "instances": "SimpleInstancing",
-    "skins": "skin_scaled_joint",
-    "morph targets": "MorphPrimitivesTest",
-    "several sets of texture coordinates": "MultiUVTest",
-    "transforms of textures": "TextureTransformTest: all",
-    "textures that do not repeat": "TextureSettingsTest: clamp",
-    "transparency": "AlphaBlendModeTest",
-    "specular-glossiness materials": "SpecGlossVsMetalRough",
-    "unlit materials": "UnlitTest",
-    "WebP textures": "WebP",
-    "Draco": "draco_mixed",
-    "meshopt": "MeshoptCubeTest",
-    "a byte-order mark": "wrong_file",
-    "bytes after the end": "trailing",
-    "KTX2 textures": "ktx2",
-    "normal maps, emission, maps of roughness": "NormalTangentTest",
-    "animations": "MorphStressTest",
-    "scenes other than the default": "MultipleScenes",
-    "lines and points": "MeshPrimitiveModes",
-    "glTF 1.0": "v1",
-}
+FEATURES["transforms of textures"] = "TextureTransformTest: all"
+FEATURES["textures that do not repeat"] = "TextureSettingsTest: clamp"
 
 
 def test_features_are_read_as_the_table_says(write):
