@@ -101,7 +101,7 @@ def make(
     aim: float,
     pan: tuple[float, float] = (0.0, 0.0),
 ) -> Camera:
-    """The camera with the given parameters, described in `CameraSettings`.
+    """The camera with these parameters of `CameraSettings`.
 
     `pan` are rotations of the camera in radians that move the object right and down in the image.
     """

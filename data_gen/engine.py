@@ -108,7 +108,7 @@ def has_mitsuba() -> bool:
 
 
 def llvm_candidates() -> list[str]:
-    """Suitable LLVM libraries, best first: those of the wheel, then those of this machine."""
+    """Suitable LLVM libraries, best first: from the wheel, then from this machine."""
     named = os.environ.get("DRJIT_LIBLLVM_PATH", "")
     paths = _llvm_of_wheel()
     for folder in _LLVM_FOLDERS:

@@ -89,7 +89,7 @@ def _existing_extremes(
     best, chosen = best.copy(), np.full((len(best), 3), np.nan)
     weights = np.tile(np.eye(3), (len(faces), 1, 1))
     sums: dict[tuple[int, float], np.ndarray] = {}
-    # Maps the corners of a triangle to those of its four parts.
+    # Maps the corners of a triangle to the corners of its four parts.
     corner = np.eye(3)
     middle = (corner + np.roll(corner, -1, axis=0)) / 2  # of the edges 0-1, 1-2, 2-0
     halves = np.array([

@@ -89,7 +89,7 @@ def solid_angles(size: tuple[int, int]) -> Float[np.ndarray, "h w"]:
 
 
 def shrink(radiance: np.ndarray, size: tuple[int, int] = MAP_SIZE) -> Float[np.ndarray, "h w 3"]:
-    """A map reduced by averaging; negative values and those that are not finite become 0."""
+    """A map reduced by averaging; values that are negative or not finite become 0."""
     full = np.asarray(radiance, np.float64)[..., :3]
     full = np.clip(np.nan_to_num(full, nan=0.0, posinf=1e6, neginf=0.0), 0, 1e6)
     for axis, wanted in enumerate(size):
@@ -180,7 +180,7 @@ def reduce(
         grey = value.mean(axis=-1, keepdims=True)
         return grey + settings.saturation * (value - grey)
 
-    # Orientations that the camera sees: up, and those on its side of the object.
+    # Orientations that the camera sees: up, and on its side of the object.
     seen = toward[(toward[:, 0] > -0.2) & (toward[:, 2] > -0.3)]
     strongest = (np.clip(seen @ lamp.T, 0, None) @ colour.mean(axis=1)).max()
     colour = plain(colour) * exposure * (1 - ambient) / max(strongest, 1e-9)

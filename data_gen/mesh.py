@@ -31,7 +31,7 @@ _WELD = 2.0**-20
 class UnusableModelError(ValueError):
     """A model from which no sample can be made; the message gives the reason.
 
-    `status` is that of the model in `models.jsonl`.
+    `status` is the status of the model in `models.jsonl`.
     """
 
     status = "refused"

@@ -72,7 +72,7 @@ def with_holes(points: np.ndarray, sizes: Sequence[int]) -> np.ndarray:
     """The order of corners of one polygon that goes around an outline and around its holes.
 
     Args:
-      points: [n, 3], the corners of the outline, then those of each hole.
+      points: [n, 3], the corners of the outline, then of each hole.
       sizes: their numbers.
 
     A bridge, which is passed twice, connects each hole to the nearest corner before it.

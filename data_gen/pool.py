@@ -1,8 +1,8 @@
 """Rendering processes, which may crash, and a pool of them on this machine.
 
 A `Renderer` manages one process, `python -m data_gen.pool FD`, which communicates through the open
-pipe with this file descriptor. `render_local` uses `job.workers` renderers; `data_gen.cluster` uses
-those of the workers of a Dask cluster.
+pipe with this file descriptor. `render_local` uses `job.workers` renderers on this machine,
+`data_gen.cluster` one for each worker thread of a Dask cluster.
 """
 
 import concurrent.futures
@@ -138,7 +138,7 @@ class Renderer:
         self._process = self._connection = None
         if process is None:
             return None
-        # It is ending already, and its own exit code says more than that of a kill.
+        # It is ending already, and its exit code says more than the code after a kill.
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(10)
         process.kill()

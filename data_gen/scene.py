@@ -1,4 +1,4 @@
-"""The scene of an image as plain arrays. Each view adds a camera and lights to those of a model."""
+"""The scene of an image as plain arrays. Each view of a model has a camera and lights."""
 
 import dataclasses
 from typing import NamedTuple
@@ -19,7 +19,7 @@ BACKGROUND = schema.BACKGROUND_GREY / 255
 class Surfaces:
     """The arrays of a model's v vertices, f faces and m materials, in the model's frame.
 
-    `corners`, `normals` and `uv` are those of the faces' corners. `texels` are the RGBA values of
+    `corners`, `normals` and `uv` belong to the faces' corners. `texels` are the RGBA values of
     all textures in row-major order, four uint8 as one uint32. The first is white, for materials
     without a texture. A material's texture has the size (height, width) and starts at
     `texture_start`.

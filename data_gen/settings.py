@@ -44,7 +44,7 @@ class FilmSettings:
     Attributes:
       exposure: deviation from automatic exposure, in stops.
       white_balance: fraction of the light's colour that is removed.
-      contrast: of the tone curve, 0 = none, 1 = that of film.
+      contrast: of the tone curve, 0 = none, 1 = as film has.
       saturation: factor of the distance of colours from grey.
       vignette: relative darkening of the corners.
       blur: of the lens, standard deviation in pixels.

@@ -54,7 +54,7 @@ def _check_patterns(field: str, patterns: Sequence[str], entries: Sequence[Entry
 
 
 def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
-    """The chosen models in the given order; if a sample is taken, in random order.
+    """The chosen models in their order; a sample is in random order.
 
     Raises:
       ValueError: a pattern matches no model, no model is left, or the sample size is negative.

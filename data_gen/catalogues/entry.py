@@ -143,7 +143,7 @@ def moved_to_empty_splits(splits: Mapping[str, str], wanted: Sequence[str]) -> d
     """New splits of objects of a small set, so that none of the `wanted` splits is empty.
 
     An empty split gets one object of the largest split; a hash of its name chooses it. If no split
-    has two objects, a later split gives its own: two objects are for training and validation.
+    has two objects, a later split gives its only one: two objects are for training and validation.
     """
     moved: dict[str, str] = {}
     for index, empty in enumerate(wanted):

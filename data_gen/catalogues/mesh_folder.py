@@ -24,7 +24,7 @@ _ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".zst"
 
 
 def _ending(name: str) -> str:
-    """The suffix of a file's format, without that of its compression."""
+    """The suffix of a file's format, without the suffix of its compression."""
     return pathlib.PurePosixPath(name.lower().removesuffix(".gz")).suffix
 
 

@@ -121,7 +121,7 @@ def block(
 
 
 def stack(levels: Sequence[tuple[np.ndarray, float]]) -> Solid:
-    """The surface through horizontal outlines [N, 2] at the given heights."""
+    """The surface through horizontal outlines [N, 2], each with its height."""
     return loft([np.column_stack([outline, np.full(len(outline), z)]) for outline, z in levels])
 
 

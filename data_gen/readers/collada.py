@@ -63,7 +63,7 @@ def read_collada(data: bytes, assets: Assets) -> list[Part]:
 
 
 def read_zae(data: bytes, assets: Assets) -> list[Part]:
-    """The same of a zip archive of a COLLADA file and its textures."""
+    """The geometries of a zip archive that contains a COLLADA file and its textures."""
     assets.files = ZipFiles(io.BytesIO(data))
     name = next((n for n in assets.files.names if n.lower().endswith(".dae")), None)
     if name is None:

@@ -89,7 +89,10 @@ def _triangles(mode: int, corners: np.ndarray) -> np.ndarray:
 
 
 def _skinned(part: Part, joints: np.ndarray, index: np.ndarray, share: np.ndarray) -> Part:
-    """Triangles whose vertices move with joints [j, 4, 4]: those of `index` [v, k], by shares."""
+    """Triangles whose vertices [v] move with the joints `index` [v, k], by shares [v, k].
+
+    `joints` [j, 4, 4] are the matrices of all joints.
+    """
     share = np.nan_to_num(share).clip(0)
     share[share.sum(axis=1) == 0, 0] = 1
     index = np.where(share > 0, index, 0).astype(np.int64)
@@ -294,7 +297,7 @@ class _Scene:
     # --- Materials ------------------------------------------------------------------------------
 
     def surface(self, index: int) -> _Surface:
-        """A material; -1 is that of primitives without one."""
+        """A material; -1 stands for a primitive without a material."""
         if index not in self.surfaces:
             self.surfaces[index] = self._read_surface(index)
         return self.surfaces[index]

@@ -164,7 +164,7 @@ class Document:
             raise DamagedError(f"glTF {version}, expected 2.0")
 
     def _contents(self, uri: str) -> bytes:
-        """What a URI stands for: its own data, or a file."""
+        """What a URI stands for: data in the URI, or a file."""
         head, comma, text = uri.partition(",")
         if comma and head[:5].lower() == "data:":
             raw = urllib.parse.unquote_to_bytes(text)

@@ -1,4 +1,4 @@
-"""The files of a model in a folder or a zip archive; those outside are never opened."""
+"""The files of a model in a folder or a zip archive; files outside are never opened."""
 
 import abc
 import functools

@@ -28,8 +28,8 @@ def _colour(words: Sequence[str]) -> tuple[float, float, float] | None:
     return red, green, blue
 
 
-# Options of a map statement and their number of arguments, from the MTL specification. Those of
-# `_MAP_VECTORS` have one to three arguments.
+# Options of a map statement and their number of arguments, from the MTL specification. Options
+# in `_MAP_VECTORS` have one to three arguments.
 _MAP_OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-texres": 1, "-imfchan": 1,
                 "-type": 1, "-bm": 1, "-boost": 1, "-mm": 2}  # fmt: skip
 
@@ -56,7 +56,7 @@ def _map_name(rest: str) -> tuple[str, dict[str, list[str]]]:
 
 
 def read_mtl(data: bytes, assets: Assets, folder: str = "") -> dict[str, Look]:
-    """The materials of an MTL file in a `folder` below that of the model, by name.
+    """The materials of an MTL file in a `folder` below the model's folder, by name.
 
     We read Kd, Ks, Ns, d, Tr, illum (2 and above have a highlight), map_Kd and map_d with the
     options -s, -o, -clamp, -mm and -imfchan, and map_Ka if there is no map_Kd. A black Kd with a

@@ -110,7 +110,7 @@ def read_obj(data: bytes, assets: Assets) -> list[Part]:
         fresh: dict[str, list[list[str]]] = {key: [] for key in _COLUMNS}
         tokens: list[str] = []
         seen: list[tuple[int, int, int]] = []  # number of rows before each corner
-        # Bytes that are not UTF-8, such as those of names in Latin-1 or GBK, stay distinct.
+        # Bytes that are not UTF-8, such as names in Latin-1 or GBK, stay distinct.
         for line in block.decode("utf-8", "surrogateescape").split("\n"):
             key, *words = line.split() or [""]
             if not words:

@@ -38,7 +38,7 @@ def read_off(data: bytes, assets: Assets) -> list[Part]:
     if len(head) < 2 or not (head[0] + head[1]).isdecimal():
         raise DamagedError("expected the numbers of vertices and faces")
     if len(head) == 2 and lines and len(lines[0]) == 1:
-        lines.pop(0)  # the number of edges in a line of its own
+        lines.pop(0)  # the number of edges, alone in a line
     if len(head) > 3:
         lines.insert(0, head[3:])
     points, faces = int(head[0]), int(head[1])

@@ -31,7 +31,7 @@ _UNUSED = ("camera", "range_grid")  # elements that say nothing about the surfac
 # By its property: the lengths of the lists [n], None for single numbers, and all numbers in order.
 _Rows = dict[str, tuple[np.ndarray | None, np.ndarray]]
 
-_Property = tuple[str, str, str]  # a name, the type of its numbers, that of the length of a list
+_Property = tuple[str, str, str]  # a name, the types of its numbers and of the length of a list
 
 
 def read_ply(data: bytes, assets: Assets) -> list[Part]:

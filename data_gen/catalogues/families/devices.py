@@ -1,6 +1,6 @@
 """Monitors, speakers, cellphones and firearms. The front, and the muzzle, toward +x."""
 # fmt: off
-# Formatted by hand: the formatter would put every coordinate on a line of its own.
+# Formatted by hand: the formatter would put every coordinate on a separate line.
 
 import numpy as np
 

@@ -1,6 +1,6 @@
 """The builder of procedural models, and parts that several families use."""
 # fmt: off
-# Formatted by hand: the formatter would put every coordinate on a line of its own.
+# Formatted by hand: the formatter would put every coordinate on a separate line.
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence

@@ -4,7 +4,7 @@ The hues are distributed as in the authors' images: 60 % of the pixels are grey,
 to yellow, almost none are purple.
 """
 # fmt: off
-# Formatted by hand: the formatter would put every number of a table on a line of its own.
+# Formatted by hand: the formatter would put every number of a table on a separate line.
 
 import colorsys
 import dataclasses
