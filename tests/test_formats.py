@@ -83,11 +83,11 @@ def test_a_later_version_is_refused(stored, monkeypatch):
 
 def test_the_example_of_an_exported_network_refuses_a_later_version(stored):
     about = stored / "network" / "network.json"
-    about.write_text(about.read_text().replace("psgn_jax network 1", "psgn_jax network 2"))
+    about.write_text(about.read_text().replace("psgn_jax network 1", "psgn_jax network 3"))
     template = pathlib.Path(folder.__file__).with_name("templates") / "example.py.txt"
     example = shutil.copy(template, stored / "network" / "example.py")
     command, environment = [sys.executable, example], os.environ | {"PYTHONSAFEPATH": ""}
     shutil.copy(template.with_name("silhouette.py.txt"), example.with_name("silhouette.py"))
     done = subprocess.run(command, capture_output=True, text=True, timeout=100, env=environment)
     assert done.returncode == 1
-    assert done.stderr.endswith("has the format 'psgn_jax network 2': use the example beside it\n")
+    assert done.stderr.endswith("has the format 'psgn_jax network 3': use the example beside it\n")

@@ -6,23 +6,25 @@
 import numpy as np
 from scipy import ndimage
 
+VIEW_SIZE = (192, 256)
+"""Height and width of the authors' images."""
 DISTANCE = 3.6
-"""Depth of the frame's origin in the authors' camera, along the optical axis."""
+"""Depth of the frame's origin in the authors' camera, along the optical axis (unit)."""
 
 
 def default_camera(
-    image_size: tuple[int, int] = (192, 256), *, tilt_degrees: float = 20.0
+    image_size: tuple[int, int] = VIEW_SIZE, *, tilt_degrees: float = 20.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Intrinsics float32 [3, 3] and extrinsics [3, 4] of the authors' camera.
 
     It was fitted to the silhouettes in their images, to half a pixel. It looks at the object from
-    +x, down by `tilt_degrees`. The origin is at the depth `DISTANCE` along the optical axis and
-    0.252 below it. The focal length is 400 pixels at 192x256 pixels.
+    +x, down by `tilt_degrees`. The origin is at the depth `DISTANCE` and 0.252 below the optical
+    axis. The focal length is 400 pixels at 192x256 pixels.
     """
     intrinsics = np.array([[400.0, 0, 128.0], [0, 400.0, 96.0], [0, 0, 1]])
     sine, cosine = np.sin(np.deg2rad(tilt_degrees)), np.cos(np.deg2rad(tilt_degrees))
     extrinsics = np.array([[0, 1, 0, 0], [sine, 0, -cosine, 0.252], [-cosine, 0, -sine, DISTANCE]])
-    return scale_intrinsics(intrinsics, (192, 256), image_size), extrinsics.astype(np.float32)
+    return scale_intrinsics(intrinsics, VIEW_SIZE, image_size), extrinsics.astype(np.float32)
 
 
 def scale_intrinsics(

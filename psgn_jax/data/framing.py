@@ -34,9 +34,9 @@ import numpy as np
 from PIL import Image
 
 from psgn_jax.data import camera, schema
+from psgn_jax.data.camera import VIEW_SIZE
 from psgn_jax.data.photo import PhotoError, same_proportions
 
-VIEW_SIZE = (192, 256)
 BOX_WIDTH, BOX_HEIGHT, BOX_POWER = 223.0, 124.0, 4
 MIDDLE_COLUMN, MIDDLE_ROW, MIDDLE_ROW_PER_WIDTH = 128.0, 63.0, 0.224
 
@@ -82,8 +82,8 @@ class Framed:
     `inv(to_view) @ intrinsics` is the camera of that array.
     """
 
-    image: np.ndarray  # uint8 [192, 256, 3], grey 191 outside the mask
-    mask: np.ndarray  # bool [192, 256]
+    image: np.ndarray  # uint8 [h, w, 3] of the network's size, grey outside the mask
+    mask: np.ndarray  # bool [h, w]
     intrinsics: np.ndarray  # [3, 3]
     extrinsics: np.ndarray  # [3, 4]
     to_view: np.ndarray  # float64 [3, 3]
@@ -100,10 +100,8 @@ def is_framed(image: np.ndarray) -> bool:
 
 
 def box_of(mask: np.ndarray) -> tuple[int, int, int, int]:
-    """Box (top, bottom, left, right) of a mask, ends exclusive; PhotoError if it is empty."""
+    """Box (top, bottom, left, right) of a mask that is not empty; ends are exclusive."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if not len(rows):
-        raise PhotoError("the mask is empty; expected pixels of an object")
     return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
 
 
@@ -256,41 +254,46 @@ def _centre_depth(points: np.ndarray, extrinsics: np.ndarray) -> float:
     return float(points.mean(axis=0, dtype=np.float64) @ extrinsics[2, :3] + extrinsics[2, 3])
 
 
-def place(image: np.ndarray, mask: np.ndarray, *, move: bool = True) -> Framed:
+def place(
+    image: np.ndarray, mask: np.ndarray, size: tuple[int, int] = VIEW_SIZE, *, move: bool = True
+) -> Framed:
     """Crops and scales an object, image uint8 [h, w, 3] and mask bool [h, w], by the module's rule.
 
     Args:
+      size: (H, W) of the view, which the network sees.
       move: False keeps the framing; the image must then be 4:3.
 
     Raises:
       PhotoError: the mask shows no object or a very small one, or the framing is not 4:3.
     """
-    height, width = VIEW_SIZE
-    top, bottom, left, right = box_of(mask)
+    height, width = size
+    if not mask.any():
+        raise PhotoError("the mask is empty; expected pixels of an object")
     if mask.all():
         raise PhotoError("the mask covers the whole image; expected the pixels of an object")
     if move:
+        top, bottom, left, right = box_of(mask)
         wide, high = right - left, bottom - top
         if max(wide, high) < SMALLEST_BOX:
             raise PhotoError(
                 f"the object is {wide}x{high} pixels: accepted: a longer side of {SMALLEST_BOX} or "
                 "more"
             )
-        rule = rule_move((top, bottom, left, right))
-        if min(wide, high) * rule.scale < _THINNEST:
+        to_view = rule_move((top, bottom, left, right)).matrix()
+        to_view = np.diag([width / VIEW_SIZE[1], height / VIEW_SIZE[0], 1.0]) @ to_view
+        if min(wide * to_view[0, 0], high * to_view[1, 1]) < _THINNEST:
             raise PhotoError(_VANISHES)
-        to_view = rule.matrix()
     else:
         if not same_proportions(image.shape[:2], VIEW_SIZE):
             raise PhotoError(
                 f"the image is {image.shape[1]}x{image.shape[0]}: accepted without cropping: 4:3, "
-                f"such as {width}x{height}"
+                "such as 256x192"
             )
         to_view = np.diag([width / image.shape[1], height / image.shape[0], 1.0])
-    colours, inside = move_image(image, mask, to_view, VIEW_SIZE)
+    colours, inside = move_image(image, mask, to_view, size)
     if not inside.any():
         raise PhotoError(_VANISHES)
-    return Framed(colours, inside, *camera.default_camera(VIEW_SIZE), to_view, placed=move)
+    return Framed(colours, inside, *camera.default_camera(size), to_view, placed=move)
 
 
 def normal_form(points: np.ndarray) -> tuple[float, np.ndarray]:

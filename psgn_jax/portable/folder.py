@@ -19,13 +19,13 @@ from psgn_jax.data.dataset import RecordReader
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.models import networks
 from psgn_jax.portable.network import ExportError, PortableNetwork
-from psgn_jax.prediction import sampling
+from psgn_jax.prediction import sampling, silhouette
 from psgn_jax.prediction.draws import compared_points
 from psgn_jax.system.files import write_atomic
 from psgn_jax.system.onnx_runtime import session
 from psgn_jax.weights.run_folder import Trained
 
-FORMAT = "psgn_jax network 1"
+FORMAT = "psgn_jax network 2"
 LATENTS = 16
 """Number of random inputs in `network.json`, the first of `psgn predict --seed=0`."""
 
@@ -49,10 +49,24 @@ TEMPLATES = pathlib.Path(__file__).resolve().parent / "templates"
 JAVASCRIPT = ("draws.js", "framing.js", "resample.js", "silhouette.js")
 """Modules in `TEMPLATES` that frame photos, choose and fit draws like the Python code."""
 
-_NAMES = ["BOX_WIDTH", "BOX_HEIGHT", "BOX_POWER", "MIDDLE_COLUMN", "MIDDLE_ROW"]
-_NAMES += ["MIDDLE_ROW_PER_WIDTH", "SMALLEST_BOX"]
-RULE = {name.lower(): getattr(framing, name) for name in _NAMES}
-"""Constants of the framing rule (`data.framing`), for programs in other languages."""
+
+def _constants(module: Any, names: str) -> dict[str, Any]:
+    """Constants of a module by their names in lower case, for programs in other languages."""
+    return {name.lower(): getattr(module, name) for name in names.split()}
+
+
+RULES = {
+    "framing": _constants(
+        framing,
+        "BOX_WIDTH BOX_HEIGHT BOX_POWER MIDDLE_COLUMN MIDDLE_ROW MIDDLE_ROW_PER_WIDTH SMALLEST_BOX",
+    ),
+    "fit": _constants(
+        silhouette,
+        "MOST_OUTSIDE COLUMNS FAR ROUNDS STEP NEIGHBOURHOOD TAIL DEEPEST NARROWEST ELEVATIONS "
+        "SAMPLES HALF",
+    ),
+}
+"""Constants of `data.framing` and `prediction.silhouette` in `network.json`."""
 
 Arrays = Mapping[str, np.ndarray]
 
@@ -217,7 +231,7 @@ def check(
 def _describe(run: Trained, network: PortableNetwork) -> dict[str, Any]:
     """The content of `network.json`, without files."""
     model = network.config.model
-    intrinsics, extrinsics = camera.default_camera(framing.VIEW_SIZE)
+    intrinsics, extrinsics = camera.default_camera(network.config.data.image_size)
     latents: list[Any] = []
     if model.random_size:
         latents = sampling.sample_latents(network.config, 0, 1, LATENTS, 0)[0].tolist()
@@ -229,9 +243,9 @@ def _describe(run: Trained, network: PortableNetwork) -> dict[str, Any]:
         "num_points": network.num_points,
         "num_fc_points": len(networks.build(model).branches.fc),
         "image_size": list(network.config.data.image_size),
-        "view_size": list(framing.VIEW_SIZE),
+        "view_size": list(camera.VIEW_SIZE),
         "background": schema.BACKGROUND_GREY,
-        "framing": dict(RULE),
+        **RULES,
         "camera": {"intrinsics": intrinsics.tolist(), "extrinsics": extrinsics.tolist()},
         "random_size": model.random_size,
         "latents": latents,

@@ -15,7 +15,7 @@ import jax
 import numpy as np
 
 from psgn_jax.config.experiment import Config, ConfigError, require_points_task
-from psgn_jax.data import camera, framing, photo, resize
+from psgn_jax.data import framing, photo
 from psgn_jax.models import networks
 from psgn_jax.models.cpu_convolution import convolutions_for
 from psgn_jax.prediction import draws, masks, sampling
@@ -149,15 +149,10 @@ class Predictor:
             )
         clock.lap("mask")
         move = frame == "place" or (frame == "auto" and not framing.is_framed(read.image))
-        view = framing.place(read.image, found.mask, move=move)
-        clock.lap("place")
-        size = self.config.data.image_size
-        batch = {
-            "image": resize.resize_image(view.image, size)[None],
-            "mask": resize.resize_mask(view.mask, size)[None],
-            "intrinsics": camera.scale_intrinsics(view.intrinsics, view.mask.shape, size)[None],
-            "extrinsics": view.extrinsics[None],
-        }
+        view = framing.place(read.image, found.mask, self.config.data.image_size, move=move)
+        clock.lap("frame")
+        fields = ("image", "mask", "intrinsics", "extrinsics")
+        batch = {name: getattr(view, name)[None] for name in fields}
         options = {"refine": refine, "placed": view.placed, "samples": samples, "first": first}
         fitted, drawn = self._network(self._params, batch, r, **options)
         points = np.asarray(fitted.points).reshape(samples, -1, 3)

@@ -32,9 +32,9 @@ or the mask shows little of the object, such as a plate seen edge-on."""
 COLUMNS = 128
 """We fit to a mask of at most about this width: 1,024 points do not resolve a finer one."""
 
-FAR, FAR_PER_SPACING = 1.05, 1.0
-"""A pixel's centre is far from a point beyond the larger one of `FAR` pixels and `FAR_PER_SPACING`
-times the side of the square that each point would have if they shared the mask evenly."""
+FAR = 1.05
+"""A pixel's centre is far from a point beyond this many pixels, and beyond the side of the square
+that each point would have if all points shared the mask evenly."""
 
 ROUNDS, STEP = 16, 0.4
 """A round moves a point by `STEP` of the way to the mean of the pixels that pull it."""
@@ -47,8 +47,10 @@ DEEPEST, NARROWEST = 3.0, 3.0
 ELEVATIONS = (-20, -10, 0, 10, 20)
 """Degrees from the elevation of the given camera that `camera_of` tries."""
 
-_SAMPLES = 96  # pixels of the mask that `camera_of` compares
-_HALF = 0.49  # of a pixel; a point moves to within this distance of a pixel's centre
+SAMPLES = 96
+"""Pixels of the mask that `camera_of` compares."""
+HALF = 0.49
+"""A point moves to within this distance of a pixel's centre, in pixels."""
 
 
 class Fit(NamedTuple):
@@ -114,7 +116,7 @@ def camera_of(
     """
     nearest = nearest_pixels(mask)
     rank = jnp.cumsum(mask.ravel())
-    wanted = (jnp.arange(_SAMPLES) + 0.5) / _SAMPLES * rank[-1]
+    wanted = (jnp.arange(SAMPLES) + 0.5) / SAMPLES * rank[-1]
     pixels = _centres(jnp.searchsorted(rank, wanted), mask.shape[1])
     centre, focal = points.mean(axis=0), intrinsics[0, 0]
     seen = extrinsics[:, :3] @ centre + extrinsics[:, 3]
@@ -205,14 +207,14 @@ def _into_mask(pixels: Array, nearest: Int[Array, "h w"]) -> Array:
     target = nearest.ravel()[cell]
     centre = _centres(target, nearest.shape[1])
     outside = (target != cell) | ~within
-    return jnp.where(outside[:, None], jnp.clip(pixels, centre - _HALF, centre + _HALF), pixels)
+    return jnp.where(outside[:, None], jnp.clip(pixels, centre - HALF, centre + HALF), pixels)
 
 
 def _cover(pixels: Float[Array, "n 2"], mask: Bool[Array, "h w"]) -> Float[Array, "n 2"]:
     """Step 2 of the module."""
     count, (height, width) = len(pixels), mask.shape
     centres = _centres(jnp.arange(height * width), width)
-    far = jnp.maximum(FAR, FAR_PER_SPACING * jnp.sqrt(mask.sum() / count))
+    far = jnp.maximum(FAR, jnp.sqrt(mask.sum() / count))
     numbers = jnp.arange(count, dtype=jnp.int32)
     nothing = jnp.zeros((count, 3), pixels.dtype)
 

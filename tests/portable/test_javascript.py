@@ -6,7 +6,7 @@ import pytest
 from helpers import drawn_solids, javascript
 from PIL import Image
 
-from psgn_jax.data import camera, framing, resize
+from psgn_jax.data import camera, framing
 from psgn_jax.losses.emd import emd_exact
 from psgn_jax.portable import folder
 from psgn_jax.prediction import draws as own_draws
@@ -23,12 +23,12 @@ def run_node(body, **values):
 
 
 def about(image_size=(96, 128)):
-    intrinsics, extrinsics = camera.default_camera(framing.VIEW_SIZE)
+    intrinsics, extrinsics = camera.default_camera(image_size)
     return {
-        "view_size": framing.VIEW_SIZE,
+        **folder.RULES,
+        "view_size": camera.VIEW_SIZE,
         "image_size": image_size,
         "background": 191,
-        "framing": folder.RULE,
         "camera": {"intrinsics": intrinsics.tolist(), "extrinsics": extrinsics.tolist()},
     }
 
@@ -63,20 +63,21 @@ def test_draws_have_the_same_order_and_spread():
     assert sorted(spread[1]) == sorted(spread[0])
 
 
-def test_views_are_the_same_to_the_last_pixel():
+@pytest.mark.parametrize("size", [(192, 256), (96, 128)])
+def test_views_are_the_same_to_the_last_pixel(size):
     cases = list(photos(np.random.default_rng(0)))
     given = [
         {"photo": {"rgb": image, "width": image.shape[1], "height": image.shape[0]}, "mask": mask}
         for image, mask in cases
     ]
     body = "return input.cases.map(c => framing.place(c.photo, c.mask, input.about));"
-    results = run_node(body, cases=given, about=about())
+    results = run_node(body, cases=given, about=about(size))
     placed = set()
     for (image, mask), result in zip(cases, results, strict=True):
-        view = framing.place(image, mask, move=not framing.is_framed(image))
+        view = framing.place(image, mask, size, move=not framing.is_framed(image))
         assert result["placed"] == view.placed
-        np.testing.assert_array_equal(np.reshape(result["rgb"], (192, 256, 3)), view.image)
-        np.testing.assert_array_equal(np.reshape(result["mask"], (192, 256)), view.mask)
+        np.testing.assert_array_equal(np.reshape(result["rgb"], (*size, 3)), view.image)
+        np.testing.assert_array_equal(np.reshape(result["mask"], size), view.mask)
         scale = np.diag(view.to_view)[:2]
         np.testing.assert_allclose(result["toView"]["scale"], scale, rtol=1e-12)
         np.testing.assert_allclose(result["toView"]["shift"], view.to_view[:2, 2], rtol=1e-9)
@@ -98,24 +99,6 @@ return input.sizes.map(([width, height, box]) =>
         np.testing.assert_array_equal(np.reshape(own, (height, width, 3)), expected)
 
 
-@pytest.mark.parametrize("size", [(96, 128), (100, 130)])
-def test_inputs_at_the_size_of_the_network(size, rng):
-    image = rng.integers(0, 256, (192, 256, 3), dtype=np.uint8)
-    mask = rng.random((192, 256)) < 0.5
-    view = {"rgb": image, "mask": mask}
-    result = run_node(
-        "return framing.networkInputs(input.view, input.about);", view=view, about=about(size)
-    )
-    own = np.reshape(result["image"], (*size, 3))
-    expected = resize.resize_image(image, size)
-    if size == (100, 130):  # Python averages in float32
-        assert np.abs(own - expected.astype(int)).max() <= 1
-    else:
-        np.testing.assert_array_equal(own, expected)
-    own_mask = np.reshape(result["mask"], size)
-    np.testing.assert_array_equal(own_mask, resize.resize_mask(mask, size))
-
-
 def test_normal_form_and_colours():
     sample = next(iter(drawn_solids.samples(1, seed=4, image_size=(192, 256))))
     points = sample.points[:700].astype(np.float32)
@@ -127,7 +110,7 @@ const outlier = framing.findOutliers(input.points);
 const colours = framing.coloursFromView(input.points, view, input.about);
 return [framing.normalForm(input.points, outlier), outlier, colours];
 """
-    given = {"points": points, "image": view.image, "mask": view.mask, "about": about()}
+    given = {"points": points, "image": view.image, "mask": view.mask, "about": about((192, 256))}
     normal, outlier, colours = run_node(body, **given)
     np.testing.assert_array_equal(outlier, find_outliers(points))
     assert sum(outlier) == 2

@@ -1,5 +1,6 @@
 """Which draws of a network are shown, their mean, and how far their points vary."""
 
+import dataclasses
 import functools
 
 import jax
@@ -8,7 +9,6 @@ import pytest
 from helpers import standin
 from helpers.weights import random_params
 
-from psgn_jax.data import camera, resize
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.losses.emd import emd_exact
 from psgn_jax.models import networks
@@ -94,20 +94,16 @@ def test_the_first_cloud_and_its_spread_do_not_depend_on_how_many_are_asked_for(
 def test_an_evaluated_batch_has_the_clouds_of_single_photos(config, predictor):
     photos = [photo(colour) for colour in ((200, 60, 20), (20, 90, 10), (0, 0, 250))]
     single = [predictor(image, frame="keep", normal_form="no") for image in photos]
-    size = config.data.image_size
     rows = [
         {
-            "image": resize.resize_image(one.view.image, size),
-            "mask": resize.resize_mask(one.view.mask, size),
-            "intrinsics": camera.scale_intrinsics(one.view.intrinsics, one.view.mask.shape, size),
-            "extrinsics": one.view.extrinsics,
+            **{n: getattr(one.view, n) for n in ("image", "mask", "intrinsics", "extrinsics")},
             "points": np.zeros((64, 3), np.float32),
             "r": np.zeros(3, np.float32),  # not used: `model(photo)` has its own
         }
         for one in single
     ]
     batch = {key: np.stack([row[key] for row in rows]) for key in rows[0]}
-    refine = standin.config(data__image_size=size, model__random_size=3, eval__refine=True)
+    refine = dataclasses.replace(config, eval=dataclasses.replace(config.eval, refine=True))
     measure = jax.jit(functools.partial(points._measure, refine, networks.build(refine.model)))
     clouds, _ = measure(random_params(config), batch)
     np.testing.assert_allclose(clouds, np.stack([one.points[0] for one in single]), atol=1e-5)

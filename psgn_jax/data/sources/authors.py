@@ -27,13 +27,13 @@ from psgn_jax.data import camera, schema
 from psgn_jax.data.codec import DepthCodes, PointLattice, encode
 
 BATCH = 32
-HEIGHT, WIDTH = 192, 256
+HEIGHT, WIDTH = camera.VIEW_SIZE
 NUM_POINTS = 16384
 TILT_DEGREES = 20.0
 
 # Depth: z = 1.8 * (3 - 2 d / 65535) along the optical axis.
 DEPTH_OFFSET = 5.4
-DEPTH_SCALE = -3.6 / 65535
+DEPTH_SCALE = -camera.DISTANCE / 65535
 
 _LAYOUT = (
     ("colour", np.dtype("<u1"), (BATCH, HEIGHT, WIDTH, 3)),

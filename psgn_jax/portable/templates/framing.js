@@ -2,7 +2,7 @@
 // psgn_jax.data.framing. Photos are { rgb, width, height }, with three bytes per pixel; masks are
 // Uint8Array with 1 on the object. `about` is the content of network.json.
 
-import { areaAverage, resize } from "./resample.js";
+import { resize } from "./resample.js";
 
 /** An error whose message is for the user. */
 export class PhotoError extends Error {}
@@ -36,7 +36,7 @@ function boxOf(mask, width) {
   return [top, bottom, left, right];
 }
 
-/** Scale and shift that place a box by the rule: (column, row) becomes scale * (column, row) + shift. */
+/** Scale and shift that place a box by the rule in an image of the rule's size: (column, row) becomes scale * (column, row) + shift. */
 function ruleMove([top, bottom, left, right], rule) {
   const wide = right - left, high = bottom - top, power = rule.box_power;
   if (Math.max(wide, high) < rule.smallest_box) {
@@ -44,17 +44,20 @@ function ruleMove([top, bottom, left, right], rule) {
   }
   const scale = ((wide / rule.box_width) ** power + (high / rule.box_height) ** power) ** (-1 / power);
   const row = rule.middle_row + rule.middle_row_per_width * wide * scale;
-  return { scale: [scale, scale], shift: [rule.middle_column - scale * (left + right) / 2, row - scale * (top + bottom) / 2] };
+  return { scale, shift: [rule.middle_column - scale * (left + right) / 2, row - scale * (top + bottom) / 2] };
 }
 
 /**
- * The framed view of a photo, 192x256 pixels: { rgb, mask, toView, placed }. `toView` maps photo
- * pixels to view pixels; `placed` is false if the photo was framed already.
+ * The view of a photo that the network sees: { rgb, mask, toView, placed }. `toView` maps photo pixels to view pixels;
+ * `placed` is false if the photo was framed already.
  */
 export function place(photo, mask, about) {
-  const { width, height } = photo, [viewHeight, viewWidth] = about.view_size;
-  const box = boxOf(mask, width), placed = !isFramed(photo, about);
-  const toView = placed ? ruleMove(box, about.framing) : { scale: [viewWidth / width, viewHeight / height], shift: [0, 0] };
+  const { width, height } = photo, [viewHeight, viewWidth] = about.image_size, box = boxOf(mask, width), placed = !isFramed(photo, about);
+  const toView = { scale: [viewWidth / width, viewHeight / height], shift: [0, 0] };
+  if (placed) {
+    const { scale, shift } = ruleMove(box, about.framing), factor = [viewWidth / about.view_size[1], viewHeight / about.view_size[0]];
+    Object.assign(toView, { scale: factor.map(f => f * scale), shift: factor.map((f, i) => f * shift[i]) });
+  }
   const view = move(photo, mask, toView, viewWidth, viewHeight, about.background);
   if (!view.mask.includes(1)) throw new PhotoError("The object is too thin: no pixel of it remains at the network's size.");
   return { ...view, toView, placed };
@@ -62,7 +65,7 @@ export function place(photo, mask, about) {
 
 function move(photo, mask, { scale, shift }, outWidth, outHeight, grey) {
   const low = [0, 1].map(i => -shift[i] * (1 / scale[i]));
-  const high = [outWidth, outHeight].map((size, i) => (size - shift[i]) * (1 / scale[i]));
+  const high = [outWidth, outHeight].map((size, i) => low[i] + size * (1 / scale[i]));
   const first = low.map(Math.floor), [width, height] = high.map((v, i) => Math.ceil(v) - first[i]);
   if (width * height > 2e8) throw new PhotoError("The object is too large and too thin to be framed.");
   const region = new Uint8Array(4 * width * height); // colour times mask, and the mask
@@ -82,13 +85,6 @@ function move(photo, mask, { scale, shift }, outWidth, outHeight, grey) {
     for (let c = 0; c < 3; c++) rgb[3 * i + c] = Math.min(255, Math.trunc(255 * small[4 * i + c] / alpha));
   }
   return { rgb, mask: inside };
-}
-
-/** A view at the network's image size: { image, mask }, for its inputs with these names. */
-export function networkInputs(view, { view_size: [height, width], image_size: [outHeight, outWidth] }) {
-  const image = areaAverage(view.rgb, width, height, 3, outWidth, outHeight);
-  const mask = areaAverage(view.mask, width, height, 1, outWidth, outHeight);
-  return { image: Uint8Array.from(image, Math.round), mask: Uint8Array.from(mask, level => +(level > 0.5 - 1e-6)) };
 }
 
 /** The values of an array whose rows have this many elements, with the elements of each row in reverse order. */
@@ -164,7 +160,7 @@ const RADIUS = 0.04, DEPTH_TOLERANCE = 0.08, UNSEEN = 150;
 
 /** Three bytes for each point: the colour of the view at the point, or at the nearest visible point. */
 export function coloursFromView(points, view, about) {
-  const [height, width] = about.view_size, { intrinsics: k, extrinsics: e } = about.camera;
+  const [height, width] = about.image_size, { intrinsics: k, extrinsics: e } = about.camera;
   const colours = new Uint8Array(points.length).fill(UNSEEN), nearest = new Float64Array(width * height).fill(Infinity);
   const pixels = Array.from({ length: points.length / 3 }, (_, i) => {
     const [x, y, z] = e.map(r => r[0] * points[3 * i] + r[1] * points[3 * i + 1] + r[2] * points[3 * i + 2] + r[3]);

@@ -39,21 +39,3 @@ export function resize(data, width, height, channels, outWidth, outHeight, [left
   const middle = pass(data, taps(width, left, right, outWidth, filter), height, width * channels, channels, new Uint8Array(row * height), row, channels);
   return pass(middle, taps(height, top, bottom, outHeight, filter), outWidth, channels, row, new Uint8Array(row * outHeight), channels, row);
 }
-
-/** Averages over the areas of the output pixels, for any sizes; returns floats. */
-export function areaAverage(data, width, height, channels, outWidth, outHeight) {
-  const cover = (size, outSize) => Array.from({ length: outSize }, (_, i) => {
-    const low = i * size / outSize, high = (i + 1) * size / outSize, parts = [];
-    for (let j = Math.floor(low); j < Math.min(size, Math.ceil(high)); j++) {
-      parts.push([j, (Math.min(high, j + 1) - Math.max(low, j)) * outSize / size]);
-    }
-    return parts;
-  });
-  const across = cover(width, outWidth), out = new Float64Array(outWidth * outHeight * channels);
-  cover(height, outHeight).forEach((rows, y) => across.forEach((columns, x) => {
-    for (const [row, tall] of rows) for (const [column, wide] of columns) for (let c = 0; c < channels; c++) {
-      out[(y * outWidth + x) * channels + c] += tall * wide * data[(row * width + column) * channels + c];
-    }
-  }));
-  return out;
-}

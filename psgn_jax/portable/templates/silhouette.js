@@ -1,29 +1,27 @@
 // Fits clouds to the mask of their image, with the same result as the Python module
 // psgn_jax.prediction.silhouette, up to rounding. Pixels are pairs [column, row].
 
-const MOST_OUTSIDE = 0.5, COLUMNS = 128, FAR = 1.05, ROUNDS = 16, STEP = 0.4, NEIGHBOURHOOD = 8, TAIL = 0.015;
-const ELEVATIONS = [-20, -10, 0, 10, 20], SAMPLES = 96, HALF = 0.49, DEEPEST = 3, NARROWEST = 3;
-
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 const squared = (a, b) => (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2;
 const average = values => values.reduce((a, b) => a + b, 0) / values.length;
 
 /**
  * The clouds of an image (arrays of coordinates) fitted to the mask of the network's input, and the camera that sees
- * them: { clouds, camera }. `about` is the content of network.json. If the photo was placed, the elevation, size and
+ * them: { clouds, camera }. The last argument is the content of network.json. If the photo was placed, the elevation, size and
  * position from which the first cloud fits best replace those of its camera, and thin parts become thin in depth.
  */
-export function fit(clouds, given, placed, { camera, view_size: [viewHeight, viewWidth], image_size }) {
-  const inside = reduced(given, image_size), { mask, width, height } = inside, factor = [width / viewWidth, height / viewHeight, 1];
-  const intrinsics = camera.intrinsics.map((row, i) => row.map(v => v * factor[i]));
+export function fit(clouds, given, placed, { camera, image_size, fit: rule }) {
+  const inside = reduced(given, image_size, rule), { mask, stride } = inside;
+  const intrinsics = camera.intrinsics.map((row, i) => row.map(v => i < 2 ? v / stride : v));
   let { extrinsics } = camera;
   if (mask.includes(1) && placed) extrinsics = cameraOf(clouds[0], inside, intrinsics, extrinsics);
   const one = points => {
     const { pixels, depth } = project(points, intrinsics, extrinsics);
     const front = Array.from(depth, z => z > 1e-3), start = pixels.map(pixel => intoMask(pixel, inside));
     const outside = start.filter((pixel, i) => front[i] && pixel !== pixels[i]).length;
-    if (!mask.includes(1) || outside > MOST_OUTSIDE * pixels.length || !points.every(Number.isFinite)) return points;
-    const moved = cover(start, inside), layers = withoutTails(moved, placed ? thinned(moved, depth, inside, intrinsics[0][0]) : depth), result = Float32Array.from(points);
+    if (!mask.includes(1) || outside > rule.most_outside * pixels.length || !points.every(Number.isFinite)) return points;
+    const moved = cover(start, inside), result = Float32Array.from(points);
+    const layers = withoutTails(moved, placed ? thinned(moved, depth, inside, intrinsics[0][0]) : depth, rule);
     moved.forEach(([column, row], i) => {
       if (!front[i]) return;
       const z = layers[i], x = (column - intrinsics[0][2]) / intrinsics[0][0] * z, y = (row - intrinsics[1][2]) / intrinsics[1][1] * z;
@@ -35,16 +33,16 @@ export function fit(clouds, given, placed, { camera, view_size: [viewHeight, vie
   return { clouds: clouds.map(one), camera: { ...camera, extrinsics } };
 }
 
-/** { mask, width, height, nearest } of every few pixels, so that there are about COLUMNS columns. */
-function reduced(mask, [fullHeight, fullWidth]) {
-  const stride = Math.max(1, Math.floor(fullWidth / COLUMNS)), first = Math.floor(stride / 2), kept = [];
+/** The mask at every `stride`-th pixel, so that there are about rule.columns columns, and the nearest pixel on it. */
+function reduced(mask, [fullHeight, fullWidth], rule) {
+  const stride = Math.max(1, Math.floor(fullWidth / rule.columns)), first = Math.floor(stride / 2), kept = [];
   let width = 0;
   for (let y = first; y < fullHeight; y += stride) {
     width = 0;
     for (let x = first; x < fullWidth; x += stride, width++) kept.push(mask[y * fullWidth + x]);
   }
   const height = kept.length / width;
-  return { mask: kept, width, height, nearest: nearestPixels(kept, width, height) };
+  return { rule, stride, mask: kept, width, height, nearest: nearestPixels(kept, width, height) };
 }
 
 function project(points, intrinsics, extrinsics) {
@@ -91,14 +89,14 @@ const centreOf = (index, width) => [index % width + 0.5, Math.floor(index / widt
 function intoMask(pixel, inside) {
   const cell = cellOf(pixel, inside), target = inside.nearest[cell];
   if (target === cell && within(pixel, inside)) return pixel;
-  return centreOf(target, inside.width).map((centre, axis) => clamp(pixel[axis], centre - HALF, centre + HALF));
+  return centreOf(target, inside.width).map((centre, axis) => clamp(pixel[axis], centre - inside.rule.half, centre + inside.rule.half));
 }
 
 function cover(start, inside) {
-  const { mask, width, height } = inside, on = [...mask.keys()].filter(i => mask[i]);
-  const far = Math.max(FAR, Math.sqrt(on.length / start.length)) ** 2;
+  const { mask, width, height, rule } = inside, on = [...mask.keys()].filter(i => mask[i]);
+  const far = Math.max(rule.far, Math.sqrt(on.length / start.length)) ** 2;
   let pixels = start;
-  for (let round = 0; round < ROUNDS; round++) {
+  for (let round = 0; round < rule.rounds; round++) {
     const owner = new Int32Array(width * height).fill(-1), total = pixels.map(() => [0, 0, 0]);
     pixels.forEach((pixel, i) => { if (within(pixel, inside)) owner[cellOf(pixel, inside)] = i; });
     const nearest = nearestPixels(owner.map(i => +(i >= 0)), width, height);
@@ -107,13 +105,13 @@ function cover(start, inside) {
       if (squared(pixels[point], centre) <= far) continue;
       total[point] = [total[point][0] + centre[0], total[point][1] + centre[1], total[point][2] + 1];
     }
-    pixels = pixels.map((pixel, i) => total[i][2] ? pixel.map((v, axis) => v + STEP * (total[i][axis] / total[i][2] - v)) : pixel);
+    pixels = pixels.map((pixel, i) => total[i][2] ? pixel.map((v, axis) => v + rule.step * (total[i][axis] / total[i][2] - v)) : pixel);
   }
   return pixels;
 }
 
-/** Depths near the mean of their neighbours: at most DEEPEST half widths of the mask from it. */
-function thinned(pixels, depth, { mask, width, height }, focal) {
+/** Depths near the mean of their neighbours: at most rule.deepest half widths of the mask from it. */
+function thinned(pixels, depth, { mask, width, height, rule }, focal) {
   const outside = nearestPixels(mask.map(on => 1 - on), width, height);
   const gaps = Array.from(outside, (other, i) => Math.sqrt(squared(centreOf(i, width), centreOf(other, width))));
   return depth.map((z, i) => {
@@ -122,16 +120,16 @@ function thinned(pixels, depth, { mask, width, height }, focal) {
     for (let y = Math.max(0, row - 2); y <= Math.min(height - 1, row + 2); y++) {
       for (let x = Math.max(0, column - 2); x <= Math.min(width - 1, column + 2); x++) half = Math.max(half, gaps[y * width + x]);
     }
-    const near = depth.filter((_, j) => squared(pixels[i], pixels[j]) <= Math.max(NARROWEST, half) ** 2);
-    const middle = average(near), most = DEEPEST * half * middle / focal;
+    const near = depth.filter((_, j) => squared(pixels[i], pixels[j]) <= Math.max(rule.narrowest, half) ** 2);
+    const middle = average(near), most = rule.deepest * half * middle / focal;
     return clamp(z, middle - most, middle + most);
   });
 }
 
-function withoutTails(pixels, depth) {
-  const near = pixels.map(a => [...pixels.keys()].filter(j => squared(a, pixels[j]) < NEIGHBOURHOOD ** 2));
+function withoutTails(pixels, depth, rule) {
+  const near = pixels.map(a => [...pixels.keys()].filter(j => squared(a, pixels[j]) < rule.neighbourhood ** 2));
   const kept = near.map((others, i) => {
-    const count = compare => others.filter(compare).length >= TAIL * others.length;
+    const count = compare => others.filter(compare).length >= rule.tail * others.length;
     return count(j => depth[j] < depth[i]) && count(j => depth[j] > depth[i]);
   });
   return depth.map((z, i) => {
@@ -141,8 +139,8 @@ function withoutTails(pixels, depth) {
 }
 
 function cameraOf(points, inside, intrinsics, extrinsics) {
-  const { mask, width } = inside, on = [...mask.keys()].filter(i => mask[i]), focal = intrinsics[0][0];
-  const sample = Array.from({ length: SAMPLES }, (_, k) => centreOf(on[Math.ceil((k + 0.5) / SAMPLES * on.length) - 1], width));
+  const { mask, width, rule } = inside, on = [...mask.keys()].filter(i => mask[i]), focal = intrinsics[0][0];
+  const sample = Array.from({ length: rule.samples }, (_, k) => centreOf(on[Math.ceil((k + 0.5) / rule.samples * on.length) - 1], width));
   const middle = [0, 1, 2].map(axis => average(Array.from(points).filter((_, i) => i % 3 === axis)));
   const seenBy = camera => camera.map(r => r[0] * middle[0] + r[1] * middle[1] + r[2] * middle[2] + r[3]);
   const start = seenBy(extrinsics);
@@ -166,7 +164,7 @@ function cameraOf(points, inside, intrinsics, extrinsics) {
     });
     return camera.map((r, k) => [r[0], r[1], r[2], r[3] + [...moved, depth][k] - now[k]]);
   };
-  const tried = ELEVATIONS.map(degrees => {
+  const tried = rule.elevations.map(degrees => {
     const c = Math.cos(degrees * Math.PI / 180), s = Math.sin(degrees * Math.PI / 180), [right, down, ahead] = extrinsics;
     const turned = [right, down.map((v, i) => c * v - s * ahead[i]), ahead.map((v, i) => s * down[i] + c * v)];
     const camera = resized(turned.map((r, k) => [r[0], r[1], r[2], start[k] - r[0] * middle[0] - r[1] * middle[1] - r[2] * middle[2]]));

@@ -335,7 +335,7 @@ def answering(answer):
 def test_wrong_or_damaged_weights_are_refused(open_page, site, address, tmp_path):
     write_cut_out(tmp_path)
     weights, about = ((site / name).read_bytes() for name in ("network.onnx", "network.json"))
-    later = about.replace(b"network 1", b"network 2")
+    later = about.replace(b"network 2", b"network 3")
     assert later != about
     for file, answer, expected in (
         ("network.onnx", {"body": weights[: len(weights) // 2]}, "The network's file is damaged"),

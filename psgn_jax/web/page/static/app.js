@@ -4,7 +4,7 @@ import * as ort from "./runtime/ort.wasm.min.mjs";
 import { CloudView, pathThrough, save } from "./cloud.js";
 import { ranked, spread } from "./draws.js";
 import { FORMATS } from "./files.js";
-import { coloursFromView, meanWithMirror, mirrored, networkInputs, normalForm, PhotoError, place, sameProportions, findOutliers } from "./framing.js";
+import { coloursFromView, meanWithMirror, mirrored, normalForm, PhotoError, place, sameProportions, findOutliers } from "./framing.js";
 import { objectIn } from "./levels.js";
 import { findMask } from "./mask.js";
 import { fit } from "./silhouette.js";
@@ -262,9 +262,9 @@ async function load() {
   ort.env.wasm.wasmPaths = new URL("runtime/", import.meta.url).href;
   const damaged = new Error("The network's file is damaged or belongs to another page; build the page again.");
   const about = await (await fetched("network.json")).json().catch(() => { throw damaged; });
-  if (/^psgn_jax network (?!1$)\d+$/.test(about.format)) throw new Error("The network was made by a later version of psgn_jax; build the page again.");
+  if (/^psgn_jax network (?!2$)\d+$/.test(about.format)) throw new Error("The network was made by a later version of psgn_jax; build the page again.");
   const [name, row] = Object.entries(about.files ?? {}).find(([file]) => file.endsWith(".onnx")) ?? [];
-  if (about.format !== "psgn_jax network 1" || !name) throw damaged;
+  if (about.format !== "psgn_jax network 2" || !name) throw damaged;
   const [bytes, maskBytes, runtime] = await download([name, about.mask_network.file, RUNTIME], about.download_bytes);
   if (bytes.length !== row.bytes) throw damaged;
   const packed = new Blob([runtime]).stream(); // some servers say that .gz is an encoding, so that the browser unpacks it
@@ -288,7 +288,7 @@ const predict = guarded(async () => {
   if (!mask.includes(1)) return say("Draw around the object, paint over it, or open a mask file.");
   say("Predicting");
   await new Promise(resolve => setTimeout(resolve)); // the message is drawn first
-  const view = place(photo, mask, about), { image, mask: small } = networkInputs(view, about), [h, w] = about.image_size;
+  const view = place(photo, mask, about), { rgb: image, mask: small } = view, [h, w] = about.image_size;
   const count = about.random_size ? about.latents.length : 1, samples = Math.min(SAMPLES, count), length = 3 * about.num_points;
   const run = async (rgb, inside) => {
     const feeds = { image: new ort.Tensor("uint8", rgb.slice(), [1, h, w, 3]), mask: new ort.Tensor("bool", inside.slice(), [1, h, w]) };
