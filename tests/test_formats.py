@@ -16,8 +16,8 @@ import pytest
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
 from psgn_jax.portable import folder
+from psgn_jax.prediction.formats import PredictionFileError, read_prediction
 from psgn_jax.system.untrusted import with_checksum
-from psgn_jax.viewing.predictions import PredictionFileError, read_prediction
 from psgn_jax.weights import checkpoint, file
 from psgn_jax.weights.file import WeightsError, read_weights
 from psgn_jax.weights.run_folder import open_run

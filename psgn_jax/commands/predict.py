@@ -2,7 +2,7 @@
 
 Images are files such as PNG, JPEG, TIFF, WebP or AVIF, or folders of such files; convert others,
 such as HEIC, to JPEG. `psgn_jax.prediction.predictor` describes how the object is found and framed,
-`psgn_jax.prediction.photos` describes the output. An image that cannot be processed does not stop
+`psgn_jax.prediction.files` describes the output. An image that cannot be processed does not stop
 the others. Exit codes: 0 all images were processed; 1 some failed; 2 all failed, or an argument is
 wrong; 5 a full disk; 130 stopped by Ctrl-C.
 
@@ -17,19 +17,16 @@ from psgn_jax.commands.common import define_network_flags, keep_compiled
 from psgn_jax.config.command_line import Flags
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.prediction import masks
-from psgn_jax.prediction.cloud import DEFAULT_FORMATS, FORMATS
 from psgn_jax.prediction.draws import FIRST
-from psgn_jax.prediction.photos import predict_files
-from psgn_jax.prediction.predictor import NORMAL_FORMS, Predictor
+from psgn_jax.prediction.files import predict_files
+from psgn_jax.prediction.formats import DEFAULT_FORMATS, FORMATS
+from psgn_jax.prediction.predictor import FRAMES, NORMAL_FORMS, Predictor
 from psgn_jax.system.errors import Exit
 from psgn_jax.system.files import check_folder
 from psgn_jax.system.untrusted import message_line, one_line
 from psgn_jax.weights.opening import open_network
 
-_OPTIONS = [
-    "mask", "samples", "seed", "frame", "mask_from", "invert_mask", "accept_mask", "normal_form",
-    "refine", "first",
-]  # fmt: skip
+_OPTIONS = ("mask", "samples", "seed", "frame", "normal_form", "refine", "first")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -53,7 +50,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags.bool("accept_mask", False, "Use masks of which the network is not certain.")
     flags.enum("normal_form", "auto", list(NORMAL_FORMS),
                "Move the points onto the ground and scale them to radius 1.")  # fmt: skip
-    flags.enum("frame", "auto", ["auto", "place", "keep"],
+    flags.enum("frame", "auto", list(FRAMES),
                "Crop to the object (place), or use the image as it is (keep).")  # fmt: skip
     flags.bool(
         "refine", True, "Average the cloud with that of the mirror image, and move points that "
@@ -81,7 +78,9 @@ def _main(flags: Flags) -> int:
         raise ConfigError(
             f"--formats={','.join(values.formats)}: accepted: any of {', '.join(FORMATS)}"
         )
-    label = _numbers("mask_label", values.mask_label, int)
+    how: Any = {n: values[n].value for n in ("mask_from", "invert_mask", "accept_mask")}
+    how |= {name: _numbers(name, values[name].value) for name in ("box", "point")}
+    how["mask_label"] = _numbers("mask_label", values.mask_label, int)
     check_folder(values.out, "--out")
 
     def opened() -> Predictor:
@@ -92,16 +91,13 @@ def _main(flags: Flags) -> int:
 
     done, failed, uncertain = 0, 0, 0
     options = {name: values[name].value for name in _OPTIONS}
-    options |= {name: _numbers(name, values[name].value) for name in ("box", "point")}
     for path, result in predict_files(
-        opened, flags.arguments, values.out, formats=values.formats, mask_label=label, **options
+        opened, flags.arguments, values.out, formats=values.formats, mask_options=how, **options
     ):
         if isinstance(result, Exception):
             failed += 1
             uncertain += isinstance(result, masks.UncertainMaskError)
-            message = message_line(result).replace("accept_mask=True", "--accept_mask")
-            message = message.replace("with mask_label,", "with --mask_label,")
-            sys.stderr.write(f"failed: {one_line(path)}: {message}\n")
+            sys.stderr.write(f"failed: {one_line(path)}: {message_line(result)}\n")
             continue
         done += 1
         for warning in result.warnings:

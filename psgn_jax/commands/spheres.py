@@ -8,12 +8,13 @@ import pathlib
 import sys
 from collections.abc import Sequence
 
-from psgn_jax.config.command_line import Flags
-from psgn_jax.system.untrusted import one_line
-from psgn_jax.viewing import spheres
-from psgn_jax.viewing.predictions import read_prediction
+import numpy as np
 
-_FIELDS = ("points", "colours", "seen", "branch", "image", "intrinsics", "extrinsics")
+from psgn_jax.config.command_line import Flags
+from psgn_jax.data import camera, framing
+from psgn_jax.prediction.formats import read_prediction
+from psgn_jax.system.untrusted import one_line
+from psgn_jax.viewing import page, spheres
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -35,7 +36,7 @@ def _main(flags: Flags) -> None:
     if values.turntable and not values.turntable.lower().endswith(".gif"):
         raise ValueError(f"--turntable={values.turntable}: accepted: a name that ends with .gif")
     for path in flags.arguments:
-        arrays = read_prediction(path, _FIELDS)
+        arrays = read_prediction(path, (*page.FIELDS, "image"))
         points, by_photo = arrays["points"], arrays["seen"].any()
         paint = arrays["colours"] if by_photo else map(spheres.colours_by_height, points)
         count = min(values.clouds, len(points))
@@ -44,10 +45,22 @@ def _main(flags: Flags) -> None:
         first = first or clouds[titles[0]]
         if values.branch:
             clouds["by branch"] = points[0], spheres.colours_by_branch(arrays["branch"])
-        rows.append((pathlib.Path(path).stem, spheres.panels(arrays, clouds, height=values.height)))
+        seen = _seen(arrays, values.height)
+        rows.append((pathlib.Path(path).stem, spheres.panels(seen, clouds, height=values.height)))
     sheet = spheres.sheet(rows, columns=values.columns)
     spheres.write_picture(sheet, values.out)
     if values.turntable and first:
         spheres.turntable(*first, values.turntable)
     count = f"{len(rows)} case{'s' * (len(rows) > 1)}"
     sys.stdout.write(f"{count}: {one_line(values.out)}\n")
+
+
+def _seen(arrays: dict[str, np.ndarray], height: int) -> dict[str, np.ndarray]:
+    """The part of the photo that the network's view shows, at this height, and its camera."""
+    rows, columns = arrays["image"].shape[:2]
+    size = height, max(1, min(round(columns * (height / rows)), 4 * height))
+    to_view = np.diag([size[1] / columns, size[0] / rows, 1.0]) @ arrays["to_view"]
+    everywhere = np.ones(arrays["photo"].shape[:2], np.bool_)
+    image, _ = framing.move_image(arrays["photo"], everywhere, to_view, size)
+    intrinsics = camera.scale_intrinsics(arrays["intrinsics"], (rows, columns), size)
+    return {"image": image, "intrinsics": intrinsics, "extrinsics": arrays["extrinsics"]}

@@ -5,9 +5,9 @@ import sys
 from collections.abc import Sequence
 
 from psgn_jax.config.command_line import Flags
+from psgn_jax.prediction.formats import read_prediction
 from psgn_jax.system.untrusted import one_line
 from psgn_jax.viewing import page
-from psgn_jax.viewing.predictions import read_prediction
 
 
 def main(argv: Sequence[str] | None = None) -> int:

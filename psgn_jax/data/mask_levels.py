@@ -90,7 +90,7 @@ def object_in(
             )
         raise MaskLevelsError(
             f"has {len(levels)} levels ({shown}): accepted: two, the object and the rest; name the "
-            "object's with mask_label, or in Python give mask=array == level"
+            "object's by mask_label, or in Python give mask=array == level"
         )
     return _between(values, levels[low], levels[high])[0] > 0.5, ()
 

@@ -1,19 +1,13 @@
-"""A prediction: clouds with their colours, files, picture in a notebook, and place in the photo.
+"""A prediction: clouds with their colours, page in a notebook, and place in the photo.
 
-All files are in the project's frame (`data.schema`): right-handed, **+z up**, +y to the right of
-the image, +x toward the camera, origin on the ground, unit = radius of the bounding hemisphere.
-Only in GLB +y points up, as its standard says. If y points up in your program, as in many OBJ
-viewers, rotate the other formats by -90 degrees about x.
+Points are in the project's frame (`data.schema`). `prediction.formats` writes them as files.
 """
 
 import dataclasses
 import functools
 import html
-import io
-import json
 import os
 import pathlib
-from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,10 +19,10 @@ from scipy.spatial.transform import Rotation
 from psgn_jax.data import camera
 from psgn_jax.data.framing import Framed
 from psgn_jax.data.photo import Photo
+from psgn_jax.prediction import formats
 from psgn_jax.prediction.draws import spread
 from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing import page
-from psgn_jax.viewing.predictions import VERSION
 
 FC, DECONV = 0, 1
 
@@ -52,7 +46,7 @@ class PhotoCamera(NamedTuple):
         prediction has them.
       unit: length of the cloud's unit, in metres if the object's height was given, else 1.
       error: largest distance between the projections of `points` and of the cloud moved by
-        `extrinsics`, in pixels of the view of 192x256.
+        `extrinsics`, in pixels of a view of 192x256.
     """
 
     intrinsics: np.ndarray
@@ -77,8 +71,8 @@ class Prediction:
       branch: uint8 [n], the branch that predicts a point, `FC` or `DECONV`.
       mask_from: the method that produced the mask, and how certain the mask network is.
       photo: the image as it was read.
-      view: the framed view of the object, which is resized to the input of the network, with the
-        camera that projects `points` to it (`data.framing.Framed`).
+      view: the framed view of the object, the input of the network, with the camera that projects
+        `points` to it (`data.framing.Framed`).
       scale, shift: the network's points are `scale * points + shift` (`data.framing.normal_form`);
         1 and 0 without normal form.
       seconds: duration of each step.
@@ -128,15 +122,13 @@ class Prediction:
         """
         suffix = pathlib.Path(path).suffix.lower().lstrip(".")
         if suffix == "npz":
-            arrays: dict[str, Any] = {"version": np.int32(VERSION), **self.arrays()}
-            np.savez(stream := io.BytesIO(), allow_pickle=False, **arrays)
-            content: bytes | str = stream.getvalue()
+            content: bytes | str = formats.npz(self.arrays())
         elif suffix == "html":
             content = page.document_of([self.case(pathlib.Path(path).stem)])
-        elif suffix in MAKERS:
-            content = MAKERS[suffix](*self._kept(sample))
+        elif suffix in formats.MAKERS:
+            content = formats.MAKERS[suffix](*self._kept(sample))
         else:
-            accepted = ", ".join(f".{name}" for name in (*FORMATS, "html"))
+            accepted = ", ".join(f".{name}" for name in (*formats.FORMATS, "html"))
             raise ValueError(f"{path}: accepted: a name that ends in {accepted}")
         write_atomic(path, content, sync=False)
 
@@ -259,7 +251,8 @@ class Prediction:
         extrinsics = _rigid(unit * points, placed)
         moved, _ = camera.project(unit * points, intrinsics, extrinsics)
         exact, _ = camera.project(points, own, self.view.extrinsics)
-        error = np.linalg.norm(moved - exact, axis=1).max() * self.view.intrinsics[0, 0] / own[0, 0]
+        pixel = camera.default_camera()[0][0, 0] / own[0, 0]
+        error = np.linalg.norm(moved - exact, axis=1).max() * pixel
         return PhotoCamera(intrinsics, extrinsics, placed, unit, float(error))
 
 
@@ -288,32 +281,21 @@ def colours_from_view(points: np.ndarray, view: Framed) -> tuple[np.ndarray, np.
     height, width = view.mask.shape
     pixels, depth = camera.project(points, view.intrinsics, view.extrinsics)
     front = np.isfinite(pixels).all(axis=1) & (depth > 1e-3)
-    colours = np.tile(np.array(UNSEEN, np.uint8), (len(points), 1))
-    seen = np.zeros(len(points), np.bool_)
-    if not front.any():
-        return colours, seen
-    pixels, depth = np.clip(pixels[front], -width, 2 * width), depth[front]
-    corner = np.floor(pixels).astype(int)
-    reach = float(view.intrinsics[0, 0]) * _RADIUS / depth
-    most = int(min(reach.max(), 64)) + 1
-    steps = np.arange(-most, most + 1)
-    offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    offsets = offsets[(offsets**2).sum(axis=1) <= most**2]
-    far_first = np.argsort(-depth, kind="stable")
-    covered = (offsets**2).sum(axis=1) <= np.square(reach[far_first])[:, None]
-    column = corner[far_first, 0, None] + offsets[:, 0]
-    row = corner[far_first, 1, None] + offsets[:, 1]
+    corner = np.floor(np.clip(np.where(front[:, None], pixels, -1), -width, 2 * width)).astype(int)
+    reach = view.intrinsics[0, 0] * _RADIUS / np.maximum(depth, 1e-3)
+    most = int(min(reach[front].max(initial=0), 64)) + 1
+    across, down = (a.ravel() for a in np.mgrid[-most : most + 1, -most : most + 1])
+    column, row = corner[:, :1] + across, corner[:, 1:] + down
+    covered = front[:, None] & (across**2 + down**2 <= np.square(reach)[:, None])
     covered &= (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    nearest = np.full(height * width, np.inf)
-    # If a pixel has several values, the last assignment remains, here the nearest disc's.
-    layers = np.broadcast_to(depth[far_first, None], covered.shape)
-    nearest[(row * width + column)[covered]] = layers[covered]
-    inside = (corner >= 0).all(axis=1) & (corner < (width, height)).all(axis=1)
+    nearest = np.full((height, width), np.inf)
+    depths = np.broadcast_to(depth[:, None], covered.shape)
+    np.minimum.at(nearest, (row[covered], column[covered]), depths[covered])
+    seen = front & (corner >= 0).all(axis=1) & (corner < (width, height)).all(axis=1)
     column, row = np.clip(corner, 0, (width - 1, height - 1)).T
-    visible = inside & view.mask[row, column]
-    visible &= depth <= nearest[row * width + column] + _DEPTH_TOLERANCE
-    seen[front] = visible
-    colours[seen] = view.image[row[visible], column[visible]]
+    seen &= view.mask[row, column] & (depth <= nearest[row, column] + _DEPTH_TOLERANCE)
+    colours = np.tile(np.array(UNSEEN, np.uint8), (len(points), 1))
+    colours[seen] = view.image[row[seen], column[seen]]
     if seen.any():
         _, nearest_seen = KDTree(points[seen]).query(points[~seen])
         colours[~seen] = colours[seen][nearest_seen]
@@ -334,74 +316,3 @@ def find_outliers(points: np.ndarray) -> np.ndarray:
     if not median and distance.any():
         median = np.median(distance[distance > 0])
     return np.asarray(distance > 5 * median)
-
-
-# --- Formats ------------------------------------------------------------------------------------
-
-_FRAME = "frame: right-handed, +z up, +y image right, +x to the camera; unit: bounding hemisphere"
-
-
-def ply(points: np.ndarray, colours: np.ndarray) -> bytes:
-    """Binary little-endian PLY: float x, y, z and uchar red, green, blue of each vertex."""
-    head = [
-        "ply",
-        "format binary_little_endian 1.0",
-        f"comment {_FRAME}",
-        f"element vertex {len(points)}",
-        *(f"property float {name}" for name in "xyz"),
-        *(f"property uchar {name}" for name in ("red", "green", "blue")),
-        "end_header",
-    ]
-    rows = np.empty(len(points), [("point", "<f4", 3), ("colour", "u1", 3)])
-    rows["point"], rows["colour"] = points, colours
-    return ("\n".join(head) + "\n").encode() + rows.tobytes()
-
-
-def xyz(points: np.ndarray, colours: np.ndarray | None = None) -> bytes:
-    """A line `x y z` for each point, without header or colours; most programs read this."""
-    return "".join(f"{x:.6f} {y:.6f} {z:.6f}\n" for x, y, z in points.tolist()).encode()
-
-
-def obj(points: np.ndarray, colours: np.ndarray) -> bytes:
-    """OBJ: `v x y z r g b` (colours in [0, 1]), and a `p` element so that viewers show points."""
-    lines = [f"# {_FRAME}"]
-    for (x, y, z), (r, g, b) in zip(points.tolist(), (colours / 255).tolist(), strict=True):
-        lines.append(f"v {x:.6f} {y:.6f} {z:.6f} {r:.4f} {g:.4f} {b:.4f}")
-    lines.append("p " + " ".join(map(str, range(1, len(points) + 1))))
-    return ("\n".join(lines) + "\n").encode()
-
-
-def glb(points: np.ndarray, colours: np.ndarray) -> bytes:
-    """Binary glTF 2.0 with one primitive of points; +y points up, so (x, y, z) -> (y, z, x)."""
-    turned = np.ascontiguousarray(points[:, [1, 2, 0]], "<f4")
-    encoded = colours / 255  # sRGB; the colours of glTF are linear
-    linear = np.where(encoded > 0.04045, ((encoded + 0.055) / 1.055) ** 2.4, encoded / 12.92)
-    binary = turned.tobytes() + linear.astype("<f4").tobytes()
-    bounds = {"min": turned.min(axis=0).tolist(), "max": turned.max(axis=0).tolist()}
-    count, length = len(points), turned.nbytes
-    document = {
-        "asset": {"version": "2.0", "generator": "psgn_jax"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "COLOR_0": 1}, "mode": 0}]}],
-        "buffers": [{"byteLength": len(binary)}],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": 0, "byteLength": length},
-            {"buffer": 0, "byteOffset": length, "byteLength": length},
-        ],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3", **bounds},
-            {"bufferView": 1, "componentType": 5126, "count": count, "type": "VEC3"},
-        ],
-    }
-    text = json.dumps(document).encode()
-    chunks = [(b"JSON", text + b" " * (-len(text) % 4)), (b"BIN\0", binary)]
-    body = b"".join(len(data).to_bytes(4, "little") + kind + data for kind, data in chunks)
-    return b"glTF" + np.array([2, 12 + len(body)], "<u4").tobytes() + body
-
-
-MAKERS: Mapping[str, Callable[[np.ndarray, np.ndarray], bytes]]
-MAKERS = {"ply": ply, "xyz": xyz, "obj": obj, "glb": glb}
-FORMATS = (*MAKERS, "npz")
-DEFAULT_FORMATS = ("ply", "xyz", "obj", "npz")

@@ -76,17 +76,20 @@ def chosen_first(
     draws = jnp.asarray(draws)[ranked(draws, samples)]
     if first == "medoid":
         return draws
-    partners = jnp.take_along_axis(draws[1:], matches(draws)[..., None], axis=1)
+    _, partners = matched(draws)
     return draws.at[0].set((draws[0] + partners.sum(axis=0)) / len(draws))
 
 
-def matches(draws: Float[Array, "k n 3"]) -> Int[Array, "k-1 n"]:
-    """For each other draw, the partner of each point of the first draw in the EMD's bijection."""
+def matched(
+    draws: Float[Array, "k n 3"],
+) -> tuple[Int[Array, "k-1 n"], Float[Array, "k-1 n 3"]]:
+    """In each other draw, numbers and places of the EMD's partners of the first draw's points."""
 
-    def partners(first: Array, draw: Array) -> Array:
+    def index_of(first: Array, draw: Array) -> Array:
         return assign(first, draw, tolerance=_TOLERANCE).index
 
-    return map_pairs(partners)(jnp.broadcast_to(draws[:1], draws[1:].shape), draws[1:])
+    index = map_pairs(index_of)(jnp.broadcast_to(draws[:1], draws[1:].shape), draws[1:])
+    return index, jnp.take_along_axis(draws[1:], index[..., None], axis=1)
 
 
 @functools.partial(jax.jit, static_argnames="samples")
@@ -96,8 +99,7 @@ def spread(draws: Float[Array, "k n 3"], samples: int = 1) -> Float[Array, "samp
     For a point of the first cloud it is the mean distance to its partners in the other draws; the
     partners in other clouds have the same value.
     """
-    index = matches(draws)
-    partners = jnp.take_along_axis(draws[1:], index[..., None], axis=1)
+    index, partners = matched(draws)
     first = jnp.linalg.norm(partners - draws[:1], axis=-1).mean(axis=0)
     others = jax.vmap(lambda own: jnp.zeros_like(first).at[own].set(first))(index[: samples - 1])
     return jnp.concatenate([first[None], others])

@@ -14,12 +14,13 @@ import io
 import pathlib
 import zlib
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 from PIL import Image, ImageFilter, PngImagePlugin
 from scipy import ndimage
 
+from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data import photo
 from psgn_jax.data.framing import box_of
 from psgn_jax.data.photo import PhotoError
@@ -35,8 +36,8 @@ LEAST_CERTAINTY = 0.8
 DOUBTFUL_BELOW = 0.945
 """`certainty` below which a warning says that the mask may be wrong."""
 _DOUBTFUL = (
-    "the mask may be wrong: look at NAME_view.png (in Python: cloud.mask); if it is, put your own, "
-    "NAME_mask.png, beside the photo"
+    "the mask may be wrong: look at the result *_view.png (in Python: cloud.mask); if it is, put "
+    "your own, named as the photo with _mask.png, beside the photo"
 )
 # Pixels that are connected by probabilities above the first value belong to one part. Parts smaller
 # than this fraction of the largest one are not taken for the object.
@@ -77,6 +78,27 @@ class FoundMask(NamedTuple):
     warnings: tuple[str, ...] = ()
 
 
+class MaskOptions(TypedDict, total=False):
+    """How a mask is read or found.
+
+    Attributes:
+      mask_from: one of `METHODS`, or `rembg:MODEL`, for a photo without a given mask.
+      invert_mask: whether a given mask is dark on the object; default: if it covers the border.
+      accept_mask: whether to use the mask network's mask even if it is not certain.
+      mask_label: the object's label in a given mask with several, see `photo.open_mask`.
+      box: left, top, right and bottom of a box around the object, in pixels of the upright photo
+        in its full size.
+      point: column and row of a pixel of the object, likewise.
+    """
+
+    mask_from: str
+    invert_mask: bool | None
+    accept_mask: bool
+    mask_label: int | Sequence[int] | None
+    box: Sequence[float] | None
+    point: Sequence[float] | None
+
+
 class UncertainMaskError(PhotoError):
     """The network is not certain; `mask`, bool [h, w], is its proposal."""
 
@@ -86,48 +108,25 @@ class UncertainMaskError(PhotoError):
 
 
 def mask_of(
-    read: photo.Photo,
-    mask: photo.Source | None = None,
-    method: str = "auto",
-    *,
-    invert: bool | None = None,
-    accept: bool = False,
-    label: int | Sequence[int] | None = None,
-    box: Sequence[float] | None = None,
-    point: Sequence[float] | None = None,
+    read: photo.Photo, mask: photo.Source | None = None, **options: Unpack[MaskOptions]
 ) -> FoundMask:
     """The mask of a photo: the given one; else with "auto" `NAME_mask.*` beside it; else found.
 
     Warnings say if the photo's border cuts the object off, and if the mask has two large parts.
     With a box or a point, a mask beside the photo is not used.
 
-    Args:
-      mask: see `photo.read_mask`, also for `label`; None = automatic.
-      method: see `find_mask`, also for `accept` and errors.
-      invert: whether a given mask is white outside the object; None = if it covers the border.
-      box: as for `find_mask`, in pixels of the upright photo in its full size.
-      point: likewise.
-
     Raises:
-      PhotoError: the mask cannot be used.
-      ValueError: `invert` or `label` without a mask, or a box or point with one.
+      PhotoError: the mask cannot be used, or no object was found.
+      UncertainMaskError: the network is not certain.
+      ValueError: an option is wrong or has no effect; `ConfigError` as in `find_mask`.
     """
+    method = options.get("mask_from", "auto")
     check_method(method)
-    hints = {"box": box, "point": point}
-    given = {name: value for name, value in hints.items() if value is not None}
-    found = _given_or_found(read, mask, method, invert, accept, label, given)
-    return found._replace(warnings=(*found.warnings, *_doubts(found)))
-
-
-def _given_or_found(
-    read: photo.Photo,
-    mask: photo.Source | None,
-    method: str,
-    invert: bool | None,
-    accept: bool,
-    label: int | Sequence[int] | None,
-    hints: dict[str, Sequence[float]],
-) -> FoundMask:
+    set_options = {name: value for name, value in options.items() if value is not None}
+    for name in ("invert_mask", "accept_mask"):
+        if not isinstance(set_options.get(name, False), bool | np.bool_):
+            raise ConfigError(f"{name}={set_options[name]!r}: accepted: True or False")
+    hints: dict[str, Any] = {n: set_options[n] for n in ("box", "point") if n in set_options}
     name, note = "given", ""
     if mask is not None and hints:
         raise ValueError(f"{next(iter(hints))}: accepted only without a mask")
@@ -138,16 +137,25 @@ def _given_or_found(
         name = mask.name if mask else name
         if files:
             note = f"; {files[0].name}, beside the photo, is an unchanged proposal"
-    if mask is None:
-        for option, value in (("invert_mask", invert), ("mask_label", label)):
-            if value is not None:
-                raise ValueError(f"{option}: accepted only with a given mask")
+    if mask is not None:
+        found = _given(read, mask, name, options)
+    else:
+        for name in ("invert_mask", "mask_label"):
+            if name in set_options:
+                raise ValueError(f"{name}: accepted only with a given mask")
+        scale = np.divide(read.image.shape[1::-1], read.size[::-1])
+        scaled: dict[str, Any] = {key: _scaled(key, hint, scale) for key, hint in hints.items()}
+        accept = options.get("accept_mask", False)
         try:
-            scale = np.divide(read.image.shape[1::-1], read.size[::-1])
-            scaled: Any = {key: _scaled(key, hint, scale) for key, hint in hints.items()}
-            return find_mask(read.image, read.alpha, method, accept=accept, **scaled)
+            found = find_mask(read.image, read.alpha, method, accept=accept, **scaled)
         except UncertainMaskError as error:
             raise UncertainMaskError(f"{error}{note}", error.mask) from None
+    return found._replace(warnings=(*found.warnings, *_doubts(found)))
+
+
+def _given(read: photo.Photo, mask: photo.Source, name: str, options: MaskOptions) -> FoundMask:
+    """A given mask, inverted or turned if it has to be."""
+    invert, label = options.get("invert_mask"), options.get("mask_label")
     pixels, notes = photo.open_mask(mask, read, label)
     warnings = list(notes)
     if inverted := invert is None and label is None and _looks_inverted(pixels):
@@ -224,7 +232,7 @@ def find_mask(
     check_method(method)
     size = image.shape[:2]
     inside, crop = _boxes(box, size)
-    at = None if point is None else _place_of(point, size)
+    at = None if point is None else _row_and_column(point, size)
     if alpha is not None and method in ("auto", "alpha"):
         mask = _chosen((alpha > 127) & inside, at)
         if mask.mean() < _SMALLEST:
@@ -245,12 +253,12 @@ def find_mask(
         raise PhotoError(f"no object found: {why} (expected {_SMALLEST:.2%} to {_LARGEST:.0%})")
     if method.startswith("rembg"):
         return FoundMask(mask, method)
-    percent = int(100 * certain)  # rounded down: what is refused never reads like what is accepted
+    percent = int(100 * certain)  # rounded down, so that a refused mask never prints 80 %
     if certain < LEAST_CERTAINTY and not accept:
         raise UncertainMaskError(
             f"it is not certain which part is the object ({percent}%, expected at least "
             f"{LEAST_CERTAINTY:.0%}); give its mask, a box or a point, or accept this one "
-            "(accept_mask=True)",
+            "(accept_mask)",
             mask,
         )
     doubtful = certain < DOUBTFUL_BELOW
@@ -373,7 +381,7 @@ def _boxes(box: Sequence[float] | None, size: tuple[int, ...]) -> tuple[np.ndarr
     return inside, (int(left), int(top), min(width, int(right)), min(height, int(bottom)))
 
 
-def _place_of(point: Sequence[float], size: tuple[int, ...]) -> np.ndarray:
+def _row_and_column(point: Sequence[float], size: tuple[int, ...]) -> np.ndarray:
     """A point as (row, column)."""
     x, y = point
     if not (0 <= x < size[1] and 0 <= y < size[0]):

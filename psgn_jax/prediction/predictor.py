@@ -8,8 +8,7 @@ place of training objects (`data.framing`), unless the image is framed like a tr
 import dataclasses
 import functools
 import time
-from collections.abc import Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import jax
 import numpy as np
@@ -20,12 +19,13 @@ from psgn_jax.models import networks
 from psgn_jax.models.cpu_convolution import convolutions_for
 from psgn_jax.prediction import draws, masks, sampling
 from psgn_jax.prediction.cloud import DECONV, FC, Prediction, colours_from_view, find_outliers
+from psgn_jax.prediction.formats import MOST_CLOUDS
 from psgn_jax.prediction.refine import refined
 from psgn_jax.prediction.silhouette import Fit
-from psgn_jax.viewing.predictions import MOST_CLOUDS
 from psgn_jax.weights.leaves import checksum, named_leaves
 from psgn_jax.weights.run_folder import Trained
 
+FRAMES = ("auto", "place", "keep")
 NORMAL_FORMS = ("auto", "yes", "no")
 
 
@@ -76,15 +76,10 @@ class Predictor:
         samples: int = 1,
         seed: int = 0,
         frame: str = "auto",
-        mask_from: str = "auto",
-        invert_mask: bool | None = None,
-        accept_mask: bool = False,
-        mask_label: int | Sequence[int] | None = None,
-        box: Sequence[float] | None = None,
-        point: Sequence[float] | None = None,
         normal_form: str = "auto",
         refine: bool = True,
         first: draws.First = "medoid",
+        **mask_options: Unpack[masks.MaskOptions],
     ) -> Prediction:
         """Predicts the points of the object in an image.
 
@@ -99,13 +94,6 @@ class Predictor:
           seed: seed of the random input, which is the same for every image.
           frame: "place" crops and scales the object (`framing.place`); "keep" keeps the framing of
             an image of 4:3; "auto" keeps training renderings and places other images.
-          mask_from: one of `masks.METHODS`, or `rembg:MODEL`; ignored if a mask is given.
-          invert_mask: whether the given mask is dark on the object; None = if it covers the border.
-          accept_mask: whether to use the mask network's mask even if it is not certain.
-          mask_label: the object's label in a given mask with several, see `photo.read_mask`.
-          box: left, top, right and bottom of a box around the object, in pixels of the upright
-            photo.
-          point: column and row of a pixel of the object.
           normal_form: "yes" moves and scales the clouds so that the lowest point is at z = 0 and
             the farthest at distance 1 from the origin (`framing.normal_form`), because a photo does
             not show the size of its object; "no" does not; "auto" does if the image was placed.
@@ -114,6 +102,8 @@ class Predictor:
             (`prediction.silhouette`).
           first: the first cloud, with a random input: "medoid" is the draw that is nearest to all
             others, "mean" the mean of all (`draws.chosen_first`).
+          mask_options: `mask_from`, `invert_mask`, `accept_mask`, `mask_label`, `box` and `point`,
+            see `masks.MaskOptions`.
 
         Raises:
           ValueError: an argument is wrong.
@@ -121,33 +111,20 @@ class Predictor:
           masks.UncertainMaskError: the mask network is not certain; `mask` is its proposal.
         """
         r = self._sample_latents(samples, seed)
-        if frame not in ("auto", "place", "keep"):
-            raise ConfigError(f"frame={frame!r}: accepted: auto, place, keep")
-        if normal_form not in NORMAL_FORMS:
-            raise ConfigError(f"normal_form={normal_form!r}: accepted: {', '.join(NORMAL_FORMS)}")
-        switches = {"refine": refine, "accept_mask": accept_mask}
-        if invert_mask is not None:
-            switches["invert_mask"] = invert_mask
-        for name, value in switches.items():
-            if not isinstance(value, bool | np.bool_):
-                raise ConfigError(f"{name}={value!r}: accepted: True or False")
-        if first not in draws.FIRST:
-            raise ConfigError(f"first={first!r}: accepted: {', '.join(draws.FIRST)}")
+        for name, value, accepted in (
+            ("frame", frame, FRAMES),
+            ("normal_form", normal_form, NORMAL_FORMS),
+            ("refine", refine, (True, False)),
+            ("first", first, draws.FIRST),
+        ):
+            if value not in accepted:
+                shown = ", ".join(map(str, accepted))
+                raise ConfigError(f"{name}={value!r}: accepted: {shown}")
         clock = Clock()
-        read = photo.read_photo(image)
-        found = mask
+        read, found = photo.read_photo(image), mask
         if not isinstance(found, masks.FoundMask):
-            found = masks.mask_of(
-                read,
-                found,
-                mask_from,
-                invert=invert_mask,
-                accept=accept_mask,
-                label=mask_label,
-                box=box,
-                point=point,
-            )
-        clock.lap("mask")
+            found = masks.mask_of(read, found, **mask_options)
+            clock.lap("mask")
         move = frame == "place" or (frame == "auto" and not framing.is_framed(read.image))
         view = framing.place(read.image, found.mask, self.config.data.image_size, move=move)
         clock.lap("frame")

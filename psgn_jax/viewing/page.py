@@ -45,8 +45,7 @@ class Case:
       about: a short text, such as the category.
       metrics: a short text for each sample.
       camera: `intrinsics` and `extrinsics` of the image.
-      photo: with `camera`, the whole photo, uint8 [h, w, 3], and the map [3, 3] from its (column,
-        row) to pixels of `image`; it is shown behind the cloud.
+      behind: whether the image is shown behind the cloud, which needs a camera.
     """
 
     name: str
@@ -59,26 +58,27 @@ class Case:
     about: str = ""
     metrics: tuple[str, ...] = ()
     camera: tuple[np.ndarray, np.ndarray] | None = None
-    photo: tuple[np.ndarray, np.ndarray] | None = None
+    behind: bool = False
 
 
 FIELDS = (
-    "points", "colours", "seen", "branch", "image", "intrinsics", "extrinsics", "photo", "to_view"
+    "points", "colours", "seen", "branch", "photo", "to_view", "intrinsics", "extrinsics"
 )  # fmt: skip
 """The arrays of a prediction that `case_of` needs; it uses `spread`, too, if there is one."""
 
 
 def case_of(name: str, arrays: Mapping[str, np.ndarray]) -> Case:
-    """The case of a prediction, from the arrays of its NPZ file."""
+    """The case of a prediction, from the arrays of its NPZ file; its image is the photo."""
+    to_photo = np.linalg.inv(arrays["to_view"].astype(np.float64))
     return Case(
         name,
-        arrays["image"],
+        arrays["photo"],
         arrays["points"],
         num_fc=int((arrays["branch"] == 0).sum()),
         colours=arrays["colours"] if arrays["seen"].any() else None,
         spread=arrays.get("spread"),
-        camera=(arrays["intrinsics"], arrays["extrinsics"]),
-        photo=(arrays["photo"], arrays["to_view"]),
+        camera=(to_photo @ arrays["intrinsics"], arrays["extrinsics"]),
+        behind=True,
     )
 
 
@@ -192,12 +192,7 @@ def _encode(case: Case) -> dict[str, Any]:
         height, width = case.image.shape[:2]
         item["camera"] = {"k": [fx, skew, cx, fy, cy], "rows": case.camera[1].tolist()}
         item["camera"]["size"] = [width, height]
-    if case.photo is not None:
-        photo, to_view = case.photo[0], case.photo[1].astype(float)
-        item["photo"] = picture_uri(photo)
-        # Left, top, width and height of the photo in pixels of the image.
-        item["box"] = [*to_view[:2, 2].tolist(), float(to_view[0, 0]) * photo.shape[1]]
-        item["box"].append(float(to_view[1, 1]) * photo.shape[0])
+        item["behind"] = case.behind
     return item
 
 

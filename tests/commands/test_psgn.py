@@ -76,7 +76,7 @@ for name in ("LOGNAME", "USER", "LNAME", "USERNAME", "PSGN_CACHE"):
     train, predict = psgn_each(
         ["train", *small, f"--workdir={run}"],
         ["predict", ROOT / "docs" / "photos" / "cup.jpg", f"--workdir={run}", f"--out={out}"],
-        imports=["nobody", "psgn_jax.training.loop", "psgn_jax.prediction.photos"],
+        imports=["nobody", "psgn_jax.training.loop", "psgn_jax.prediction.files"],
         PYTHONPATH=f"{ROOT}:{tmp_path}",
     )
     assert train.returncode == 0, train.stderr

@@ -12,8 +12,8 @@ from PIL import Image
 import psgn_jax
 from psgn_jax.data import camera, framing, photo
 from psgn_jax.prediction.cloud import Prediction, colours_from_view, find_outliers
+from psgn_jax.prediction.formats import read_prediction
 from psgn_jax.viewing.page import FIELDS, case_of, document_of
-from psgn_jax.viewing.predictions import read_prediction
 
 # A cloud that shows any exchange or mirroring of axes: the origin, one unit along +x (to the
 # camera), two along +y (image right), three along +z (up).

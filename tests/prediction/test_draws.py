@@ -71,7 +71,7 @@ def test_the_mean_and_the_spread_are_those_of_matched_points(shuffled):
 
 def test_bijections_between_draws_are_nearly_optimal(rng):
     clouds = rng.normal(size=(3, 200, 3)).astype(np.float32)
-    for other, index in zip(clouds[1:], np.asarray(draws.matches(clouds)), strict=True):
+    for other, index in zip(clouds[1:], np.asarray(draws.matched(clouds)[0]), strict=True):
         cost = np.linalg.norm(clouds[0] - other[index], axis=1).sum()
         assert cost <= 1.05 * emd_exact(clouds[0], other).cost
 

@@ -60,7 +60,7 @@ def test_a_doubtful_mask_is_used_with_a_warning(monkeypatch, p, warns):
     assert masks.mask_iou(found.mask, square(20, 20, 80, 80)) > 0.95
     assert found.method == f"network, {int(100 * p)}% certain"
     assert bool(found.warnings) == warns
-    assert all("look at NAME_view.png" in warning for warning in found.warnings)
+    assert all("look at the result *_view.png" in warning for warning in found.warnings)
 
 
 def given_by(squares, p=0.99):
@@ -121,7 +121,7 @@ def test_hints_are_pixels_of_the_photo_in_its_full_size(monkeypatch, tmp_path):
     Image.fromarray(square(*MIDDLE)).save(tmp_path / "a_mask.png")
     read = photo.read_photo(tmp_path / "a.png")
     assert read.image.shape == (100, 100, 3)
-    found = masks.mask_of(read, method="network", point=(30, 30))
+    found = masks.mask_of(read, mask_from="network", point=(30, 30))
     assert masks.mask_iou(found.mask, square(*BESIDE)) > 0.9
     assert masks.mask_of(read).method == "a_mask.png"
     with pytest.raises(photo.PhotoError, match="no object found"):

@@ -11,14 +11,13 @@ from helpers.commands import psgn_each
 from helpers.weights import random_params
 from PIL import Image
 
-from psgn_jax.commands import predict
 from psgn_jax.config.experiment import ConfigError, to_dict, to_json
-from psgn_jax.data import camera, mask_levels
+from psgn_jax.data import camera
 from psgn_jax.prediction import mask_networks, masks
 from psgn_jax.prediction.cloud import DECONV, FC, Prediction
-from psgn_jax.prediction.photos import predict_files
+from psgn_jax.prediction.files import predict_files
+from psgn_jax.prediction.formats import read_prediction
 from psgn_jax.prediction.predictor import Predictor
-from psgn_jax.viewing.predictions import read_prediction
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.leaves import named_leaves
 from psgn_jax.weights.run_folder import Trained
@@ -219,7 +218,8 @@ def test_masks_by_name(predictor, tmp_path):
     labelled[:10, :10] = 9
     Image.fromarray(labelled).save(images / "a_mask.PNG")
     for label in (7, [7]):
-        ((_, result),) = predict_files(lambda: predictor, [images / "a.png"], out, mask_label=label)
+        how = {"mask_label": label}
+        ((_, result),) = predict_files(lambda: predictor, [images / "a.png"], out, mask_options=how)
         np.testing.assert_array_equal(result.mask, mask > 0)
 
 
@@ -264,18 +264,6 @@ def test_results_never_replace_other_files_and_are_no_inputs(predictor, tmp_path
     assert sorted(path.name for path in results) == list(names)
 
 
-def test_the_command_names_its_flags_for_masks(tmp_path, monkeypatch, capsys):
-    refused = masks.UncertainMaskError("accept this one (accept_mask=True)", np.ones((2, 2), bool))
-    with pytest.raises(mask_levels.MaskLevelsError) as several:
-        mask_levels.object_in(np.arange(48 * 64).reshape(48, 64) // 1024)
-    results = [("a.png", refused), ("b.png", several.value)]
-    monkeypatch.setattr(predict, "predict_files", lambda *_, **__: results)
-    assert predict.main(["a.png", f"--out={tmp_path}"]) == 2
-    shown = capsys.readouterr().err
-    assert "failed: a.png: accept this one (--accept_mask)" in shown
-    assert "name the object's with --mask_label, or" in shown
-
-
 def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch):
     p = np.full((8, 8), 0.01, np.float32)
     p[2:6, 3:6] = 0.7
@@ -284,28 +272,30 @@ def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch
     image, out = tmp_path / "a.png", tmp_path / "out"
     Image.fromarray(noise).save(image)
 
-    def predicted(folder=out, **options):
-        ((_, result),) = predict_files(lambda: predictor, [image], folder, **options)
+    def predicted(folder=out, accept=False, mask=None):
+        how = {"accept_mask": accept}
+        ((_, result),) = predict_files(
+            lambda: predictor, [image], folder, mask=mask, mask_options=how
+        )
         return result
 
     refused = predicted()
     assert isinstance(refused, masks.UncertainMaskError)
     assert (
         "(67%, expected at least 80%); give its mask, a box or a point, or accept this one "
-        "(accept_mask=True)" in str(refused)
+        "(accept_mask)" in str(refused)
     )
     assert f"its proposal is {out}/a_mask.png" in str(refused)
     assert {path.name for path in out.iterdir()} == {"a_mask.png", "a_overlay.png"}
     proposed = np.asarray(Image.open(out / "a_mask.png")) > 0
     np.testing.assert_array_equal(proposed, refused.mask)
-    accepted = predicted(accept_mask=True)
+    accepted = predicted(accept=True)
     assert accepted.mask_from == "network, 67% certain"
     busy = tmp_path / "busy"
     busy.mkdir()
     Image.fromarray(noise).save(busy / "a_view.png")  # a photo, so the view is a-2_view.png
-    (warning,) = predicted(busy, accept_mask=True).warnings
-    assert "look at a-2_view.png" in warning
-    assert "put your own, a_mask.png, beside the photo" in warning
+    (warning,) = predicted(busy, accept=True).warnings
+    assert "look at the result *_view.png" in warning
     assert json.loads((busy / "a-2.json").read_text())["warnings"] == [warning]
     np.testing.assert_array_equal(accepted.mask, proposed)
     np.testing.assert_array_equal(predicted(mask=str(out)).points, accepted.points)
@@ -313,7 +303,7 @@ def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch
     for hint in ("", "; a_mask.png, beside the photo, is an unchanged proposal"):
         refused = predicted(tmp_path)
         assert isinstance(refused, masks.UncertainMaskError)
-        assert f"accept_mask=True){hint}; its proposal is " in str(refused)
+        assert f"accept_mask){hint}; its proposal is " in str(refused)
     mended = proposed.copy()
     mended[40:60, 10:20] = True
     Image.fromarray(mended).save(tmp_path / "a_mask.png")
@@ -365,7 +355,7 @@ def test_the_command_goes_on_after_a_bad_file(config, params, tmp_path):
     some, nothing = psgn_each(
         ["predict", tmp_path / "in", *flags, "--samples=2"],
         ["predict", tmp_path / "in" / "text.png", *flags],
-        imports=["psgn_jax.prediction.photos", "psgn_jax.weights.opening"],
+        imports=["psgn_jax.prediction.files", "psgn_jax.weights.opening"],
         PSGN_CACHE=str(tmp_path),
     )
     assert some.returncode == 1, some.stderr

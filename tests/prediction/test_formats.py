@@ -9,8 +9,8 @@ import pytest
 
 from psgn_jax.commands import spheres as spheres_command
 from psgn_jax.commands import view
+from psgn_jax.prediction.formats import PredictionFileError, read_prediction
 from psgn_jax.viewing import page
-from psgn_jax.viewing.predictions import PredictionFileError, read_prediction
 
 
 def arrays(**changes):

@@ -1,7 +1,7 @@
 """Predicts clouds for image files and writes the results as files.
 
-For each image NAME.*, these are the cloud as PLY, XYZ, OBJ and NPZ (`prediction.cloud`); the framed
-view of the object, `NAME_view.png`; and `NAME.json` with camera, configuration, checkpoint and
+For each image NAME.*, these are the cloud as PLY, XYZ, OBJ and NPZ (`prediction.formats`); the view
+that the network saw, `NAME_view.png`; and `NAME.json` with camera, configuration, checkpoint and
 times. If the mask is not certain, they are the proposed mask, `NAME_mask.png`, and the photo in
 blue outside it, `NAME_overlay.png`.
 """
@@ -11,8 +11,8 @@ import dataclasses
 import json
 import os
 import pathlib
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from absl import logging
@@ -21,14 +21,21 @@ from PIL import Image
 from psgn_jax.config.experiment import ConfigError, to_dict
 from psgn_jax.data import photo
 from psgn_jax.prediction import masks
-from psgn_jax.prediction.cloud import DEFAULT_FORMATS, FC, Prediction
+from psgn_jax.prediction.cloud import FC, Prediction
+from psgn_jax.prediction.formats import DEFAULT_FORMATS, VERSION
 from psgn_jax.prediction.predictor import Clock, Predictor
 from psgn_jax.system.errors import UserError, is_disk_full
 from psgn_jax.system.files import write_atomic
 from psgn_jax.system.untrusted import read_json
-from psgn_jax.viewing.predictions import VERSION
 
 _FORMAT = "psgn_jax prediction"
+
+
+class _Place(NamedTuple):
+    """Where the results of an image go."""
+
+    start: pathlib.Path  # folder and name, to which suffixes are added
+    earlier: frozenset[str]  # names of results of earlier runs
 
 
 def predict_files(
@@ -37,87 +44,66 @@ def predict_files(
     out: str | os.PathLike[str],
     *,
     mask: str | None = None,
-    mask_from: str = "auto",
-    invert_mask: bool | None = None,
-    accept_mask: bool = False,
-    mask_label: int | Sequence[int] | None = None,
-    box: Sequence[float] | None = None,
-    point: Sequence[float] | None = None,
+    mask_options: masks.MaskOptions | None = None,
     formats: Sequence[str] = DEFAULT_FORMATS,
     **options: Any,
 ) -> Iterator[tuple[pathlib.Path, Prediction | Exception]]:
     """Predicts clouds for files and folders of images, one by one, and writes them to `out`.
 
-    In a folder, we leave out HEIC files with a converted copy, and the results of earlier runs.
-    Only these results are replaced, as far as the last `NAME.json` lists them; its `earlier_files`
-    are those of runs before, with other formats or another number of samples. If there is another
-    file of the same name, results get a number. `mask_from`, `invert_mask`, `accept_mask`,
-    `mask_label`, `box`, `point` and further options are as for `Predictor.__call__`.
+    In a folder, we leave out HEIC files with a converted copy, and the results of earlier runs. We
+    overwrite only files that `NAME.json` lists; otherwise we number the new ones. `earlier_files`
+    in it are results of runs before, with other formats or another number of samples.
 
     Args:
       open_predictor: returns the network; called after the first image and mask were read, so that
         wrong files are reported before a network is compiled. Its errors end the iteration.
       mask: file of the mask (for one image), or folder of masks: of `NAME.jpg`, an image
         `NAME_mask.*` or another `NAME.*`. None = automatic (`masks.mask_of`).
-      formats: of the clouds, some of `cloud.FORMATS`.
+      mask_options: how masks are found or read.
+      formats: of the clouds, some of `formats.FORMATS`.
+      options: of `Predictor.__call__`.
 
     Yields:
       The path of each image, with its prediction or the error.
     """
+    how = mask_options or {}
     paths, out = _expand(images), pathlib.Path(out)
     if not paths:
         raise ConfigError(f"no image in {', '.join(map(str, images)) or 'the arguments'}")
     count = sum(path.suffix.lower() not in photo.HEIC for path in paths)  # the others are refused
     if mask is not None and not os.path.isdir(mask) and count > 1:
         raise ConfigError(f"mask={mask}: accepted for {count} images: a folder of masks")
-    if count > 1 and not (box is None and point is None):
-        raise ConfigError(
-            f"{'point' if box is None else 'box'}: accepted for one image, not {count}"
-        )
-    masks.check_method(mask_from)
+    for name in ("box", "point"):
+        if count > 1 and how.get(name) is not None:
+            raise ConfigError(f"{name}: accepted for one image, not {count}")
+    masks.check_method(how.get("mask_from", "auto"))
 
-    def read(path: pathlib.Path, name: str) -> tuple[photo.Photo, masks.FoundMask, Clock]:
+    def read(path: pathlib.Path, start: pathlib.Path) -> tuple[photo.Photo, masks.FoundMask, Clock]:
         clock = Clock()
         image = photo.read_photo(path)
         clock.lap("read")
-        given = None if mask is None else _mask_of(path, mask)
         try:
-            found = masks.mask_of(
-                image,
-                given,
-                mask_from,
-                invert=invert_mask,
-                accept=accept_mask,
-                label=mask_label,
-                box=box,
-                point=point,
-            )
+            found = masks.mask_of(image, None if mask is None else _mask_of(path, mask), **how)
         except masks.UncertainMaskError as error:
-            raise _proposed(error, image, out / name) from None
+            raise _proposed(error, image, start) from None
         clock.lap("mask")
         return image, found, clock
 
     def predict(
-        predictor: Predictor, path: pathlib.Path, name: str, read: photo.Photo,
-        found: masks.FoundMask, clock: Clock,
-    ) -> Prediction:  # fmt: skip
-        result = predictor(read, found, **options)
-        warnings = tuple(
-            w.replace("NAME_view", f"{name}_view").replace("NAME_mask", f"{path.stem}_mask")
-            for w in result.warnings
-        )
-        seconds = result.seconds | clock.laps
-        result = dataclasses.replace(result, seconds=seconds, warnings=warnings)
-        _write(predictor, result, path, name, out, formats, options.get("seed", 0))
+        place: _Place, image: photo.Photo, found: masks.FoundMask, clock: Clock
+    ) -> Prediction:
+        result = predictor(image, found, **options)
+        result = dataclasses.replace(result, seconds=clock.laps | result.seconds)
+        _write(predictor, result, place, formats, options.get("seed", 0))
         return result
 
-    predictor: Predictor | None = None
-    names = _names(paths, out, formats, options.get("samples", 1))
-    for path, name in zip(paths, names, strict=True):
-        result: Any = _tried(path, read, path, name)
+    predictor: Any = None
+    places = _places(paths, out, formats, options.get("samples", 1))
+    for path, place in zip(paths, places, strict=True):
+        result: Any = _tried(path, read, path, place.start)
         if not isinstance(result, Exception):
             predictor = predictor or open_predictor()
-            result = _tried(path, predict, predictor, path, name, *result)
+            result = _tried(path, predict, place, *result)
         yield path, result
 
 
@@ -133,6 +119,10 @@ def _tried(path: pathlib.Path, function: Callable[..., Any], *arguments: Any) ->
         return error
 
 
+def _with(start: pathlib.Path, end: str) -> pathlib.Path:
+    return start.with_name(start.name + end)
+
+
 def _proposed(
     error: masks.UncertainMaskError, read: photo.Photo, start: pathlib.Path
 ) -> masks.UncertainMaskError:
@@ -140,43 +130,33 @@ def _proposed(
     overlay = Image.fromarray(masks.with_mask(read.image, error.mask))
     overlay.thumbnail((1024, 1024))
     pictures = {"mask": error.mask * np.uint8(255), "overlay": np.asarray(overlay)}
-    files = {kind: start.with_name(f"{start.name}_{kind}.png") for kind in pictures}
-    for kind, file in files.items():
+    for kind, picture in pictures.items():
+        file = _with(start, f"_{kind}.png")
         if not file.exists() or masks.is_result(file):  # a mask that was mended stays
-            write_atomic(file, masks.result_png(pictures[kind]), sync=False)
-    return masks.UncertainMaskError(f"{error}; its proposal is {files['mask']}", error.mask)
+            write_atomic(file, masks.result_png(picture), sync=False)
+    proposal = _with(start, "_mask.png")
+    return masks.UncertainMaskError(f"{error}; its proposal is {proposal}", error.mask)
 
 
 def _write(
-    predictor: Predictor,
-    result: Prediction,
-    path: pathlib.Path,
-    name: str,
-    out: pathlib.Path,
-    formats: Sequence[str],
-    seed: int,
+    predictor: Predictor, result: Prediction, place: _Place, formats: Sequence[str], seed: int
 ) -> None:
-    """Writes the results for an image, and their duration into `result.seconds`."""
-    clock, files, view = Clock(), _files(name, formats, len(result.points)), f"{name}_view.png"
-    record = out / f"{name}.json"
-    listed = sorted(_results(record) - {record.name, view, *files})
-    earlier = [file for file in listed if (out / file).exists()]
-
-    def write_record() -> None:
-        document = _record(predictor, result, path, [*files, view], earlier, seed)
-        text = json.dumps(document, indent=2, allow_nan=False) + "\n"
-        write_atomic(record, text, sync=False)
-
-    write_record()  # first, because it marks the others as results if we are killed
-    for file, k in files.items():
-        result.save(out / file, k)
-    write_atomic(out / view, masks.result_png(result.view.image), sync=False)
-    clock.lap("write")
-    result.seconds.update(clock.laps)
-    write_record()
+    """Writes the results for an image."""
+    clouds = _clouds(place.start.name, formats, len(result.points))
+    view = _with(place.start, "_view.png")
+    files = [*clouds, view.name]
+    folder = place.start.parent
+    earlier = [name for name in sorted(place.earlier - {*files}) if (folder / name).exists()]
+    document = _record(predictor, result, files, earlier, seed)
+    text = json.dumps(document, indent=2, allow_nan=False) + "\n"
+    # First, because it marks the others as results if we are killed.
+    write_atomic(_with(place.start, ".json"), text, sync=False)
+    for name, k in clouds.items():
+        result.save(folder / name, k)
+    write_atomic(view, masks.result_png(result.view.image), sync=False)
 
 
-def _files(name: str, formats: Sequence[str], samples: int) -> dict[str, int]:
+def _clouds(name: str, formats: Sequence[str], samples: int) -> dict[str, int]:
     """The files of the clouds, and the number of the sample in each; NPZ has all samples."""
     files = {}
     for suffix in formats:
@@ -187,18 +167,13 @@ def _files(name: str, formats: Sequence[str], samples: int) -> dict[str, int]:
 
 
 def _record(
-    predictor: Predictor,
-    result: Prediction,
-    path: pathlib.Path,
-    files: list[str],
-    earlier: list[str],
-    seed: int,
+    predictor: Predictor, result: Prediction, files: list[str], earlier: list[str], seed: int
 ) -> dict[str, Any]:
     """The contents of `NAME.json`."""
     view, camera = result.view, result.camera()
     return {
         "format": f"{_FORMAT} {VERSION}",
-        "image": str(path),
+        "image": str(result.photo.path),
         "image_size": list(result.photo.size),
         "files": files,
         "earlier_files": earlier,
@@ -267,37 +242,34 @@ def _images_in(folder: pathlib.Path) -> list[pathlib.Path]:
     return sorted(images + heic)
 
 
-def _results(record: pathlib.Path) -> set[str]:
-    """The names of the files that a `NAME.json` lists as results, and its own."""
+def _results(record: pathlib.Path) -> frozenset[str]:
+    """The names of the files that a `NAME.json` lists as results."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
         stated = read_json(record)
         if stated["format"].startswith(_FORMAT):
-            return {record.name, *stated["files"], *stated.get("earlier_files", [])}
-    return set()
+            return frozenset([*stated["files"], *stated.get("earlier_files", [])])
+    return frozenset()
 
 
-def _names(
-    paths: Sequence[pathlib.Path], out: pathlib.Path, formats: Sequence[str], samples: int
-) -> list[str]:
-    """A name for the results of each image; unique even if case is ignored."""
+def _places(
+    paths: Iterable[pathlib.Path], out: pathlib.Path, formats: Sequence[str], samples: int
+) -> Iterator[_Place]:
+    """A place for the results of each image; names are unique even if case is ignored."""
     taken: set[str] = set()
-
-    def is_free(name: str) -> bool:
-        ours = _results(out / f"{name}.json")
-        files = (*_files(name, formats, samples), f"{name}_view.png", f"{name}.json")
-        return name.lower() not in taken and all(
-            file in ours or not (out / file).exists() for file in files
-        )
-
-    names = []
     for path in paths:
         name, number = path.stem or "image", 1
-        while not is_free(name):
+        while True:
+            record = out / f"{name}.json"
+            earlier = _results(record)
+            files = {*_clouds(name, formats, samples), f"{name}_view.png"} - earlier
+            there = any((out / file).exists() for file in files)
+            foreign = record.exists() and not earlier
+            if name.lower() not in taken and not there and not foreign:
+                break
             number += 1
             name = f"{path.stem}-{number}"
         taken.add(name.lower())
-        names.append(name)
-    return names
+        yield _Place(out / name, earlier)
 
 
 def _mask_of(path: pathlib.Path, mask: str) -> pathlib.Path:
