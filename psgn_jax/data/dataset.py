@@ -300,14 +300,6 @@ def spread(count: int, most: int) -> list[int]:
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int)).tolist()
 
 
-def read_shard(path: str | os.PathLike[str]) -> list[bytes]:
-    """The bytes of all records of one file; `RecordError` if it is missing or damaged."""
-    path = pathlib.Path(path)
-    with _shard_errors(path, f"shard {path} is damaged"):
-        reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
-        return list(reader.read(list(range(reader.num_records()))))
-
-
 def check_shard(path: pathlib.Path, shard: Shard) -> None:
     """Raises `RecordError` if a file is missing or is not this shard; reads only its ends."""
     _check_readable(path)

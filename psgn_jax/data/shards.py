@@ -14,9 +14,9 @@ The folder of a job:
     .work/job.json                          the same of the job under way, with its inputs
     .work/<digest>.block                    lines and shards of a block
 
-The digest of a block follows from the statement of the job and the tags of its inputs. If inputs of
-a complete data set are tried again, or converted files have changed, we write new shards next to
-the old ones and then replace the manifest, so readers see either the old or the new state.
+A block's digest hashes the statement of the job and the tags of its inputs. If blocks of a complete
+data set are made again, we write new shards next to the old ones and then replace the manifest, so
+readers see either the old or the new state.
 """
 
 import contextlib
@@ -34,11 +34,11 @@ from typing import Any, NamedTuple
 from absl import logging
 
 from psgn_jax.config import structured
-from psgn_jax.data.dataset import ShardWriter, check_shard, read_shard
+from psgn_jax.data.dataset import ShardWriter, check_shard
 from psgn_jax.data.manifest import MANIFEST, Manifest, Shard, load_manifest, save_manifest
 from psgn_jax.data.schema import RecordError
 from psgn_jax.system.errors import Exit
-from psgn_jax.system.files import file_crc32, remove_temporaries, write_atomic
+from psgn_jax.system.files import remove_temporaries, write_atomic
 from psgn_jax.system.locks import TakenError, lock_part
 from psgn_jax.system.untrusted import one_line, parse_json, read_json
 
@@ -107,7 +107,7 @@ class Job:
       per_shard: largest number of inputs of a shard.
       about: how the inputs were chosen, for `job.json` and for messages.
       converts: published data are converted, so inputs may change.
-      tries_again: whether the next call tries a line's input again; False for the status "ok".
+      tries_again: whether the next call makes a line's block again; False for the status "ok".
     """
 
     statement: Mapping[str, Any]
@@ -195,17 +195,9 @@ def write(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int] = (0
 def _make_part(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int]) -> None:
     """Makes the blocks of a part that are not finished."""
     started = reported = time.monotonic()
-    finished, old = _finished(folder, job), {}
-    for digest, done in _kept(folder, job, again=True).items():
-        if all(file_crc32(folder / shard.file) == shard.crc32 for shard in done.shards):
-            old[digest] = done  # its other samples are copied
-    owner = {
-        i: block
-        for block in job.blocks()[part[0] :: part[1]]
-        if block.digest not in finished
-        for i in _to_make(job, block, old.get(block.digest))
-    }
-    missing = Counter(owner.values())
+    finished = _finished(folder, job)
+    todo = [b for b in job.blocks()[part[0] :: part[1]] if b.digest not in finished]
+    owner = {i: block for block in todo for i in block.indices}
     results: dict[str, dict[int, Result]] = {}
     logging.info("%d of %d inputs to do", len(owner), len(job.inputs))
     made = refused = 0
@@ -219,8 +211,8 @@ def _make_part(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int]
                     text = f"{line['status']}: {line['model_id']}: {what}"
                     logging.warning("%s", one_line(text))
             results.setdefault(block.digest, {})[result.number] = result
-            if len(results[block.digest]) == missing[block]:
-                _write_block(folder, block, results.pop(block.digest), old.get(block.digest))
+            if len(results[block.digest]) == len(block.indices):
+                _write_block(folder, block, results.pop(block.digest))
             now = time.monotonic()
             if now - reported > _SECONDS_BETWEEN_REPORTS or number == len(owner):
                 reported = now
@@ -232,35 +224,21 @@ def _make_part(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int]
                 )  # fmt: skip
 
 
-def _to_make(job: Job, block: _Block, old: _Done | None) -> list[int]:
-    """The inputs of a block that are made: all, or those that are tried again."""
-    pairs = zip(block.indices, old.lines if old else itertools.repeat({}), strict=old is not None)
-    return [i for i, line in pairs if not line or job.tries_again(line)]
-
-
-def _write_block(
-    folder: pathlib.Path, block: _Block, results: Mapping[int, Result], old: _Done | None
-) -> None:
-    """Writes the shards of a block from the results of its inputs, others from its old shards."""
-    made = dict(results)
-    if old:
-        records = {shard.split: iter(read_shard(folder / shard.file)) for shard in old.shards}
-        for i, line in zip(block.indices, old.lines, strict=True):
-            counts = _counts(line).items()
-            own = [x for split, n in counts for x in itertools.islice(records[split], n)]
-            made.setdefault(i, Result(i, dict(line), own))
+def _write_block(folder: pathlib.Path, block: _Block, results: Mapping[int, Result]) -> None:
+    """Writes the shards of a block, and then its lines."""
     writers: dict[str, ShardWriter] = {}
+    ordered = [results[i] for i in block.indices]
     with contextlib.ExitStack() as stack:
-        for i in block.indices:
-            left = iter(made[i].records)
-            for split, count in _counts(made[i].line).items():
+        for result in ordered:
+            left = iter(result.records)
+            for split, count in _counts(result.line).items():
                 if split not in writers:
                     writer = ShardWriter(folder, split, block.number, block.digest)
                     writers[split] = stack.enter_context(writer)
                 for record in itertools.islice(left, count):
                     writers[split].write(record)
     shards = [dataclasses.asdict(writers[split].shard) for split in sorted(writers)]
-    stated = {"lines": [made[i].line for i in block.indices], "shards": shards}
+    stated = {"lines": [result.line for result in ordered], "shards": shards}
     write_atomic(folder / WORK / f"{block.digest}.block", json.dumps(stated))
 
 
@@ -388,18 +366,15 @@ def _tidy_up(folder: pathlib.Path) -> None:
     (folder / WORK / JOB).unlink(missing_ok=True)  # last, so that cleaning resumes after a kill
 
 
-def _kept(folder: pathlib.Path, job: Job, again: bool = False) -> dict[str, _Done]:
-    """The undamaged blocks of a complete data set by digest.
-
-    `again`: only those of which inputs are tried again; otherwise only the others.
-    """
+def _kept(folder: pathlib.Path, job: Job) -> dict[str, _Done]:
+    """The blocks of a complete data set by digest, without damaged ones and those to try again."""
     manifest = load_manifest(folder, allow_incomplete=True)
     lines = read_report(folder) if manifest.complete else []
     found: dict[str, _Done] = {}
     for block in job.blocks(list(map(tag_of, lines))):
         shards = [shard for shard in manifest.shards if block.digest in shard.inputs]
         done = _Done([lines[i] for i in block.indices], shards)
-        if any(map(job.tries_again, done.lines)) == again and _is_whole(folder, done):
+        if not any(map(job.tries_again, done.lines)) and _is_whole(folder, done):
             found[block.digest] = done
     return found
 

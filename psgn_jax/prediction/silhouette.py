@@ -44,7 +44,7 @@ DEEPEST, NARROWEST = 3.0, 3.0
 """`DEEPEST`: see the module. Neighbours there are those within the half width of the mask, at least
 `NARROWEST` pixels."""
 
-ELEVATIONS = (-20, -10, 0, 10, 20)
+ELEVATIONS = [-20, -10, 0, 10, 20]
 """Degrees from the elevation of the given camera that `camera_of` tries."""
 
 SAMPLES = 96

@@ -176,12 +176,13 @@ def test_what_failed_on_a_machine_is_tried_again(once, tmp_path):
     assert summary.statuses == {"ok": 8, "timeout": 1, "unreadable": 1}
     assert "retry what is timeout, unreadable (limits: job.seconds_" in job.text_of(summary)
     before = contents(out)
-    assert make(out, TEN, failing={"m1": "timeout", "m7": "unreadable"})[1] == ["m1", "m7"]
+    made = make(out, TEN, failing={"m1": "timeout", "m7": "unreadable"})[1]
+    assert made == ["m0", "m1", "m2", "m3", "m7"]  # their blocks
     assert contents(out) == before
     with pytest.raises(KeyboardInterrupt):
-        make(out, TEN, stop_after=1)
+        make(out, TEN, stop_after=3)
     seen_by_readers()
-    assert make(out, TEN, first=seen_by_readers)[1] == ["m7"]
+    assert make(out, TEN, first=seen_by_readers)[1] == ["m3", "m7"]
     assert contents(out) == contents(once)
     assert make(out, TEN)[1] == []
 
@@ -205,14 +206,14 @@ def test_refused_models_are_tried_again_if_their_file_has_changed(once, tmp_path
     assert make(out, catalogue)[1] == []
     mesh.write_text("2")
     assert make(out, listed(TEN))[1] == make(out, catalogue, part=(0, 2))[1] == []
-    assert make(out, catalogue, failing=bad)[1] == ["m1", "m5"]
+    assert make(out, catalogue, failing=bad)[1] == ["m0", "m1", "m2", "m4", "m5", "m6"]
     assert contents(out) == before
     assert make(out, catalogue)[1] == []
     mesh.write_text("3")
     with pytest.raises(KeyboardInterrupt):
-        make(out, catalogue, stop_after=1)
+        make(out, catalogue, stop_after=3)
     seen_by_readers()
-    assert make(out, catalogue, first=seen_by_readers)[1] == ["m5"]
+    assert make(out, catalogue, first=seen_by_readers)[1] == ["m4", "m5", "m6"]
     assert contents(out) == contents(once)
     # A report of an earlier version has no checksums.
     summary, _ = make(tmp_path / "old", listed(TEN), failing=bad)
@@ -230,7 +231,14 @@ def test_calls_that_see_a_complete_set_leave_a_retry_alone(once, tmp_path):
     mesh.write_text("1")
     make(out, listed(TEN, file=mesh), failing={"m1": "refused", "m5": "refused"})
     mesh.write_text("2")
-    assert make(out, listed(TEN, file=mesh), first=others)[1] == ["m1", "m5"]
+    assert make(out, listed(TEN, file=mesh), first=others)[1] == [
+        "m0",
+        "m1",
+        "m2",
+        "m4",
+        "m5",
+        "m6",
+    ]
     assert contents(out) == contents(once)
 
 

@@ -176,6 +176,7 @@ def test_the_python_example_predicts_as_this_package(size, random_size, tmp_path
     expected = Predictor(run)(rgba)
     np.testing.assert_allclose(np.loadtxt(tmp_path / "cloud.xyz"), expected.points[0], atol=1e-4)
     monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "silhouette", raising=False)
     framed = runpy.run_path(str(tmp_path / "example.py"))["framed"]
     image, mask = framed(Image.fromarray(rgba))
     np.testing.assert_array_equal(image, expected.view.image)
