@@ -73,7 +73,7 @@ class Source:
       views: number of images of each model.
       licences: the first one with a matching pattern counts; empty = the index states them.
       package: name of the Debian package or of the folder of meshes; "" = none is needed.
-      place: source of the catalogue: a path in the package, or a number of models.
+      source: source of the catalogue: a path in the package, or a number of models.
       exclude: pattern of the names of models that are left out.
       missing: see `image.missing` of the settings.
       families: whether near-duplicates (`family_of`) share a split; otherwise the catalogue
@@ -85,7 +85,7 @@ class Source:
     views: int
     licences: tuple[Licence, ...] = ()
     package: str = ""
-    place: str = ""
+    source: str = ""
     options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     exclude: str = ""
     missing: float = 0.0
@@ -94,7 +94,7 @@ class Source:
     def path(self, packages: str | os.PathLike[str]) -> str:
         """The source of the catalogue, given the folder of the unpacked packages."""
         parts = (packages, self.package) if self.package else ()
-        return os.path.join(*parts, self.place)
+        return os.path.join(*parts, self.source)
 
     def licences_of(
         self, model_ids: Sequence[str], packages: str | os.PathLike[str]
@@ -163,8 +163,8 @@ SOURCES = {
             "usr/share/sweethome3d", families=True,
             exclude="#(passage-pieton|fleche-|stationnement-)",  # road markings
         ),
-        Source("procedural", "procedural", 4, _OURS, place="480"),
-        Source("procedural_incomplete", "procedural", 3, _OURS, place="77",
+        Source("procedural", "procedural", 4, _OURS, source="480"),
+        Source("procedural_incomplete", "procedural", 3, _OURS, source="77",
                options={"first_seed": 480}, missing=1.0),
         *(Source(name, "indexed", 14, package=MESHES, options={"licences": licences})
           for name, licences in _OF_MESHES.items()),

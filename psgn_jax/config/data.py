@@ -22,7 +22,7 @@ Side = Annotated[int, Bounds(low=1, high=8192)]
 
 @dataclasses.dataclass(frozen=True)
 class PhotoEffects:
-    """Effects of photos and their masks, added to training images (`data.photo_effects`).
+    """Effects of photos and their masks, added to training images (`data.effects`).
 
     0 disables an effect. Lengths are in pixels of an image with 192 rows.
     """

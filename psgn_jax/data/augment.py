@@ -13,7 +13,7 @@ import numpy as np
 
 from psgn_jax.config.data import DataConfig
 from psgn_jax.data import camera, framing, resample
-from psgn_jax.data.photo_effects import disturb
+from psgn_jax.data.effects import disturb
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -183,7 +183,7 @@ def reframe(
     move = rule
     if scale_deviation or shift_deviation:
         start = rule or framing.Move(1.0, 0.0, 0.0)
-        move = scattered(start, framing.box_of(view.mask), view.mask.shape)
+        move = scattered(start, resample.box_of(view.mask), view.mask.shape)
         move = framing.keep_inside(move, view.mask)
     if move is None:
         return view
@@ -212,7 +212,7 @@ def colour_jitter(view: View, rng: np.random.Generator, strength: float) -> View
     table = np.clip(np.rint(table), 0, 255).astype(np.uint8)
     image = view.image.copy()
     if view.mask.any():
-        top, bottom, left, right = framing.box_of(view.mask)
+        top, bottom, left, right = resample.box_of(view.mask)
         part = np.s_[top:bottom, left:right]
         for channel in range(3):
             plane = image[part][..., channel]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from psgn_jax.config.experiment import DataConfig
-from psgn_jax.data import augment, camera, resize, visibility
+from psgn_jax.data import augment, camera, resample, visibility
 from psgn_jax.data.augment import View
 from psgn_jax.data.codec import DepthCodes, PointLattice
 from psgn_jax.data.dataset import RecordReader
@@ -80,13 +80,13 @@ class Items:
         self._held = 0
 
     def __getitem__(self, index: int) -> Item:
-        place = self._reader.locate(index)
-        item = self._kept.get(place)
+        key = self._reader.locate(index)
+        item = self._kept.get(key)
         if item is None:
             item = self._decode(index)
             with _LOCK:
-                if self._held + item.nbytes() <= self._bound and place not in self._kept:
-                    self._kept[place] = item
+                if self._held + item.nbytes() <= self._bound and key not in self._kept:
+                    self._kept[key] = item
                     self._held += item.nbytes()
         return item
 
@@ -96,13 +96,13 @@ class Items:
             if getattr(stored, field) is None:
                 path, position = self._reader.locate(index)
                 raise RecordError(f"record {position} of {path} has no {field}")
-        mask = resize.resize_mask(stored.mask, self._size)
+        mask = resample.resize_mask(stored.mask, self._size)
         depth = stored.depth
         size = stored.image.shape[:2]
         view = View(
-            image=resize.resize_image(stored.image, self._size),
+            image=resample.resize_image(stored.image, self._size),
             mask=mask,
-            depth=resize.resize_depth(depth.depth(), mask) if depth and self._depth else None,
+            depth=resample.resize_depth(depth.depth(), mask) if depth and self._depth else None,
             points=np.zeros((0, 3), np.float32),
             intrinsics=camera.scale_intrinsics(stored.intrinsics, size, self._size),
             extrinsics=stored.extrinsics,

@@ -74,8 +74,8 @@ def object_in(
     own = _own_levels(codes, levels)
     low, high = _two_levels(own, levels)
     if len(levels) <= FEW:  # those of thin areas, such as outlines
-        place, off = _between(levels, levels[low], levels[high])
-        far = (place < -_OUTSIDE) | (place > 1 + _OUTSIDE) | (off > _OUTSIDE)
+        position, off = _between(levels, levels[low], levels[high])
+        far = (position < -_OUTSIDE) | (position > 1 + _OUTSIDE) | (off > _OUTSIDE)
         own |= far & (counts >= _LEAST_SHARE * codes.size)
     inner = _inside_outline(codes, np.flatnonzero(own), names, counts)
     if inner is not None:
@@ -165,14 +165,14 @@ def _two_levels(own: np.ndarray, levels: np.ndarray) -> tuple[int, int]:
 def _between(
     values: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The places of values [..., c] between two levels, 0 to 1, and the distances from the line."""
+    """Positions of values [..., c] between two levels, 0 to 1, and distances from their line."""
     axis = (high - low).astype(np.float32)
     channels = [values[..., c] - np.float32(low[c]) for c in range(len(axis))]
-    place = sum(
+    position = sum(
         (x * (a / (axis @ axis)) for x, a in zip(channels, axis, strict=True)), np.zeros(())
     )
-    off = [np.abs(x - place * a) for x, a in zip(channels, axis, strict=True)]
-    return place, np.maximum.reduce(off) / np.abs(axis).max()
+    off = [np.abs(x - position * a) for x, a in zip(channels, axis, strict=True)]
+    return position, np.maximum.reduce(off) / np.abs(axis).max()
 
 
 def _inside_outline(
@@ -189,18 +189,18 @@ def _inside_outline(
     return int(rest[0]) if beside[empty[0]] < 0.2 * beside[void[0]] else None
 
 
-def _share_between(place: np.ndarray, off: np.ndarray) -> float:
+def _share_between(position: np.ndarray, off: np.ndarray) -> float:
     """The share of pixels between the levels; 0 if they are those of soft edges."""
-    inside = place > 0.5
-    near = (np.abs(place - inside) <= _NEAR) & (off <= _OFF)
-    lowest, highest = ndimage.minimum_filter(place, 5), ndimage.maximum_filter(place, 5)
+    inside = position > 0.5
+    near = (np.abs(position - inside) <= _NEAR) & (off <= _OFF)
+    lowest, highest = ndimage.minimum_filter(position, 5), ndimage.maximum_filter(position, 5)
     between = ~near & ((lowest > _NEAR) | (highest < 1 - _NEAR))
     if between.sum() <= _MOST_BETWEEN * min(inside.sum(), (~inside).sum()):
         return 0.0
-    height, width = place.shape
+    height, width = position.shape
     picture, differences = Image.fromarray(inside.astype(np.uint8) * np.uint8(255)), []
     for factor in _BLURS:
         small = picture.resize((-(-width // factor), -(-height // factor)), _BILINEAR)
         soft = np.asarray(small.resize((width, height), _BILINEAR)) / np.float32(255)
-        differences.append(float(np.maximum(np.abs(soft - place), off)[between].mean()))
+        differences.append(float(np.maximum(np.abs(soft - position), off)[between].mean()))
     return float((~near).mean()) if min(differences) > _MOST_DIFFERENT else 0.0

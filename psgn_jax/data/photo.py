@@ -15,7 +15,7 @@ from typing import IO, Any
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from psgn_jax.data import mask_levels, resize
+from psgn_jax.data import mask_levels, resample
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.untrusted import brief, kind_of, one_line
 
@@ -141,7 +141,7 @@ def open_mask(
         inside, warnings = mask_levels.object_in(values, ids, label)
     except mask_levels.MaskLevelsError as error:
         raise PhotoError(f"{name} {error}") from None
-    return resize.smooth_mask(inside, photo.image.shape[:2]), warnings
+    return resample.smooth_mask(inside, photo.image.shape[:2]), warnings
 
 
 def _mask_picture(mask: Source, bound: int) -> tuple[Image.Image, tuple[int, int], int]:

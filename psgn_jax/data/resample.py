@@ -1,21 +1,103 @@
-"""Resampling of training images (uint8 [h, w, 3]) together with their masks (bool [h, w]).
+"""Resampling of images (uint8 [h, w, 3]), masks (bool [h, w]) and depth maps on the host.
 
-If the background is plain grey, only the surroundings of the object are computed, which is faster.
-Masks are the same as for the whole image; colours may differ by 1 at ties of rounding.
+`resize_image`, `resize_mask` and `resize_depth` change the size. `stretch` and `recrop` resample an
+image together with its mask for augmentations: if the background is plain grey, we compute only the
+surroundings of the object, which is faster. Masks are the same as for the whole image; colours may
+differ by 1 at ties of rounding.
 """
 
+import functools
 import math
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
-from psgn_jax.data import framing, schema
+from psgn_jax.data import schema
 
 # Pixels beside the mask that may show the object, because their colours were interpolated.
 _EDGE = 2
 _NEAREST, _BILINEAR = Image.Resampling.NEAREST, Image.Resampling.BILINEAR
 _GREY = (schema.BACKGROUND_GREY,) * 3
+
+
+def box_of(mask: np.ndarray) -> tuple[int, int, int, int]:
+    """Box (top, bottom, left, right) of a mask that is not empty; ends are exclusive."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
+
+
+def on_mask(mask: np.ndarray, image: np.ndarray, other: np.ndarray | np.uint8) -> np.ndarray:
+    """`image` [h, w, 3] on the mask [h, w], `other` elsewhere."""
+    # With one value for each byte, NumPy takes a quarter of the time of `image[~mask] = other`.
+    return np.where(mask.repeat(3, axis=1).reshape(image.shape), image, other)
+
+
+@functools.lru_cache(maxsize=16)
+def _area_weights(old: int, new: int) -> np.ndarray:
+    """Matrix [new, old] with the fraction of each new cell that each old cell covers."""
+    edges = np.arange(new + 1) * (old / new)
+    cells = np.arange(old)
+    overlap = np.minimum(edges[1:, None], cells + 1) - np.maximum(edges[:-1, None], cells)
+    return (np.maximum(overlap, 0) * (new / old)).astype(np.float32)
+
+
+def _whole_factors(old: tuple[int, ...], new: tuple[int, int]) -> tuple[int, int] | None:
+    down, across = old[0] // new[0], old[1] // new[1]
+    return (down, across) if (down * new[0], across * new[1]) == old[:2] else None
+
+
+def _area_average(array: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Averages [H, W, ...] over the areas of the new cells, in float32, for any scale factors."""
+    rows = _area_weights(array.shape[0], size[0])
+    columns = _area_weights(array.shape[1], size[1])
+    down = np.tensordot(rows, array.astype(np.float32), 1)
+    return np.swapaxes(np.tensordot(columns, down, ((1,), (1,))), 0, 1)
+
+
+def resize_image(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Resizes uint8 [H, W, 3] to `size` (H', W') by area averaging."""
+    if image.shape[:2] == tuple(size):
+        return image
+    if factors := _whole_factors(image.shape, size):
+        return np.asarray(Image.fromarray(image).reduce(factors[::-1]))
+    return np.rint(_area_average(image, size)).astype(np.uint8)
+
+
+def resize_mask(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Resizes bool [H, W] to `size` (H', W') by the majority of the area; a tie gives True."""
+    if mask.shape == tuple(size):
+        return mask
+    if factors := _whole_factors(mask.shape, size):
+        levels = Image.fromarray(mask.astype(np.uint8) * np.uint8(255)).reduce(factors[::-1])
+        return np.asarray(levels) > 127  # a tie, 127.5, is rounded up
+    return _area_average(mask, size) > 0.5 - 1e-6
+
+
+def smooth_mask(mask: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
+    """Resizes a photo's mask, bool [h, w], by a bilinear filter: smooth edges when enlarging."""
+    if mask.shape == tuple(size):
+        return mask
+    levels = Image.fromarray(mask.astype(np.uint8) * np.uint8(255))
+    return np.asarray(levels.resize((size[1], size[0]), Image.Resampling.BILINEAR)) > 127
+
+
+def resize_depth(depth: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Resizes a depth map [H, W] (0 or non-finite = none) to a mask that is already resized.
+
+    Depths are not averaged, because an average across an edge is wrong. Each new pixel takes the
+    depth of the old pixel at its centre, or else the first one at the centres of its four quarters,
+    which fills holes narrower than a new pixel. The result is 0 outside the mask.
+    """
+    depth = np.where(np.isfinite(depth), depth, np.float32(0))
+    if depth.shape == mask.shape:
+        return np.where(mask, depth, np.float32(0))
+    out = np.zeros(mask.shape, np.float32)
+    for y, x in ((0.5, 0.5), (0.25, 0.25), (0.25, 0.75), (0.75, 0.25), (0.75, 0.75)):
+        rows = ((np.arange(mask.shape[0]) + y) * depth.shape[0] / mask.shape[0]).astype(np.intp)
+        columns = ((np.arange(mask.shape[1]) + x) * depth.shape[1] / mask.shape[1]).astype(np.intp)
+        out = np.where(out > 0, out, depth[rows[:, None], columns])
+    return np.where(mask, out, np.float32(0))
 
 
 def stretch(
@@ -116,7 +198,7 @@ def _window(image: np.ndarray, mask: np.ndarray) -> tuple[slice, slice] | None:
     """
     if not mask.any():
         return None
-    top, bottom, left, right = framing.box_of(mask)
+    top, bottom, left, right = box_of(mask)
     top, bottom, left, right = top - _EDGE, bottom + _EDGE, left - _EDGE, right + _EDGE
     if top < 1 or left < 1 or bottom >= mask.shape[0] or right >= mask.shape[1]:
         return None

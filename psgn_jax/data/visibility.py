@@ -40,11 +40,11 @@ def visible_points(
       tolerance: t > 0, in units.
     """
     finite = np.isfinite(points).all(axis=1)
-    place = camera.to_camera(
+    seen = camera.to_camera(
         np.where(finite[:, None], points, 0).astype(np.float64), extrinsics.astype(np.float64)
     )
     measured = np.isfinite(depth) & (depth > 0)
-    possible = finite & (place[:, 2] > tolerance)
+    possible = finite & (seen[:, 2] > tolerance)
     if not measured.any() or not possible.any():
         return np.zeros(len(points), np.bool_)
     rows, columns = np.nonzero(measured)
@@ -52,6 +52,6 @@ def visible_points(
     rays = pixels @ np.linalg.inv(intrinsics.astype(np.float64)).T
     surface = rays * depth[measured].astype(np.float64)[:, None]
     bound = np.nextafter(tolerance, np.inf)  # the tree returns distances below the bound
-    distance, _ = KDTree(surface).query(place[possible], distance_upper_bound=bound)
+    distance, _ = KDTree(surface).query(seen[possible], distance_upper_bound=bound)
     possible[possible] = distance <= tolerance
     return possible

@@ -14,7 +14,7 @@ import numpy as np
 from absl import logging
 
 from psgn_jax.config.experiment import ConfigError
-from psgn_jax.data import camera, framing, resize, schema
+from psgn_jax.data import camera, framing, resample, schema
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.models import networks
@@ -181,8 +181,8 @@ def _recorded(
     reader = RecordReader(path, split)
     samples = [reader[i] for i in range(min(CHECKED, len(reader)))]
     size = network.config.data.image_size
-    images = np.stack([resize.resize_image(sample.image, size) for sample in samples])
-    masks = np.stack([resize.resize_mask(sample.mask, size) for sample in samples])
+    images = np.stack([resample.resize_image(sample.image, size) for sample in samples])
+    masks = np.stack([resample.resize_mask(sample.mask, size) for sample in samples])
     clouds = [s.points[np.linspace(0, len(s.points) - 1, 1024).astype(int)] for s in samples]
     return _inputs(network, images, masks), np.stack(clouds)
 

@@ -31,7 +31,7 @@ from psgn_jax.system.untrusted import read_json
 _FORMAT = "psgn_jax prediction"
 
 
-class _Place(NamedTuple):
+class _Target(NamedTuple):
     """Where the results of an image go."""
 
     start: pathlib.Path  # folder and name, to which suffixes are added
@@ -90,20 +90,20 @@ def predict_files(
         return image, found, clock
 
     def predict(
-        place: _Place, image: photo.Photo, found: masks.FoundMask, clock: Clock
+        target: _Target, image: photo.Photo, found: masks.FoundMask, clock: Clock
     ) -> Prediction:
         result = predictor(image, found, **options)
         result = dataclasses.replace(result, seconds=clock.laps | result.seconds)
-        _write(predictor, result, place, formats, options.get("seed", 0))
+        _write(predictor, result, target, formats, options.get("seed", 0))
         return result
 
     predictor: Any = None
-    places = _places(paths, out, formats, options.get("samples", 1))
-    for path, place in zip(paths, places, strict=True):
-        result: Any = _tried(path, read, path, place.start)
+    targets = _targets(paths, out, formats, options.get("samples", 1))
+    for path, target in zip(paths, targets, strict=True):
+        result: Any = _tried(path, read, path, target.start)
         if not isinstance(result, Exception):
             predictor = predictor or open_predictor()
-            result = _tried(path, predict, place, *result)
+            result = _tried(path, predict, target, *result)
         yield path, result
 
 
@@ -139,18 +139,18 @@ def _proposed(
 
 
 def _write(
-    predictor: Predictor, result: Prediction, place: _Place, formats: Sequence[str], seed: int
+    predictor: Predictor, result: Prediction, target: _Target, formats: Sequence[str], seed: int
 ) -> None:
     """Writes the results for an image."""
-    clouds = _clouds(place.start.name, formats, len(result.points))
-    view = _with(place.start, "_view.png")
+    clouds = _clouds(target.start.name, formats, len(result.points))
+    view = _with(target.start, "_view.png")
     files = [*clouds, view.name]
-    folder = place.start.parent
-    earlier = [name for name in sorted(place.earlier - {*files}) if (folder / name).exists()]
+    folder = target.start.parent
+    earlier = [name for name in sorted(target.earlier - {*files}) if (folder / name).exists()]
     document = _record(predictor, result, files, earlier, seed)
     text = json.dumps(document, indent=2, allow_nan=False) + "\n"
     # First, because it marks the others as results if we are killed.
-    write_atomic(_with(place.start, ".json"), text, sync=False)
+    write_atomic(_with(target.start, ".json"), text, sync=False)
     for name, k in clouds.items():
         result.save(folder / name, k)
     write_atomic(view, masks.result_png(result.view.image), sync=False)
@@ -251,10 +251,10 @@ def _results(record: pathlib.Path) -> frozenset[str]:
     return frozenset()
 
 
-def _places(
+def _targets(
     paths: Iterable[pathlib.Path], out: pathlib.Path, formats: Sequence[str], samples: int
-) -> Iterator[_Place]:
-    """A place for the results of each image; names are unique even if case is ignored."""
+) -> Iterator[_Target]:
+    """A target for the results of each image; names are unique even if case is ignored."""
     taken: set[str] = set()
     for path in paths:
         name, number = path.stem or "image", 1
@@ -269,7 +269,7 @@ def _places(
             number += 1
             name = f"{path.stem}-{number}"
         taken.add(name.lower())
-        yield _Place(out / name, earlier)
+        yield _Target(out / name, earlier)
 
 
 def _mask_of(path: pathlib.Path, mask: str) -> pathlib.Path:

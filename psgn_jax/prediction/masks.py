@@ -22,9 +22,8 @@ from scipy import ndimage
 
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data import photo
-from psgn_jax.data.framing import box_of
 from psgn_jax.data.photo import PhotoError
-from psgn_jax.data.resize import smooth_mask
+from psgn_jax.data.resample import box_of, smooth_mask
 from psgn_jax.prediction import mask_networks
 from psgn_jax.system.untrusted import kind_of
 

@@ -49,8 +49,8 @@ Clouds = Mapping[str, tuple[np.ndarray, ArrayLike]]
 def colours_by_height(points: np.ndarray) -> np.ndarray:
     """Colours uint8 [n, 3] by height; the scale is z from 0 to 1."""
     stops, height = range(len(HEIGHT_COLOURS)), np.nan_to_num(points[:, 2].astype(np.float64))
-    place = np.clip(height, 0, 1) * stops[-1]
-    channels = [np.interp(place, stops, channel) for channel in HEIGHT_COLOURS.T]
+    position = np.clip(height, 0, 1) * stops[-1]
+    channels = [np.interp(position, stops, channel) for channel in HEIGHT_COLOURS.T]
     return np.rint(np.stack(channels, axis=1)).astype(np.uint8)
 
 
@@ -280,8 +280,8 @@ def _ground_light(
     toward = toward / max(float(np.linalg.norm(toward)), 1e-9)
     slant = _SHADOW_SLANT[1] * right + _SHADOW_SLANT[0] * toward
     high = np.maximum(points[:, 2], 0)
-    place = (points[:, :2] + high[:, None] * slant + _SHADOW_HALF) / cell
-    column, row = np.clip(np.floor(place), 0, _SHADOW_CELLS - 1).astype(int).T
+    cell_of = (points[:, :2] + high[:, None] * slant + _SHADOW_HALF) / cell
+    column, row = np.clip(np.floor(cell_of), 0, _SHADOW_CELLS - 1).astype(int).T
     # Higher points cast a softer, weaker shadow.
     weight, share = (2 * radius / cell) ** 2 * 1.2, np.clip(high / 0.6, 0, 1)
     total = np.zeros((_SHADOW_CELLS, _SHADOW_CELLS))

@@ -7,6 +7,7 @@ import pytest
 from helpers import drawn_solids as solids
 
 from psgn_jax.data import augment, camera, framing
+from psgn_jax.data.resample import box_of
 
 
 def about_the_middle(size, scale, right, down):
@@ -64,8 +65,8 @@ def test_a_sample_is_placed_as_a_photo_is(size):
     placed = augment.place(view)
     want = framing.place(view.image, view.mask)
     pixel = 192 / size[0]
-    box = np.array(framing.box_of(placed.mask)) * pixel
-    np.testing.assert_allclose(box, framing.box_of(want.mask), atol=1.01 * pixel)
+    box = np.array(box_of(placed.mask)) * pixel
+    np.testing.assert_allclose(box, box_of(want.mask), atol=1.01 * pixel)
     if size == (192, 256):
         np.testing.assert_array_equal(placed.image, want.image)
         np.testing.assert_array_equal(placed.mask, want.mask)
@@ -96,7 +97,7 @@ def test_reframe_scatters_as_configured_and_places_a_share():
         moved = augment.reframe(view, rng, scale_deviation=0.1, shift_deviation=0.03)
         spread = np.ptp(moved.points, axis=0) / np.ptp(view.points, axis=0)
         scales.append(np.log(spread[0]))
-        top, bottom, *_ = framing.box_of(moved.mask)
+        top, bottom, *_ = box_of(moved.mask)
         rows.append((top + bottom) / 2)
     # Clipping at two standard deviations reduces the standard deviation by 4 %.
     assert np.std(scales) == pytest.approx(0.96 * 0.1, abs=0.02)

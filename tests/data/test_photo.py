@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from psgn_jax.data import framing, photo, resize
+from psgn_jax.data import framing, photo, resample
 from psgn_jax.system.processes import ROOT
 
 GREY = 191
@@ -144,7 +144,7 @@ def test_masks_of_other_sizes_and_of_mode_1():
     want, got = framing.place(image, mask), framing.place(image, of_pillow)
     np.testing.assert_array_equal(got.mask, want.mask)
     np.testing.assert_array_equal(got.image, want.image)
-    small, other = (resize.resize_mask(each, (55, 70)) for each in (mask, of_pillow))
+    small, other = (resample.resize_mask(each, (55, 70)) for each in (mask, of_pillow))
     np.testing.assert_array_equal(other, small)
 
 
@@ -304,12 +304,12 @@ def test_the_rule_fits_the_authors_images(authors_batches):
     logs, rows = [], []
     for entry in authors.read_batch(path):
         sample = entry.sample
-        top, bottom, left, right = framing.box_of(sample.mask)
+        top, bottom, left, right = resample.box_of(sample.mask)
         if min(bottom - top, right - left) < 20:
             continue
         view = framing.place(sample.image, sample.mask)
         logs.append(np.log(view.to_view[0, 0]))
-        placed_top, placed_bottom, *_ = framing.box_of(view.mask)
+        placed_top, placed_bottom, *_ = resample.box_of(view.mask)
         rows.append((placed_top + placed_bottom - top - bottom) / 2)
     assert abs(np.median(logs)) < 0.06
     assert np.std(logs) < 0.2

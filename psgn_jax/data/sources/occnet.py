@@ -96,7 +96,7 @@ def open_model(
     if voxel_path.is_file():
         cells = binvox.read(voxel_path).solid
         solid = shapenet.world_grid(binvox.Binvox(cells, loc - scale / 2, scale))
-    origin, unit = shapenet.place(world, cloud_path)
+    origin, unit = shapenet.object_frame(world, cloud_path)
     keys = [f"{kind}_mat_{i}" for i in range(shapenet.NUM_VIEWS) for kind in ("world", "camera")]
     cameras = _arrays(camera_path, dict.fromkeys(keys, 16))
     rng = np.random.default_rng(zlib.crc32(f"{synset}/{name}".encode()))

@@ -100,7 +100,7 @@ def open_model(
     """
     rendering, metadata, voxels = input_files(source, synset, name)
     solid = shapenet.world_grid(binvox.read(voxels))
-    origin, unit = shapenet.place(shapenet.corners(solid), voxels)
+    origin, unit = shapenet.object_frame(shapenet.corners(solid), voxels)
     rng = np.random.default_rng(zlib.crc32(f"{synset}/{name}".encode()))
     points = shapenet.surface_points(solid, num_points, rng)
     model = shapenet.ShapeNetModel("r2n2", synset, name, points, None, solid, origin, unit)

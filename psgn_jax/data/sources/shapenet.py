@@ -3,7 +3,7 @@
 **World**: ShapeNet's models have +y up. Here they are rotated to +z up, `(x, y, z) = (X, -Z, Y)`,
 as Blender does when it reads an OBJ. The frame of a sample is the project's: rotated about the
 vertical axis so that +y is the right of the image, with the origin on the ground under the middle
-of the bounding box; the unit is the distance of the farthest point from the origin (`place`).
+of the bounding box. The unit is the farthest point's distance from it (`object_frame`).
 
 **Camera** of 3D-R2N2's renderings. Sources: commit 3f62115, `lib/blender_renderer.py`, and the
 matrices that later projects derived from it, which agree. The images have 137x137 pixels. The focal
@@ -78,7 +78,7 @@ def turn_to_view(world_to_camera: np.ndarray) -> np.ndarray:
     return np.array([[y, -x, 0], [x, y, 0], [0, 0, 1.0]])
 
 
-def place(points: np.ndarray, path: pathlib.Path) -> tuple[np.ndarray, float]:
+def object_frame(points: np.ndarray, path: pathlib.Path) -> tuple[np.ndarray, float]:
     """Origin [3] and unit of the frame of an object with all these points [n, 3] in the world.
 
     ValueError, which names `path`, if there are no points, or if they are orders of magnitude

@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float
 from scipy.spatial import ConvexHull, QhullError
 
 from psgn_jax.config.experiment import ConfigError
-from psgn_jax.data import resize
+from psgn_jax.data.resample import resize_image, resize_mask
 from psgn_jax.data.schema import Sample
 from psgn_jax.evaluation.clouds import evaluate_pair
 from psgn_jax.evaluation.table import COLUMNS, markdown
@@ -84,7 +84,7 @@ def predict(run: Trained, samples: Sequence[Sample], records: Sequence[int]) -> 
     network = jax.jit(lambda params, batch, r: networks.predict(config, model, params, batch, r))
     clouds = []
     for sample, record in zip(samples, records, strict=True):
-        image, mask = resize.resize_image(sample.image, size), resize.resize_mask(sample.mask, size)
+        image, mask = resize_image(sample.image, size), resize_mask(sample.mask, size)
         batch = {"image": image[None], "mask": mask[None]}
         r = sampling.sample_latents(config, record, 1, 1, 0) if config.model.random_size else None
         clouds.append(np.asarray(network(run.params, batch, r), np.float32).reshape(-1, 3))

@@ -19,7 +19,8 @@ from PIL import Image, ImageFilter
 
 from psgn_jax.config.data import PhotoEffects
 from psgn_jax.data import schema
-from psgn_jax.data.framing import VIEW_SIZE, box_of, on_mask
+from psgn_jax.data.camera import VIEW_SIZE
+from psgn_jax.data.resample import box_of, on_mask
 
 LEAST_LEFT = 0.4
 """A step that would reduce the mask to less than this share of its area is skipped."""
