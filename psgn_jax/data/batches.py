@@ -14,7 +14,7 @@ import numpy as np
 from psgn_jax.config.experiment import DataConfig
 from psgn_jax.data import augment, camera, resample, visibility
 from psgn_jax.data.augment import View
-from psgn_jax.data.codec import DepthCodes, PointLattice
+from psgn_jax.data.codec import DepthCodes, QuantisedPoints
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
 
@@ -34,7 +34,7 @@ class Item:
     """One record, decoded and resized. It does not depend on the training step."""
 
     view: View  # without points
-    points: PointLattice  # all points of the record
+    points: QuantisedPoints  # all points of the record
     labels: dict[str, Any]  # category, model_id and view
     # Depth at the record's own size and the intrinsics that go with it, for visibility.
     measured: tuple[DepthCodes, np.ndarray] | None

@@ -7,9 +7,9 @@ image      Lossless WebP, exact.
 mask       Bits, deflated, exact.
 depth      16-bit codes of the pixels with a depth, z = offset + scale * code. Exact for 16-bit
            sources given as `DepthCodes`; otherwise the error is at most (max - min) / 131070.
-points     Unsigned lattice coordinates, sorted, stored as deflated differences, and the affine map
-           [3, 4] to the project's frame. Exact for sources given as `PointLattice`; otherwise the
-           error is at most half a lattice step, extent / 8190 on each axis at 12 bits.
+points     Unsigned integers, sorted, stored as deflated differences, and the affine map [3, 4] to
+           the project's frame. Exact for sources given as `QuantisedPoints`; otherwise we quantise
+           to 12 bits, with an error of at most extent / 8190 on each axis.
 normals    Octahedral, 2 x 8 bits, in the order of the points; the error is below 1 degree.
 occupancy  Bits, deflated, exact.
 extra      Text, absent if empty.
@@ -30,16 +30,15 @@ from PIL import Image
 from psgn_jax.data import schema
 from psgn_jax.data.schema import Sample
 
-DEFAULT_POINT_BITS = 12
-_NORMAL_BITS = 8
+_POINT_BITS, _NORMAL_BITS = 12, 8
 
 # Compared with level 9: half a percent more bytes, a third of the time.
 _DEFLATE_LEVEL = 5
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class PointLattice:
-    """Points on a lattice: `point = matrix[:, :3] @ code + matrix[:, 3]` in the project's frame."""
+class QuantisedPoints:
+    """Points as integers: `point = matrix[:, :3] @ code + matrix[:, 3]` in the project's frame."""
 
     codes: np.ndarray  # uint8 or uint16 [M, 3]
     matrix: np.ndarray  # float64 [3, 4]
@@ -66,15 +65,14 @@ class DepthCodes:
         return np.where(self.valid, z, 0.0).astype(np.float32)
 
 
-def lattice_of(points: np.ndarray, bits: int = DEFAULT_POINT_BITS) -> PointLattice:
-    """Rounds points [M, 3] to 2**bits levels on each axis of their bounding box, bits = 1 to 16."""
+def quantised(points: np.ndarray) -> QuantisedPoints:
+    """Rounds points [M, 3] to 4,096 levels on each axis of their bounding box."""
     points = np.asarray(points, np.float64)
     low, high = points.min(axis=0), points.max(axis=0)
-    top = 2**bits - 1
+    top = 2**_POINT_BITS - 1
     step = np.where(high > low, (high - low) / top, 1.0)
-    dtype = np.uint8 if bits <= 8 else np.uint16
-    codes = np.clip(np.rint((points - low) / step), 0, top).astype(dtype)
-    return PointLattice(codes, np.concatenate([np.diag(step), low[:, None]], axis=1))
+    codes = np.clip(np.rint((points - low) / step), 0, top).astype(np.uint16)
+    return QuantisedPoints(codes, np.concatenate([np.diag(step), low[:, None]], axis=1))
 
 
 def depth_codes_of(depth: np.ndarray) -> DepthCodes:
@@ -188,14 +186,14 @@ def _decode_depth(stored: Mapping[str, Any], mask: np.ndarray) -> DepthCodes:
     return DepthCodes(codes, valid, scale, offset)
 
 
-def _lattice_keys(codes: np.ndarray) -> np.ndarray:
+def _point_keys(codes: np.ndarray) -> np.ndarray:
     bits = np.uint64(8 * codes.dtype.itemsize)
     wide = codes.astype(np.uint64)
     return (wide[:, 0] << (2 * bits)) | (wide[:, 1] << bits) | wide[:, 2]
 
 
-def _encode_points(points: PointLattice, order: np.ndarray) -> dict[str, Any]:
-    keys = _lattice_keys(points.codes)[order]
+def _encode_points(points: QuantisedPoints, order: np.ndarray) -> dict[str, Any]:
+    keys = _point_keys(points.codes)[order]
     steps = np.diff(keys, prepend=np.uint64(0))
     planes = max(1, -(-int(steps.max()).bit_length() // 8))
     return {
@@ -211,7 +209,7 @@ def _num_points(stored: Mapping[str, Any]) -> int:
     return _integer(stored["points"]["count"], 1, schema.MAX_POINTS, "number of points")
 
 
-def _decode_points(stored: Mapping[str, Any]) -> PointLattice:
+def _decode_points(stored: Mapping[str, Any]) -> QuantisedPoints:
     field, count = stored["points"], _num_points(stored)
     bits, planes = field["bits"], _integer(field["planes"], 1, 6, "planes of the points")
     if bits not in (8, 16) or isinstance(bits, float):
@@ -227,7 +225,7 @@ def _decode_points(stored: Mapping[str, Any]) -> PointLattice:
     if not np.isfinite(matrix).all() or np.abs(matrix).max() > schema.MAX_COORDINATE:
         got, most = f"{matrix.min():g} to {matrix.max():g}", f"{schema.MAX_COORDINATE:g}"
         raise ValueError(f"points: the matrix has {got}, expected at most {most}")
-    return PointLattice(codes, matrix)
+    return QuantisedPoints(codes, matrix)
 
 
 def _encode_normals(normals: np.ndarray, order: np.ndarray) -> dict[str, Any]:
@@ -257,29 +255,18 @@ def _decode_normals(stored: Mapping[str, Any]) -> np.ndarray:
 
 
 def encode(
-    sample: Sample,
-    *,
-    points: PointLattice | None = None,
-    depth: DepthCodes | None = None,
-    point_bits: int = DEFAULT_POINT_BITS,
+    sample: Sample, *, points: QuantisedPoints | None = None, depth: DepthCodes | None = None
 ) -> bytes:
-    """Encodes one sample as the bytes of a record.
+    """Encodes one sample as the bytes of a record; ValueError if `schema.validate` refuses it.
 
-    Args:
-      points: the lattice of `sample.points`, in the same order, to be stored exactly.
-      depth: the codes of `sample.depth`, to be stored exactly.
-      point_bits: resolution of the lattice without `points`.
-
-    Raises:
-      ValueError: a field does not pass `schema.validate`.
+    `points` and `depth`, the codes of the sample's fields in the same order, are stored exactly.
     """
     try:
         schema.validate(sample)
     except ValueError as error:
         raise ValueError(f"model {sample.model_id!r}, view {sample.view}: {error}") from None
-    if points is None:
-        points = lattice_of(sample.points, point_bits)
-    order = np.argsort(_lattice_keys(points.codes), kind="stable")
+    points = points or quantised(sample.points)
+    order = np.argsort(_point_keys(points.codes), kind="stable")
     stored: dict[str, Any] = {
         "image": _encode_image(sample.image),
         "mask": _deflate(np.packbits(sample.mask)),
@@ -319,7 +306,7 @@ def field_sizes(data: bytes) -> dict[str, int]:
 
 
 def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Any:
-    """A `Sample` whose points are a `PointLattice` and whose depth is `DepthCodes`.
+    """A `Sample` whose points are `QuantisedPoints` and whose depth is `DepthCodes`.
 
     Fields that are missing or not in `fields` are None; `depth` includes `mask`. Cameras, strings
     and `view` are always present. ValueError if a field is invalid.

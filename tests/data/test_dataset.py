@@ -13,7 +13,7 @@ import pytest
 
 from psgn_jax.commands import inspect_records as inspect
 from psgn_jax.data import codec, schema
-from psgn_jax.data.codec import PointLattice, decode, decode_stored, encode
+from psgn_jax.data.codec import QuantisedPoints, decode, decode_stored, encode
 from psgn_jax.data.dataset import (
     RecordReader,
     ShardWriter,
@@ -45,14 +45,13 @@ def test_round_trip_of_every_field(sample):
         encode(dataclasses.replace(sample, extra="[1]"))
 
 
-@pytest.mark.parametrize("bits", [8, 9, 16])
-def test_point_error_is_half_a_lattice_step(make, rng, bits):
+def test_point_error_is_half_a_step_of_12_bits(make, rng):
     sample = make.sample(rng, num_points=500)
-    lattice = codec.lattice_of(sample.points, bits)
-    step = np.ptp(sample.points, axis=0) / (2**bits - 1)
-    assert (np.abs(lattice.points() - sample.points) <= step / 2 * (1 + 1e-4) + 1e-6).all()
-    stored = decode_stored(encode(sample, point_bits=bits)).points
-    np.testing.assert_array_equal(sorted_rows(stored.codes), sorted_rows(lattice.codes))
+    points = codec.quantised(sample.points)
+    step = np.ptp(sample.points, axis=0) / 4095
+    assert (np.abs(points.points() - sample.points) <= step / 2 * (1 + 1e-4) + 1e-6).all()
+    stored = decode_stored(encode(sample)).points
+    np.testing.assert_array_equal(sorted_rows(stored.codes), sorted_rows(points.codes))
 
 
 def test_normal_error_is_under_a_degree(make, rng):
@@ -60,9 +59,9 @@ def test_normal_error_is_under_a_degree(make, rng):
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     number = np.arange(len(normals))
     codes = np.stack([0 * number, 0 * number, number], axis=1)  # they keep the order
-    lattice = PointLattice(codes.astype(np.uint16), np.eye(3, 4))
-    sample = make.sample(rng, points=lattice.points(), normals=normals.astype(np.float32))
-    back = decode(encode(sample, points=lattice))
+    exact = QuantisedPoints(codes.astype(np.uint16), np.eye(3, 4))
+    sample = make.sample(rng, points=exact.points(), normals=normals.astype(np.float32))
+    back = decode(encode(sample, points=exact))
     cosine = np.clip((back.normals * normals).sum(1), -1, 1)
     assert np.rad2deg(np.arccos(cosine)).max() < 1
 

@@ -12,7 +12,7 @@ in this order:
 The names of the models follow, separated by newlines. All models of a file belong to the same
 split (`split_of`).
 
-Records store the points on the 8-bit lattice of the file and the depth as its 16-bit codes, so
+Records store the points on the 8-bit integers of the file and the depth as its 16-bit codes, so
 nothing is lost. The camera is `camera.default_camera`, which was fitted to the silhouettes.
 """
 
@@ -24,7 +24,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from psgn_jax.data import camera, schema
-from psgn_jax.data.codec import DepthCodes, PointLattice, encode
+from psgn_jax.data.codec import DepthCodes, QuantisedPoints, encode
 
 BATCH = 32
 HEIGHT, WIDTH = camera.VIEW_SIZE
@@ -56,10 +56,10 @@ _TO_PROJECT = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ExactSample:
-    """One sample, with the lattice and the codes from which it is stored exactly."""
+    """One sample, with the integers from which it is stored exactly."""
 
     sample: schema.Sample
-    points: PointLattice
+    points: QuantisedPoints
     depth: DepthCodes
 
     def encode(self) -> bytes:
@@ -111,7 +111,7 @@ def _keys(data: bytes, path: pathlib.Path) -> list[str]:
     return keys
 
 
-def lattice_matrix(rotation: np.ndarray) -> np.ndarray:
+def matrix_of(rotation: np.ndarray) -> np.ndarray:
     """The affine map from 8-bit coordinates to the project's frame, float64 [3, 4].
 
     With the rotation R of the file and the tilt V of the camera,
@@ -151,7 +151,7 @@ def read_batch(path: str | pathlib.Path) -> Iterator[ExactSample]:
     for i, key in enumerate(keys):
         codes = arrays["depth"][i]
         mask = codes > 0
-        points = PointLattice(arrays["points"][i], lattice_matrix(rotation[i]))
+        points = QuantisedPoints(arrays["points"][i], matrix_of(rotation[i]))
         depth = DepthCodes(codes, mask, DEPTH_SCALE, DEPTH_OFFSET)
         sample = schema.Sample(
             image=np.ascontiguousarray(arrays["colour"][i, :, :, ::-1]),

@@ -8,7 +8,7 @@ from helpers.disk import without_room
 
 from psgn_jax.commands import convert
 from psgn_jax.data import schema
-from psgn_jax.data.codec import _lattice_keys, decode_stored
+from psgn_jax.data.codec import _point_keys, decode_stored
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.sources import authors, duplicates
 from psgn_jax.system.locks import lock_part
@@ -31,7 +31,7 @@ def test_own_batch_file(authors_file, make):
     # Nothing is lost in a record.
     stored = decode_stored(entry.encode())
     np.testing.assert_array_equal(
-        np.sort(_lattice_keys(stored.points.codes)), np.sort(_lattice_keys(content["points"][3]))
+        np.sort(_point_keys(stored.points.codes)), np.sort(_point_keys(content["points"][3]))
     )
     np.testing.assert_array_equal(stored.depth.codes, content["depth"][3])
     np.testing.assert_array_equal(stored.image, entry.sample.image)
