@@ -1,6 +1,5 @@
 // Which draws of a network with a random input are shown, and how far their points vary, as by psgn_jax.prediction.draws.
 
-const EPSILONS = [0.05, 0.01]; // units; in all 1 % from the least sum, and a tenth of the time of an exact method
 const sum = values => values.reduce((a, b) => a + b, 0);
 
 /** The Chamfer distance of two clouds: the means of the squared distances to the nearest point, added. */
@@ -26,11 +25,12 @@ export function ranked(draws, samples, compared) {
   return [...shown, ...order.filter(i => !shown.includes(i))].map(i => draws[i]);
 }
 
-/** For each point of `other`, the number of its partner in `points`: an auction as in psgn_jax.losses.auction, at most EPSILONS.at(-1) for each point from the least sum of distances. */
-function partners(points, other) {
+/** For each point of `other`, the number of its partner in `points`: an auction as in psgn_jax.losses.auction, at most `least` (unit) for each point from the least sum of distances. 0.01 is 1 % of the sum. */
+export function partners(points, other, least = 0.01) {
   const n = points.length / 3, [x, y, z] = [0, 1, 2].map(k => Float64Array.from({ length: n }, (_, j) => other[3 * j + k]));
   const price = new Float64Array(n), owner = new Int32Array(n);
-  for (const epsilon of EPSILONS) {
+  for (let epsilon = 0.05, last = false; !last; epsilon /= 5) {
+    if (last = epsilon <= least) epsilon = least;
     owner.fill(-1);
     const waiting = Array.from({ length: n }, (_, i) => i);
     while (waiting.length) {

@@ -2,6 +2,7 @@
 // psgn_jax.data.framing. Photos are { rgb, width, height }, with three bytes per pixel; masks are
 // Uint8Array with 1 on the object. `about` is the content of network.json.
 
+import { partners } from "./draws.js";
 import { resize } from "./resample.js";
 
 /** An error whose message is for the user. */
@@ -91,40 +92,13 @@ function move(photo, mask, { scale, shift }, outWidth, outHeight, grey) {
 export const mirrored = (values, width, channels) =>
   values.map((_, i) => values[i - i % (width * channels) + (width - 1 - Math.floor(i / channels) % width) * channels + i % channels]);
 
-/**
- * The mean of a cloud and that of the mirror image, as by psgn_jax.prediction.refine: matched by the bijection with the
- * least sum of distances. Shortest augmenting paths, one for each point, with prices that make reduced costs >= 0.
- */
+/** The mean of a cloud and that of the mirror image, as by psgn_jax.prediction.refine: of matched points. */
 export function meanWithMirror(points, other) {
   if (!points.every(Number.isFinite) || !other.every(Number.isFinite)) throw new Error("The network's weights are damaged.");
-  const n = points.length / 3, back = other.map((v, i) => i % 3 === 1 ? -v : v);
-  const owner = new Int32Array(n + 1).fill(-1), came = new Int32Array(n), least = new Float64Array(n), visited = new Uint8Array(n);
-  const rowPrice = new Float64Array(n), price = new Float64Array(n + 1);
-  for (let row = 0; row < n; row++) {
-    let column = n; // a column of its own, from which the path starts
-    owner[n] = row;
-    least.fill(Infinity);
-    visited.fill(0);
-    do {
-      const i = owner[column], x = points[3 * i], y = points[3 * i + 1], z = points[3 * i + 2];
-      let step = Infinity, next = -1;
-      for (let j = 0; j < n; j++) {
-        if (visited[j]) continue;
-        const cost = Math.sqrt((x - back[3 * j]) ** 2 + (y - back[3 * j + 1]) ** 2 + (z - back[3 * j + 2]) ** 2) - rowPrice[i] - price[j];
-        if (cost < least[j]) [least[j], came[j]] = [cost, column];
-        if (least[j] < step) [step, next] = [least[j], j];
-      }
-      rowPrice[row] += step;
-      for (let j = 0; j < n; j++) {
-        if (visited[j]) [rowPrice[owner[j]], price[j]] = [rowPrice[owner[j]] + step, price[j] - step];
-        else least[j] -= step;
-      }
-      visited[column = next] = 1;
-    } while (owner[column] !== -1);
-    for (; column !== n; column = came[column]) owner[column] = owner[came[column]];
-  }
-  const result = Float32Array.from(points);
-  for (let j = 0; j < n; j++) for (let k = 0; k < 3; k++) result[3 * owner[j] + k] = (points[3 * owner[j] + k] + back[3 * j + k]) / 2;
+  const back = other.map((v, i) => i % 3 === 1 ? -v : v), result = Float32Array.from(points);
+  partners(points, back, 1e-6).forEach((i, j) => {
+    for (let k = 0; k < 3; k++) result[3 * i + k] = (points[3 * i + k] + back[3 * j + k]) / 2;
+  });
   return result;
 }
 
