@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from psgn_jax.commands.common import define_network_flags
 from psgn_jax.commands.export import open_to_export
 from psgn_jax.config.command_line import Flags
+from psgn_jax.portable.folder import ONNX_NAMES
 from psgn_jax.web.page.build import build_page
 from psgn_jax.web.page.serve import server
 
@@ -23,12 +24,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn page", __doc__)
     define_network_flags(flags)
     flags.string("out", "page", "Folder for the page.")
-    flags.enum(
-        "weights_as", "float16", ["float32", "float16", "int8"], "Format of the page's weights."
-    )
+    flags.enum("weights_as", "float16", list(ONNX_NAMES), "Type of the page's weights.")
     flags.string("runtime", "", "Folder or .tgz with onnxruntime-web; default: from npm.")
-    flags.string("data", "", "Folder of records for checking the exported network.")
-    flags.string("split", "validation", "Split of the records.")
     flags.bool("serve", False, "Serve the page to this machine, until Ctrl-C.")
     flags.integer("port", 0, "Port of --serve; 0 = a free one.")
     return flags.run(_main, argv)
@@ -37,8 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _main(flags: Flags) -> None:
     values = flags.values
     network = open_to_export(values)
-    options = {name: getattr(values, name) for name in ("runtime", "data", "split")}
-    size = build_page(network, values.out, weights=values.weights_as, **options)
+    size = build_page(network, values.out, weights=values.weights_as, runtime=values.runtime)
     sys.stdout.write(f"{values.out}: {size / 1e6:.1f} MB\n")
     if not values.serve:
         return

@@ -8,8 +8,8 @@ mask       Bits, deflated, exact.
 depth      16-bit codes of the pixels with a depth, z = offset + scale * code. Exact for 16-bit
            sources given as `DepthCodes`; otherwise the error is at most (max - min) / 131070.
 points     Unsigned integers, sorted, stored as deflated differences, and the affine map [3, 4] to
-           the project's frame. Exact for sources given as `QuantisedPoints`; otherwise we quantise
-           to 12 bits, with an error of at most extent / 8190 on each axis.
+           the project's frame. Exact for sources given as `QuantisedPoints`; otherwise the
+           error is at most half a step, extent / 8190 on each axis at 12 bits.
 normals    Octahedral, 2 x 8 bits, in the order of the points; the error is below 1 degree.
 occupancy  Bits, deflated, exact.
 extra      Text, absent if empty.
@@ -30,7 +30,8 @@ from PIL import Image
 from psgn_jax.data import schema
 from psgn_jax.data.schema import Sample
 
-_POINT_BITS, _NORMAL_BITS = 12, 8
+DEFAULT_POINT_BITS = 12
+_NORMAL_BITS = 8
 
 # Compared with level 9: half a percent more bytes, a third of the time.
 _DEFLATE_LEVEL = 5
@@ -65,13 +66,14 @@ class DepthCodes:
         return np.where(self.valid, z, 0.0).astype(np.float32)
 
 
-def quantised(points: np.ndarray) -> QuantisedPoints:
-    """Rounds points [M, 3] to 4,096 levels on each axis of their bounding box."""
+def quantised(points: np.ndarray, bits: int = DEFAULT_POINT_BITS) -> QuantisedPoints:
+    """Rounds points [M, 3] to 2**bits levels on each axis of their bounding box, bits = 1 to 16."""
     points = np.asarray(points, np.float64)
     low, high = points.min(axis=0), points.max(axis=0)
-    top = 2**_POINT_BITS - 1
+    top = 2**bits - 1
     step = np.where(high > low, (high - low) / top, 1.0)
-    codes = np.clip(np.rint((points - low) / step), 0, top).astype(np.uint16)
+    dtype = np.uint8 if bits <= 8 else np.uint16
+    codes = np.clip(np.rint((points - low) / step), 0, top).astype(dtype)
     return QuantisedPoints(codes, np.concatenate([np.diag(step), low[:, None]], axis=1))
 
 
@@ -255,17 +257,22 @@ def _decode_normals(stored: Mapping[str, Any]) -> np.ndarray:
 
 
 def encode(
-    sample: Sample, *, points: QuantisedPoints | None = None, depth: DepthCodes | None = None
+    sample: Sample,
+    *,
+    points: QuantisedPoints | None = None,
+    depth: DepthCodes | None = None,
+    point_bits: int = DEFAULT_POINT_BITS,
 ) -> bytes:
     """Encodes one sample as the bytes of a record; ValueError if `schema.validate` refuses it.
 
     `points` and `depth`, the codes of the sample's fields in the same order, are stored exactly.
+    Other points are quantised to `point_bits`.
     """
     try:
         schema.validate(sample)
     except ValueError as error:
         raise ValueError(f"model {sample.model_id!r}, view {sample.view}: {error}") from None
-    points = points or quantised(sample.points)
+    points = points or quantised(sample.points, point_bits)
     order = np.argsort(_point_keys(points.codes), kind="stable")
     stored: dict[str, Any] = {
         "image": _encode_image(sample.image),

@@ -10,9 +10,6 @@ import numpy as np
 from PIL import Image
 from scipy import ndimage
 
-VOID, VOID_COLOUR = 255, (224, 224, 192)
-"""The label and the colour of outlines in PASCAL VOC, which belong to no class."""
-
 # The levels are judged on a sample of at most this many pixels a side.
 _SIDE = 512
 # A level is one of a mask's own if its areas (3x3 pixels without another level) are at least this
@@ -32,7 +29,6 @@ _NEAR, _OFF, _MOST_BETWEEN, _MOST_DIFFERENT = 0.25, 0.5, 0.17, 0.12
 _MANY = 64  # levels that labels do not have, unless they cover most of the mask
 _BLURS = (2, 4, 8, 16, 32)  # factors of reduction
 
-_OUTLINE = f"label {VOID} of the mask was taken as an outline that is not of the object"
 _LUMA = np.array([0.299, 0.587, 0.114])
 _BILINEAR = Image.Resampling.BILINEAR
 
@@ -43,8 +39,8 @@ class MaskLevelsError(ValueError):
 
 def object_in(
     values: np.ndarray, ids: np.ndarray | None = None, label: int | Sequence[int] | None = None
-) -> tuple[np.ndarray, tuple[str, ...]]:
-    """The object's pixels, bool [h, w], and warnings.
+) -> np.ndarray:
+    """The object's pixels, bool [h, w].
 
     Args:
       values: numbers [h, w], or colours uint8 [h, w, 3].
@@ -65,7 +61,7 @@ def object_in(
         among = values if len(wanted) == values.shape[2] == 3 else named
         if len(wanted) != among.shape[2] or not (inside := (among == wanted).all(2)).any():
             raise MaskLevelsError(f"has no level {','.join(map(str, wanted))}; it has {shown}")
-        return inside, ()
+        return inside
     levels = small.reshape(codes.size, -1)[first].astype(np.float64)
     if len(levels) == 1:
         if levels.max() > 0:
@@ -77,9 +73,6 @@ def object_in(
         position, off = _between(levels, levels[low], levels[high])
         far = (position < -_OUTSIDE) | (position > 1 + _OUTSIDE) | (off > _OUTSIDE)
         own |= far & (counts >= _LEAST_SHARE * codes.size)
-    inner = _inside_outline(codes, np.flatnonzero(own), names, counts)
-    if inner is not None:
-        return (values == levels[inner]).all(2), (_OUTLINE,)
     share = _share_between(*_between(small, levels[low], levels[high]))
     if share or own.sum() > 2:
         labelled = own.sum() > 2 and counts[own].sum() > 0.5 * codes.size
@@ -92,7 +85,7 @@ def object_in(
             f"has {len(levels)} levels ({shown}): accepted: two, the object and the rest; name the "
             "object's by mask_label, or in Python give mask=array == level"
         )
-    return _between(values, levels[low], levels[high])[0] > 0.5, ()
+    return _between(values, levels[low], levels[high])[0] > 0.5
 
 
 def sample(values: np.ndarray) -> np.ndarray:
@@ -173,20 +166,6 @@ def _between(
     )
     off = [np.abs(x - position * a) for x, a in zip(channels, axis, strict=True)]
     return position, np.maximum.reduce(off) / np.abs(axis).max()
-
-
-def _inside_outline(
-    codes: np.ndarray, own: np.ndarray, names: np.ndarray, counts: np.ndarray
-) -> int | None:
-    """The one label that an outline of PASCAL VOC separates from level 0; None if it is not so."""
-    void = [i for i in own if names[i].tolist() in ([VOID], [*VOID_COLOUR])]
-    empty = [i for i in own if not names[i].any()]
-    rest = [i for i in own if i not in (*void, *empty)]
-    if (len(void), len(empty), len(rest)) != (1, 1, 1) or counts[void[0]] > 2 * counts[rest[0]]:
-        return None
-    one, other = _neighbours(codes)
-    beside = np.bincount(other[one == rest[0]], minlength=len(counts))
-    return int(rest[0]) if beside[empty[0]] < 0.2 * beside[void[0]] else None
 
 
 def _share_between(position: np.ndarray, off: np.ndarray) -> float:

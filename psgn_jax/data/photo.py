@@ -106,13 +106,6 @@ def read_mask(mask: Source, photo: Photo, label: int | Sequence[int] | None = No
       PhotoError: as `read_photo`; or the mask has other proportions than the photo, is empty or
         full, has more than two levels, or is itself a photograph (`data.mask_levels`).
     """
-    return open_mask(mask, photo, label)[0]
-
-
-def open_mask(
-    mask: Source, photo: Photo, label: int | Sequence[int] | None = None
-) -> tuple[np.ndarray, tuple[str, ...]]:
-    """`read_mask`, and warnings about what the mask contains."""
     name = f"mask {one_line(mask)}" if isinstance(mask, str | os.PathLike) else "the mask"
     ids: np.ndarray | None = None
     mask, bound = _with_numpy(mask, "the mask"), max(photo.image.shape)
@@ -138,10 +131,10 @@ def open_mask(
     if values.dtype.kind == "f" and (bad := int((~np.isfinite(values)).sum())):
         raise PhotoError(f"{name} has {bad} values that are not finite; expected finite levels")
     try:
-        inside, warnings = mask_levels.object_in(values, ids, label)
+        inside = mask_levels.object_in(values, ids, label)
     except mask_levels.MaskLevelsError as error:
         raise PhotoError(f"{name} {error}") from None
-    return resample.smooth_mask(inside, photo.image.shape[:2]), warnings
+    return resample.smooth_mask(inside, photo.image.shape[:2])
 
 
 def _mask_picture(mask: Source, bound: int) -> tuple[Image.Image, tuple[int, int], int]:

@@ -59,8 +59,8 @@ def to_onnx(
     Args:
       function: maps arrays to one array, whose sizes may depend on symbolic sizes of the inputs.
       inputs: the names, types and shapes of the arrays.
-      stored: "float32", "float16" (half the size of the file) or "int8" (a quarter: integers with
-        one scale for each output channel). Runtimes convert kernels to float32 once, at loading.
+      stored: "float32", or "float16" for half the size. Runtimes convert kernels to float32 once,
+        at loading.
 
     Raises:
       ExportError: the function contains a primitive that is not converted here.
@@ -110,17 +110,10 @@ class _Graph:
         self.constants.append(numpy_helper.from_array(np.array(array, dtype, order="C"), name))
         return name
 
-    def kernel(self, array: np.ndarray, channel: int) -> str:
-        """A kernel in the stored type; its axis `channel` has the output channels."""
+    def kernel(self, array: np.ndarray) -> str:
+        """A kernel in the stored type."""
         if self.stored == "float16":
             return self.node("Cast", self.constant(array, np.float16), to=TensorProto.FLOAT)
-        if self.stored == "int8":
-            others = tuple(axis for axis in range(array.ndim) if axis != channel)
-            scale = np.abs(array).max(axis=others, keepdims=True) / np.float32(127)
-            scale = np.where(scale > 0, scale, 1)
-            levels = self.constant(np.rint(array / scale), np.int8)
-            level = self.node("Cast", levels, to=TensorProto.FLOAT)
-            return self.node("Mul", level, self.constant(scale))
         return self.constant(array)
 
     def sizes(self, shape: Sequence[Any], *, infer: bool) -> str:
@@ -197,16 +190,16 @@ class _Graph:
 
     def convolution(self, x: _Tensor, kernel: np.ndarray, params: Any, out: Any) -> _Tensor:
         numbers, pads = params["dimension_numbers"], np.transpose(params["padding"])
-        kind, channel, strides = "Conv", 0, params["window_strides"]
+        kind, strides = "Conv", params["window_strides"]
         kernel = kernel.transpose(numbers.rhs_spec)
         if set(params["lhs_dilation"]) != {1}:
             # JAX pads the dilated image. ONNX cuts `pads` off the result of the largest padding.
-            kind, channel, strides = "ConvTranspose", 1, params["lhs_dilation"]
+            kind, strides = "ConvTranspose", params["lhs_dilation"]
             kernel = np.flip(kernel, tuple(range(2, kernel.ndim))).swapaxes(0, 1)
             pads = np.array(kernel.shape[2:]) - 1 - pads
         options = {"strides": strides, "pads": pads.ravel().tolist()}
         options |= {"dilations": params["rhs_dilation"], "group": params["feature_group_count"]}
-        image, weight = self.name(x, numbers.lhs_spec), self.kernel(kernel, channel)
+        image, weight = self.name(x, numbers.lhs_spec), self.kernel(kernel)
         name = self.node(kind, image, weight, **options)
         return _Tensor(name, out.shape, tuple(numbers.out_spec))
 
@@ -301,7 +294,7 @@ class _Graph:
                 ((len(x.shape) - 1,), (0,)),
                 ((), ()),
             ):
-                name = self.node("MatMul", self.name(x), self.kernel(kernel, 1))
+                name = self.node("MatMul", self.name(x), self.kernel(kernel))
                 return _Tensor(name, out.shape, _plain(out.shape))
             case "conv_general_dilated", [x, np.ndarray() as kernel]:
                 return self.convolution(x, kernel, params, out)

@@ -84,7 +84,7 @@ class MaskOptions(TypedDict, total=False):
       mask_from: one of `METHODS`, or `rembg:MODEL`, for a photo without a given mask.
       invert_mask: whether a given mask is dark on the object; default: if it covers the border.
       accept_mask: whether to use the mask network's mask even if it is not certain.
-      mask_label: the object's label in a given mask with several, see `photo.open_mask`.
+      mask_label: the object's label in a given mask with several, see `photo.read_mask`.
       box: left, top, right and bottom of a box around the object, in pixels of the upright photo
         in its full size.
       point: column and row of a pixel of the object, likewise.
@@ -155,8 +155,7 @@ def mask_of(
 def _given(read: photo.Photo, mask: photo.Source, name: str, options: MaskOptions) -> FoundMask:
     """A given mask, inverted or turned if it has to be."""
     invert, label = options.get("invert_mask"), options.get("mask_label")
-    pixels, notes = photo.open_mask(mask, read, label)
-    warnings = list(notes)
+    pixels, warnings = photo.read_mask(mask, read, label), []
     if inverted := invert is None and label is None and _looks_inverted(pixels):
         warnings.append("the mask covers the border: it was inverted")
     if invert or inverted:

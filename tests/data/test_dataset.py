@@ -45,12 +45,13 @@ def test_round_trip_of_every_field(sample):
         encode(dataclasses.replace(sample, extra="[1]"))
 
 
-def test_point_error_is_half_a_step_of_12_bits(make, rng):
+@pytest.mark.parametrize("bits", [8, 9, 16])
+def test_point_error_is_half_a_step(make, rng, bits):
     sample = make.sample(rng, num_points=500)
-    points = codec.quantised(sample.points)
-    step = np.ptp(sample.points, axis=0) / 4095
+    points = codec.quantised(sample.points, bits)
+    step = np.ptp(sample.points, axis=0) / (2**bits - 1)
     assert (np.abs(points.points() - sample.points) <= step / 2 * (1 + 1e-4) + 1e-6).all()
-    stored = decode_stored(encode(sample)).points
+    stored = decode_stored(encode(sample, point_bits=bits)).points
     np.testing.assert_array_equal(sorted_rows(stored.codes), sorted_rows(points.codes))
 
 

@@ -23,8 +23,6 @@ def build_page(
     *,
     weights: str = "float16",
     runtime: str = "",
-    data: str = "",
-    split: str = "validation",
 ) -> int:
     """Writes the page, or replaces an earlier one; returns its size in bytes.
 
@@ -39,7 +37,7 @@ def build_page(
         if path.is_file():
             files[path.relative_to(STATIC).as_posix()] = path.read_bytes()
     files[CLOUD_SCRIPT.name] = CLOUD_SCRIPT.read_bytes()
-    network = write_network(run, out, weights=(weights,), stablehlo=False, data=data, split=split)
+    network = write_network(run, out, weights=(weights,), stablehlo=False)
     mask_network = mask_networks.FILE.name
     files[mask_network] = mask_networks.FILE.read_bytes()
     network["mask_network"] = {

@@ -200,7 +200,7 @@ def test_masks_from_transparency_from_files_and_drawn(open_page, address, predic
     # If the mask is refused, the photo is shown without the earlier cloud.
     shutil.copy(tmp_path / "my chair.png", tmp_path / "chair_mask.png")
     give(page, tmp_path / "my chair.png", tmp_path / "chair_mask.png")
-    assert problem(page).startswith("The mask looks like a photograph")
+    assert problem(page).startswith("The mask has more than two levels")
     assert (page.evaluate("psgn.page.clouds"), page.evaluate(DRAWN)) == ([], True)
     assert not page.is_visible("[data-format=ply]")
     Image.new("L", (320, 240), 255).save(tmp_path / "chair_mask.png")

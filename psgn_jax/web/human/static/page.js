@@ -137,19 +137,6 @@ function restore(text) {
   Object.assign(state, { entries, selected: -1 });
 }
 
-/** Restores what this browser has kept. */
-function follow(text) {
-  restore(text);
-  kept = savedModels(false);
-}
-
-/** Shows what another tab has kept. */
-function catchUp(text) {
-  if (!text || text === kept) return;
-  follow(text);
-  show();
-}
-
 /** Writes only what was changed here: another tab may have changed more. */
 function keep() {
   const text = savedModels(false);
@@ -384,10 +371,9 @@ addEventListener("keydown", event => {
 
 try {
   const saved = localStorage.getItem(KEY);
-  if (saved) follow(saved);
+  if (saved) restore(saved);
+  kept = savedModels(false);
 } catch { /* what this browser has kept is not usable */ }
 open(0);
 addEventListener("pagehide", keep);
-addEventListener("storage", ({ key, newValue }) => { if (key === KEY) catchUp(newValue); });
-addEventListener("pageshow", ({ persisted }) => { if (persisted) catchUp(localStorage.getItem(KEY)); });
 globalThis.human = { state, views, insert, meshesOf, model, toWorld, project };
