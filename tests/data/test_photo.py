@@ -219,9 +219,8 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
 
 def test_no_shape_of_40_megapixels_takes_more_than_one_and_a_half_gb(tmp_path):
     """A small file can have any shape, and a thin object needs a view that is much larger."""
-    sides = [(16, 30_000), (16, 65_500), (260, 65_500), (610, 65_500), (2_000, 20_000)]
-    shapes = [(w, h, "RGB") for pair in sides for w, h in (pair, pair[::-1])]
-    shapes += [(6_300, 6_300, "RGB"), (6_300, 6_300, "RGBA")]
+    shapes = [(16, 65_500, "RGB"), (65_500, 260, "RGB"), (610, 65_500, "RGB")]
+    shapes += [(20_000, 2_000, "RGB"), (6_300, 6_300, "RGBA")]
     done = subprocess.run(
         [sys.executable, "-c", _PEAK, json.dumps(shapes)],
         cwd=tmp_path,
@@ -246,12 +245,10 @@ def orientation_as(kind, data, count=1):
     "exif",
     [
         *(orientation_as(*entry) for entry in (
-            (1, b"\6"), (2, b"6\0", 2), (2, b"junk\0", 5), (3, b"\0\0"), (3, b"\0\x09"),
-            (4, b"\xff" * 4), (5, bytes(8)), (7, b"\6"), (7, b"junk", 4), (9, b"\xff" * 4),
-            (11, struct.pack(">f", float("nan"))), (12, struct.pack(">d", float("nan"))),
-            (99, b"\6"), (3, b"", 0),
+            (2, b"junk\0", 5), (3, b"\0\x09"), (4, b"\xff" * 4), (5, bytes(8)), (7, b"\6"),
+            (12, struct.pack(">d", float("nan"))), (99, b"\6"), (3, b"", 0),
         )),
-        b"junk", b"Exif\0\0junk", b"Exif\0\0II*\0\xff\xff\xff\xff", bytes(40),
+        b"junk", b"Exif\0\0II*\0\xff\xff\xff\xff",
     ],
 )  # fmt: skip
 @pytest.mark.filterwarnings("ignore:Corrupt EXIF")  # where the test opens the file itself

@@ -55,6 +55,7 @@ def test_the_command_on_predictions(rng, tmp_path, capsys):
     arrays = {"image": np.full((*SIZE, 3), 191, np.uint8), "points": points}
     arrays |= {"branch": (np.arange(50) < 9).astype(np.uint8), "seen": np.ones((1, 50), bool)}
     arrays |= {"intrinsics": CAMERA[0], "extrinsics": CAMERA[1]}
+    arrays |= {"photo": arrays["image"], "to_view": np.eye(3)}
     arrays |= {"colours": np.tile(np.array(RED, np.uint8), (1, 50, 1))}
     file, out, gif = (tmp_path / name for name in ("a.npz", "sheet.png", "turn.gif"))
     np.savez(file, **arrays)
