@@ -25,12 +25,12 @@ from psgn_jax.system.untrusted import message_line, refuse_special_files
 def define_network_flags(flags: Flags) -> None:
     """The flags of a network, for `weights.opening.open_network`."""
     flags.string("workdir", None, "Folder of a run, instead of weights.")
-    flags.string("weights", None, "Name or file of weights; default: those of the package.")
+    flags.string("weights", None, "Name or file of weights; default: the package's.")
     flags.enum("checkpoint", "best", ["best", "last"], "Checkpoint of the run.")
 
 
 def define_process_flags(flags: Flags) -> None:
-    """The flags of one of several processes, for `joined`."""
+    """Flags of a process that shares the work with others, for `joined`."""
     flags.string("coordinator", None, "HOST:PORT of the first of several processes.")
     flags.integer("num_processes", None, "Number of processes that share the work.")
     flags.integer("process_id", None, "Index of this process, from 0.")

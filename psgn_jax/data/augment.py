@@ -146,9 +146,8 @@ def reframe(
 
     A view without depth from another angle than the authors' (`framing.has_authors_angle`) is
     always placed, unless `place_share` is 0 or the view shows too little of its object. Its points
-    do not move with the image: the rule places them as if the authors' camera saw the object, and
-    this camera becomes that of the result. So the points of an object have nearly the same scale
-    and position for every angle.
+    are placed for the authors' camera, which the result then uses. So the points of an object have
+    nearly the same scale and position for every angle.
 
     Args:
       rng: source of the random numbers; how many are drawn does not depend on the other arguments.

@@ -54,8 +54,8 @@ def convert_authors(
 ) -> tuple[Manifest, list[str]]:
     """Converts a folder of the authors' batches; one file is in memory at a time.
 
-    Training samples whose shape is that of a validation or test object have the split
-    `DUPLICATES`. Result and errors are those of `convert_models`.
+    Training samples with the shape of a validation or test object have the split `DUPLICATES`.
+    Result and errors as in `convert_models`.
     """
     source, destination = pathlib.Path(source), pathlib.Path(destination)
     if not source.is_dir():

@@ -79,8 +79,8 @@ class Move:
 class Framed:
     """A photo as framed for a network, with the authors' camera for this view.
 
-    `to_view` maps homogeneous (column, row) of the original array to those of the view, so
-    `inv(to_view) @ intrinsics` is the camera of that array.
+    `to_view` maps homogeneous (column, row) of the photo to (column, row) of the view, so
+    `inv(to_view) @ intrinsics` is the photo's camera.
     """
 
     image: np.ndarray  # uint8 [h, w, 3] of the network's size, grey outside the mask
@@ -172,7 +172,7 @@ def move_image(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Resamples image uint8 [h, w, 3] and mask bool [h, w] to a view of `size` (H, W).
 
-    `to_view` [3, 3] maps (column, row) of the array to those of the view, by scale and shift.
+    `to_view` [3, 3] maps (column, row) of the array to the view, by scale and shift.
     The result is grey 191 outside its mask. Pillow's bilinear filter averages over all pixels when
     it reduces an image.
     """

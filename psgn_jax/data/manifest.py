@@ -23,7 +23,7 @@ SPLIT_NAME = re.compile(r"[a-z0-9_]+")
 """Valid names of splits; the names of a split's files begin with its name."""
 
 DUPLICATES = "duplicate"
-"""Split of training samples whose shape is that of a validation or test object; nobody reads it."""
+"""Split of training samples with the shape of a validation or test object; nobody reads it."""
 
 # Sums of counts over all shards stay within 64 bits.
 _Count = Annotated[int, Bounds(0, (1 << 40) - 1)]

@@ -12,7 +12,7 @@ from scipy import ndimage
 
 # The levels are judged on a sample of at most this many pixels a side.
 _SIDE = 512
-# A level is one of a mask's own if its areas (3x3 pixels without another level) are at least this
+# A level fills areas if its areas (3x3 pixels without another level) are at least this
 # share of the mask. Among more than `FEW` levels, most are of soft edges or of JPEG: there, at
 # least half of the pixels at a level's border must also differ by `_STEP` of the range.
 _LEAST_AREA, FEW, _STEP = 0.001, 16, 0.02
@@ -134,7 +134,7 @@ def _neighbours(codes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _own_levels(codes: np.ndarray, levels: np.ndarray) -> np.ndarray:
-    """Which levels are a mask's own, not those of soft edges or of noise; see `_LEAST_AREA`."""
+    """Which levels fill areas, unlike soft edges and noise; see `_LEAST_AREA`."""
     inner = ndimage.maximum_filter(codes, 3) == ndimage.minimum_filter(codes, 3)
     number = len(levels)
     own = np.bincount(codes[inner], minlength=number) >= _LEAST_AREA * codes.size
@@ -147,7 +147,7 @@ def _own_levels(codes: np.ndarray, levels: np.ndarray) -> np.ndarray:
 
 
 def _two_levels(own: np.ndarray, levels: np.ndarray) -> tuple[int, int]:
-    """The darker and the brighter one of the two own levels, or of two very different ones."""
+    """The darker and the brighter of two levels that fill areas, or of two that differ most."""
     light = levels @ _LUMA if levels.shape[1] == 3 else levels[:, 0]
     one, *others = np.flatnonzero(own).tolist() or [int(light.argmin())]
     apart = np.abs(levels - levels[one]).max(axis=1)
@@ -169,7 +169,7 @@ def _between(
 
 
 def _share_between(position: np.ndarray, off: np.ndarray) -> float:
-    """The share of pixels between the levels; 0 if they are those of soft edges."""
+    """The share of pixels between the levels; 0 if they belong to soft edges."""
     inside = position > 0.5
     near = (np.abs(position - inside) <= _NEAR) & (off <= _OFF)
     lowest, highest = ndimage.minimum_filter(position, 5), ndimage.maximum_filter(position, 5)

@@ -185,7 +185,7 @@ def same_proportions(size: tuple[int, ...], other: tuple[int, ...]) -> bool:
 
 
 def _with_numpy(image: Source, noun: str) -> Source:
-    """An array of JAX or another library as one of NumPy; anything else but lists as it is."""
+    """Turns arrays of other libraries into NumPy's; refuses lists; returns anything else."""
     if isinstance(image, list | tuple):
         raise ValueError(f"{noun} is a list: accepted: one image; use a loop for several")
     if isinstance(image, np.ndarray | Image.Image) or not hasattr(image, "__array__"):

@@ -299,7 +299,7 @@ def specification(path: pathlib.Path) -> tuple[dict[str, Any], list[Tag]] | None
 def _check_same(
     folder: pathlib.Path, stated: Mapping[str, Any], there: Sequence[Tag], job: Job, what: str
 ) -> None:
-    """Raises `OtherSettingsError` if the data set of a folder is not that of a job."""
+    """Raises `OtherSettingsError` if the data set of a folder belongs to another job."""
     difference = _difference(stated["job"], job.statement).removeprefix("settings.")
     if difference:
         raise OtherSettingsError(
@@ -380,7 +380,7 @@ def _kept(folder: pathlib.Path, job: Job) -> dict[str, _Done]:
 
 
 def _finished(folder: pathlib.Path, job: Job) -> dict[str, _Done]:
-    """The finished blocks by digest: those of the complete data set, and of the job under way."""
+    """Blocks by digest that are finished in the complete data set or in the job under way."""
     found = _kept(folder, job)
     for path in (folder / WORK).glob("*.block"):
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError):  # made again

@@ -206,7 +206,7 @@ class Prediction:
 
         Args:
           focal: focal length in pixels of the photo in its full size; None = EXIF's, or without
-            EXIF the one of the training images, 400 pixels in the view. EXIF's is wrong if the
+            EXIF the training images', 400 pixels in a view of 192x256. EXIF's is wrong if the
             photo was cropped.
           height: height of the object in metres; None keeps the cloud's unit.
           sample: number of the cloud.

@@ -81,7 +81,7 @@ class MaskOptions(TypedDict, total=False):
     """How a mask is read or found.
 
     Attributes:
-      mask_from: one of `METHODS`, or `rembg:MODEL`, for a photo without a given mask.
+      mask_from: a method of `METHODS`, or `rembg:MODEL`, if no mask is given.
       invert_mask: whether a given mask is dark on the object; default: if it covers the border.
       accept_mask: whether to use the mask network's mask even if it is not certain.
       mask_label: the object's label in a given mask with several, see `photo.read_mask`.
@@ -109,7 +109,7 @@ class UncertainMaskError(PhotoError):
 def mask_of(
     read: photo.Photo, mask: photo.Source | None = None, **options: Unpack[MaskOptions]
 ) -> FoundMask:
-    """The mask of a photo: the given one; else with "auto" `NAME_mask.*` beside it; else found.
+    """The mask of a photo: `mask`; without it, for "auto", `NAME_mask.*` beside it; else found.
 
     Warnings say if the photo's border cuts the object off, and if the mask has two large parts.
     With a box or a point, a mask beside the photo is not used.
@@ -332,8 +332,8 @@ def _fits_better_turned(image: np.ndarray, mask: np.ndarray, orientation: int) -
 def certainty(p: np.ndarray, part: np.ndarray) -> float:
     """Expected intersection over union of the mask and the object; 0 without a mask.
 
-    The mask is that of p > .5 in the part. If the object had each other pixel with its probability,
-    this were sum(p in the mask) / (area of the mask + sum(p elsewhere)).
+    The mask is p > .5 in the part. If each other pixel showed the object with its probability, the
+    expectation were sum(p in the mask) / (area of the mask + sum(p elsewhere)).
     """
     inside = part & (p > 0.5)
     return float(p[inside].sum() / (inside.sum() + p[~inside].sum() + 1e-9))

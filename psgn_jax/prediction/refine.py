@@ -37,8 +37,8 @@ def refined(
 ) -> Fit:
     """Points [B, N, 3], or [B, draws, N, 3], averaged and fitted, and their cameras [B, 3, 4].
 
-    A network with a random input or with depth only gets the fit: each of its samples is a shape of
-    its own, and the camera of a depth image would have to be mirrored.
+    We only fit clouds of a network with a random input, because each draw is another shape, and of
+    a network with depth, because the camera of the depth image would have to be mirrored.
 
     Args:
       predict: maps a batch and r to the points of the network.

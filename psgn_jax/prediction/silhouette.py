@@ -45,7 +45,7 @@ DEEPEST, NARROWEST = 3.0, 3.0
 `NARROWEST` pixels."""
 
 ELEVATIONS = [-20, -10, 0, 10, 20]
-"""Degrees from the elevation of the given camera that `camera_of` tries."""
+"""Degrees that `camera_of` adds to the camera's elevation."""
 
 SAMPLES = 96
 """Pixels of the mask that `camera_of` compares."""

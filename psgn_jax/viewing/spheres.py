@@ -37,7 +37,6 @@ VALUE_COLOURS = np.array(
 _KEY = np.array([-0.5, -0.75, -0.6]) / np.linalg.norm([0.5, 0.75, 0.6])
 _AMBIENT, _DIFFUSE, _SPECULAR = 0.42, 0.62, 0.16
 _OVERSAMPLING = 2
-_SHADOW_CELLS, _SHADOW_HALF = 192, 1.6  # shadow map on the ground: cells per side, half its width
 _SHADOW_SLANT = (-0.25, 0.3)  # offset of the shadow per unit of height: toward the camera, right
 _SHADOW_DARKNESS = 0.42
 
@@ -272,29 +271,22 @@ def _ground_light(
     extrinsics: np.ndarray,
     size: tuple[int, int],
 ) -> np.ndarray:
-    """Light on the ground z = 0 at each pixel; 1 = no shadow, or no ground."""
-    cell = 2 * _SHADOW_HALF / _SHADOW_CELLS
+    """Light on the ground z = 0 at each pixel; 1 = no shadow."""
     # The shadow falls to the right and away from the camera.
     rotation = extrinsics[:, :3]
     right, toward = rotation[0, :2], -rotation[2, :2]
     toward = toward / max(float(np.linalg.norm(toward)), 1e-9)
+    high = np.maximum(points[:, 2:], 0)
     slant = _SHADOW_SLANT[1] * right + _SHADOW_SLANT[0] * toward
-    high = np.maximum(points[:, 2], 0)
-    cell_of = (points[:, :2] + high[:, None] * slant + _SHADOW_HALF) / cell
-    column, row = np.clip(np.floor(cell_of), 0, _SHADOW_CELLS - 1).astype(int).T
+    feet = np.concatenate([points[:, :2] + high * slant, 0 * high], axis=1)
+    pixels, depth = camera.project(feet, intrinsics, extrinsics)
+    inside = (depth > 0.05) & ((pixels >= 0) & (pixels < size[::-1])).all(axis=1)
+    column, row = pixels[inside].astype(int).T
     # Higher points cast a softer, weaker shadow.
-    weight, share = (2 * radius / cell) ** 2 * 1.2, np.clip(high / 0.6, 0, 1)
-    total = np.zeros((_SHADOW_CELLS, _SHADOW_CELLS))
-    for weights, sigma in ((weight * (1 - share), 2.5), (weight * share * 0.8, 7.0)):
-        layer = np.bincount(row * _SHADOW_CELLS + column, weights, total.size)
-        total += ndimage.gaussian_filter(layer.reshape(total.shape), sigma, mode="constant")
-    dark = _SHADOW_DARKNESS * (1 - np.exp(-1.6 * total))
-    columns, rows = np.meshgrid(np.arange(size[1]) + 0.5, np.arange(size[0]) + 0.5)
-    rays = np.stack([columns, rows, np.ones(size)], axis=-1) @ np.linalg.inv(intrinsics).T
-    directions, centre = rays @ rotation, -rotation.T @ extrinsics[:, 3]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        distance = -centre[2] / directions[..., 2]
-        ground = centre[:2] + distance[..., None] * directions[..., :2]
-    valid = ((distance > 0) & np.isfinite(distance))[..., None]
-    at = np.where(valid, (ground + _SHADOW_HALF) / cell - 0.5, -2)
-    return 1 - ndimage.map_coordinates(dark, [at[..., 1], at[..., 0]], order=1)
+    share, ball = np.clip(high[inside, 0] / 0.6, 0, 1), radius * intrinsics[0, 0] / depth[inside]
+    total = np.zeros(size)
+    for weights, blur in ((1 - share, 1.5), (0.8 * share, 4.0)):
+        layer = np.bincount(row * size[1] + column, weights * 1.7 * ball**2, total.size)
+        sigma = blur * float(np.median(ball)) if len(ball) else 1.0
+        total += ndimage.gaussian_filter(layer.reshape(size), (sigma / 2, sigma), mode="constant")
+    return 1 - _SHADOW_DARKNESS * (1 - np.exp(-1.6 * total))

@@ -1,6 +1,6 @@
 """Finds objects of a training set that are also in a set for validation or tests, by their shape.
 
-A shape counts as that of a held-out object if the two clouds, turned about the vertical axis and
+A cloud has the shape of a held-out object if the two clouds, turned about the vertical axis and
 mirrored to fit best, are no farther apart than two samples of one surface, up to 20 %:
 
     mean |a - b(a)|^2 + mean |b - a(b)|^2 < 1.2 (mean |a - a'(a)|^2 + mean |b - b'(b)|^2)

@@ -33,7 +33,7 @@ IMAGE_SIDE = 137
 FOCAL = 35 / 32 * IMAGE_SIDE
 MAX_DISTANCE = 1.75
 
-# Rotation from ShapeNet's axes to those of the world.
+# Rotation from ShapeNet's axes to the world's.
 TO_WORLD = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 
 _MAX_FILE_SIZE = 1 << 24
@@ -116,7 +116,7 @@ def corners(solid: WorldGrid) -> np.ndarray:
 def surface_points(solid: WorldGrid, count: int, rng: np.random.Generator) -> np.ndarray:
     """Uniformly distributed points on the outer faces of occupied cells, in the world.
 
-    The surface consists of steps, so it is rougher and larger than that of the model; on a slanted
+    The surface consists of steps, so it is rougher and larger than the model's; on a slanted
     plane, points are up to one cell from it.
     """
     padded = np.pad(solid.cells, 1)
