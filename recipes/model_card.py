@@ -70,7 +70,6 @@ def small_png(picture, largest):
 # --- Photos -------------------------------------------------------------------------------------
 
 HIGH, WIDE = 150, 200
-OUTSIDE = np.array([60, 90, 160])
 STEPS, MILLISECONDS = 40, 90
 """Pictures of a turn, and the time of each."""
 
@@ -85,12 +84,10 @@ def panel(picture):
 
 def masked(image, mask, predictor, which, title):
     """The image with the part outside the mask in blue, and the cloud from two sides."""
-    grey = image.mean(axis=2, keepdims=True)
-    blue = np.where(mask[..., None], image, 0.25 * grey + OUTSIDE).astype(np.uint8)
     prediction = predictor(image, mask)
     clouds = spheres.by_height({f"cloud, {which} mask": prediction.points[0]})
     pictures = spheres.panels(vars(prediction.view), clouds, height=HIGH)
-    return {title: panel(blue), **dict(list(pictures.items())[1:])}
+    return {title: panel(masks.with_mask(image, mask)), **dict(list(pictures.items())[1:])}
 
 
 def row(image, given, predictor):

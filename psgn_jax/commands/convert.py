@@ -1,8 +1,8 @@
 """Converts published data sets to records.
 
     psgn convert authors SRC DST
-    psgn convert r2n2 SRC DST [--views N] [--points 16384] [--strict]
-    psgn convert occnet SRC DST [--views N] [--points 16384] [--strict]
+    psgn convert r2n2 SRC DST [--views N] [--points 16384]
+    psgn convert occnet SRC DST [--views N] [--points 16384]
 
 - `authors`: SRC is a folder with the authors' batch files (`*.gz`). Files 48 and 49 are the split
   `test`, names that begin with `f` are `validation`. Training samples whose shape is that of a
@@ -13,11 +13,9 @@
 
 A file, a model or a view of a model that cannot be read is reported and left out, and so is a
 sample without an object (its mask or its volume is empty, or all its points are in one place). The
-exit code is then 1. With `--strict` the command stops at the first such file, model or view. If the
-command is started again, it keeps the complete shards and continues after them. Files and models
-from which something was left out are converted again, and shards whose files have changed. A
-complete conversion is not changed. If the disk is
-full, the exit code is 5.
+exit code is then 1. If the command is started again, it keeps the complete shards and continues
+after them. Shards from which something was left out are converted again, and shards whose files
+have changed. A complete conversion is not changed. If the disk is full, the exit code is 5.
 """
 
 import sys
@@ -37,7 +35,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags.integer("views", None, "Views per model; by default all.")
     flags.integer("points", shapenet.NUM_POINTS, "Points per sample, at most.", lower_bound=1,
                   upper_bound=1_000_000)  # fmt: skip
-    flags.bool("strict", False, "Stop at the first bad file.")
     return flags.run(_main, argv, wrong_input=(ValueError,))
 
 
@@ -50,14 +47,12 @@ def _main(flags: Flags) -> int:
         )
     check_folder(destination, "DST")
     if layout == "authors":
-        if given := flags.given("views", "points", "strict"):
+        if given := flags.given("views", "points"):
             raise ConfigError(f"{given[0]}: not accepted by authors")
         manifest, refused = convert_authors(source, destination)
     else:
-        points, views, strict = (flags.values[n].value for n in ("points", "views", "strict"))
-        manifest, refused = convert_models(
-            layout, source, destination, num_points=points, views=views, strict=strict
-        )
+        options = {"num_points": flags.values.points, "views": flags.values.views}
+        manifest, refused = convert_models(layout, source, destination, **options)
     for split, shards in manifest.splits().items():
         size, count = sum(s.size for s in shards), sum(s.count for s in shards)
         sys.stdout.write(f"{split}: {count} samples, {size / 1e6:.1f} MB\n")

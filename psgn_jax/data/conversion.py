@@ -87,7 +87,7 @@ def convert_authors(
     inputs = [
         (Tag(p.name, "", "", f"{_state(p)}:{files:08x}"), functools.partial(read, p)) for p in paths
     ]
-    return convert({"source": "authors"}, source, inputs, destination, FILES_PER_SHARD)
+    return convert("authors", source, inputs, destination, FILES_PER_SHARD)
 
 
 def convert_models(
@@ -97,7 +97,6 @@ def convert_models(
     *,
     num_points: int = shapenet.NUM_POINTS,
     views: int | None = None,
-    strict: bool = False,
 ) -> tuple[Manifest, list[str]]:
     """Converts a folder tree of ShapeNet models; one model is in memory at a time.
 
@@ -105,14 +104,12 @@ def convert_models(
       layout: "r2n2" or "occnet"; the modules of these names describe the layouts.
       num_points: maximum number of points per sample.
       views: use only the first views of each model; None: all of the layout.
-      strict: stop at the first file, model or view that cannot be read.
 
     Returns:
       The manifest, and a message for everything that was left out.
 
     Raises:
-      ValueError: `source` does not have the layout, or so many views; nothing in it can be read, or
-        with `strict` something cannot be read.
+      ValueError: `source` does not have the layout, or so many views; nothing in it can be read.
       OtherSettingsError: `destination` contains a data set from another source.
     """
     source, destination = pathlib.Path(source), pathlib.Path(destination)
@@ -124,8 +121,6 @@ def convert_models(
     models, messages = reader.models(source)
     for message in messages:
         logging.error("%s", one_line(message))
-    if strict and messages:
-        raise ValueError(messages[0])
 
     def read(split: str, synset: str, name: str) -> Iterator[ConvertedRecord]:
         view_of = reader.open_model(source, synset, name, num_points)
@@ -142,37 +137,31 @@ def convert_models(
         version = f"{num_points}:{views}:" + ":".join(states)
         tag = Tag(f"{synset}/{name}", synset, split, version)
         inputs.append((tag, functools.partial(read, split, synset, name)))
-    manifest, left_out = convert(
-        {"source": layout}, source, inputs, destination, MODELS_PER_SHARD, strict
-    )
+    manifest, left_out = convert(layout, source, inputs, destination, MODELS_PER_SHARD)
     return manifest, messages + left_out
 
 
 def convert(
-    statement: dict[str, Any],
+    layout: str,
     source: pathlib.Path,
     inputs: Sequence[Input],
     destination: pathlib.Path,
     per_shard: int,
-    strict: bool = False,
 ) -> tuple[Manifest, list[str]]:
-    """Converts inputs, or continues a conversion; see `shards.Job` for the arguments."""
+    """Converts inputs, or continues a conversion; result and errors as in `convert_models`."""
 
     def make(todo: Sequence[tuple[int, Any]]) -> Generator[shards.Result]:
         for number, read in todo:
             records: dict[str, list[bytes]] = {}
-            messages: list[str] = []
-            name = inputs[number][0].model_id
+            tag, messages = inputs[number][0], []
             for result in _readable(read):
                 if isinstance(result, str):
-                    result = result if name in result else f"{name}: {result}"
-                    messages.append(result)
-                    if strict:
-                        raise ValueError(result)
+                    named = tag.model_id in result
+                    messages.append(result if named else f"{tag.model_id}: {result}")
                 else:
                     records.setdefault(result[0], []).append(result[1])
             line = {
-                **inputs[number][0]._asdict(),
+                **tag._asdict(),
                 "status": _INCOMPLETE if messages else "ok",
                 "reason": "\n".join(messages),
                 "samples": sum(map(len, records.values())),
@@ -183,6 +172,7 @@ def convert(
     def incomplete(line: shards.Line) -> bool:
         return bool(line["status"] == _INCOMPLETE)
 
+    statement = {"source": layout}
     job = Job(statement, inputs, per_shard, converts=True, tries_again=incomplete)
     progress = shards.write(destination, job, make)
     left_out = [text for line in progress.lines for text in line["reason"].split("\n") if text]
