@@ -12,6 +12,8 @@ from psgn_jax.commands import view
 from psgn_jax.prediction.formats import PredictionFileError, read_prediction
 from psgn_jax.viewing import page
 
+FIELDS = (*page.FIELDS, "image")
+
 
 def arrays(**changes):
     return {
@@ -25,14 +27,14 @@ def arrays(**changes):
 
 def test_a_prediction_is_read(tmp_path):
     np.savez(tmp_path / "a.npz", **arrays(points=np.ones((2, 50, 3), ">f8")))
-    read = read_prediction(tmp_path / "a.npz", page.FIELDS)
+    read = read_prediction(tmp_path / "a.npz", FIELDS)
     assert {name: value.shape for name, value in read.items()} == {
         name: value.shape for name, value in arrays().items()
     }
     assert read["points"].dtype == np.float32
     assert (read["points"] == 1).all()
     np.savez(tmp_path / "b.npz", **arrays(spread=np.ones((2, 50), np.float32)))
-    read = read_prediction(tmp_path / "b.npz", page.FIELDS)
+    read = read_prediction(tmp_path / "b.npz", FIELDS)
     assert page.case_of("b", read).spread.shape == (2, 50)
 
 
@@ -96,7 +98,7 @@ def test_what_is_no_prediction_is_refused_in_one_line(tmp_path, capsys):
             archive.writestr("points.npy", content)
     for name, message in expected.items():
         with pytest.raises(PredictionFileError, match=message) as error:
-            read_prediction(tmp_path / f"{name}.npz", page.FIELDS)
+            read_prediction(tmp_path / f"{name}.npz", FIELDS)
         assert "pickle" not in str(error.value)
         assert "\n" not in str(error.value)
     for command in (view.main, spheres_command.main):
