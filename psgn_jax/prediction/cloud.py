@@ -278,11 +278,13 @@ def colours_from_view(points: np.ndarray, view: Framed) -> tuple[np.ndarray, np.
     mask and no disc is more than .08 in front of its centre. A hidden point has the colour of the
     nearest visible one; if none is visible, all have the colour `UNSEEN`.
     """
-    height, width = view.mask.shape
-    pixels, depth = camera.project(points, view.intrinsics, view.extrinsics)
+    # The constants were measured at this size.
+    height, width = camera.VIEW_SIZE
+    intrinsics = camera.scale_intrinsics(view.intrinsics, view.mask.shape, camera.VIEW_SIZE)
+    pixels, depth = camera.project(points, intrinsics, view.extrinsics)
     front = np.isfinite(pixels).all(axis=1) & (depth > 1e-3)
     corner = np.floor(np.clip(np.where(front[:, None], pixels, -1), -width, 2 * width)).astype(int)
-    reach = view.intrinsics[0, 0] * _RADIUS / np.maximum(depth, 1e-3)
+    reach = intrinsics[0, 0] * _RADIUS / np.maximum(depth, 1e-3)
     most = int(min(reach[front].max(initial=0), 64)) + 1
     across, down = (a.ravel() for a in np.mgrid[-most : most + 1, -most : most + 1])
     column, row = corner[:, :1] + across, corner[:, 1:] + down
@@ -293,9 +295,10 @@ def colours_from_view(points: np.ndarray, view: Framed) -> tuple[np.ndarray, np.
     np.minimum.at(nearest, (row[covered], column[covered]), depths[covered])
     seen = front & (corner >= 0).all(axis=1) & (corner < (width, height)).all(axis=1)
     column, row = np.clip(corner, 0, (width - 1, height - 1)).T
-    seen &= view.mask[row, column] & (depth <= nearest[row, column] + _DEPTH_TOLERANCE)
+    at = row * view.mask.shape[0] // height, column * view.mask.shape[1] // width
+    seen &= view.mask[at] & (depth <= nearest[row, column] + _DEPTH_TOLERANCE)
     colours = np.tile(np.array(UNSEEN, np.uint8), (len(points), 1))
-    colours[seen] = view.image[row[seen], column[seen]]
+    colours[seen] = view.image[at][seen]
     if seen.any():
         _, nearest_seen = KDTree(points[seen]).query(points[~seen])
         colours[~seen] = colours[seen][nearest_seen]

@@ -103,14 +103,14 @@ def test_normal_form_and_colours():
     sample = next(iter(drawn_solids.samples(1, seed=4, image_size=(192, 256))))
     points = sample.points[:700].astype(np.float32)
     points[[3, 90]] += 2
-    view = framing.place(sample.image, sample.mask, move=False)
+    view = framing.place(sample.image, sample.mask, (96, 128), move=False)
     body = """
 const view = { rgb: input.image, mask: input.mask };
 const outlier = framing.findOutliers(input.points);
 const colours = framing.coloursFromView(input.points, view, input.about);
 return [framing.normalForm(input.points, outlier), outlier, colours];
 """
-    given = {"points": points, "image": view.image, "mask": view.mask, "about": about((192, 256))}
+    given = {"points": points, "image": view.image, "mask": view.mask, "about": about()}
     normal, outlier, colours = run_node(body, **given)
     np.testing.assert_array_equal(outlier, find_outliers(points))
     assert sum(outlier) == 2

@@ -203,7 +203,7 @@ def outside(cloud, points=None):
     """The share of the points that do not project onto the mask."""
     points = cloud.points[0] if points is None else points
     pixels, _ = camera.project(points, cloud.view.intrinsics, cloud.view.extrinsics)
-    return (~camera.inside_mask(pixels, cloud.view.mask, 2)).mean()
+    return (~camera.inside_mask(pixels, cloud.view.mask, 1)).mean()
 
 
 def test_the_network_predicts_right_side_up_and_clouds_are_fitted_to_the_mask(model):

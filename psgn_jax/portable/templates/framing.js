@@ -134,7 +134,8 @@ const RADIUS = 0.04, DEPTH_TOLERANCE = 0.08, UNSEEN = 150;
 
 /** Three bytes for each point: the colour of the view at the point, or at the nearest visible point. */
 export function coloursFromView(points, view, about) {
-  const [height, width] = about.image_size, { intrinsics: k, extrinsics: e } = about.camera;
+  const [height, width] = about.view_size, [h, w] = about.image_size, { intrinsics, extrinsics: e } = about.camera;
+  const k = intrinsics.map((row, i) => row.map(v => v * [width / w, height / h, 1][i]));
   const colours = new Uint8Array(points.length).fill(UNSEEN), nearest = new Float64Array(width * height).fill(Infinity);
   const pixels = Array.from({ length: points.length / 3 }, (_, i) => {
     const [x, y, z] = e.map(r => r[0] * points[3 * i] + r[1] * points[3 * i + 1] + r[2] * points[3 * i + 2] + r[3]);
@@ -150,8 +151,8 @@ export function coloursFromView(points, view, about) {
     }
   }
   const seen = pixels.flatMap(([column, row, depth], i) => {
-    const at = row * width + column, within = column >= 0 && row >= 0 && column < width && row < height;
-    if (!(depth > 1e-3) || !within || !view.mask[at] || depth > nearest[at] + DEPTH_TOLERANCE) return [];
+    const within = column >= 0 && row >= 0 && column < width && row < height, at = Math.floor(row * h / height) * w + Math.floor(column * w / width);
+    if (!(depth > 1e-3) || !within || !view.mask[at] || depth > nearest[row * width + column] + DEPTH_TOLERANCE) return [];
     colours.set(view.rgb.subarray(3 * at, 3 * at + 3), 3 * i);
     return [i];
   });
