@@ -13,12 +13,12 @@ from psgn_jax.config.experiment import (
     ConfigError,
     check_paths,
     check_used,
-    flatten,
     from_json,
     parse,
     to_dict,
     to_json,
 )
+from psgn_jax.config.structured import flatten
 
 
 def test_defaults_and_round_trips():

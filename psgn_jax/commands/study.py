@@ -18,7 +18,8 @@ from absl import logging
 
 from psgn_jax.commands.common import keep_compiled
 from psgn_jax.config.command_line import Flags
-from psgn_jax.config.experiment import ConfigError, suggestion
+from psgn_jax.config.experiment import ConfigError
+from psgn_jax.config.structured import suggestion
 from psgn_jax.system.cpu import keep_freed_memory
 from psgn_jax.system.files import cache_folder
 

@@ -13,8 +13,7 @@ import types
 from collections.abc import Callable, Iterable, Mapping
 from typing import Annotated, Any, Literal
 
-from psgn_jax.config.data import DERIVED
-from psgn_jax.config.data import DataConfig as DataConfig
+from psgn_jax.config.data import DERIVED, DataConfig
 from psgn_jax.config.structured import (
     Bounds,
     ConfigError,
@@ -25,11 +24,10 @@ from psgn_jax.config.structured import (
     PositiveInt,
     Size,
     build,
+    flatten,
     to_dict,
     wrong,
 )
-from psgn_jax.config.structured import flatten as flatten
-from psgn_jax.config.structured import suggestion as suggestion
 from psgn_jax.system.untrusted import parse_json, with_checksum, without_checksum
 
 # Decay rates of Adam and of the parameter average. At 1 the mean would never change.

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from psgn_jax.config.experiment import DataConfig
+from psgn_jax.config.data import DataConfig
 from psgn_jax.data import augment, camera, resample, visibility
 from psgn_jax.data.augment import View
 from psgn_jax.data.codec import DepthCodes, QuantisedPoints

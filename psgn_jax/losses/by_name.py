@@ -18,8 +18,8 @@ import jax
 import numpy as np
 
 from psgn_jax.array_types import Array
-from psgn_jax.config.experiment import ConfigError, LossConfig, suggestion
-from psgn_jax.config.structured import shown
+from psgn_jax.config.experiment import ConfigError, LossConfig
+from psgn_jax.config.structured import shown, suggestion
 from psgn_jax.losses import LOSSES
 
 _TERM = re.compile(

@@ -21,14 +21,8 @@ from absl import logging
 from jax.sharding import Mesh
 
 from psgn_jax import tasks
-from psgn_jax.config.experiment import (
-    Config,
-    ConfigError,
-    check_paths,
-    flatten,
-    to_dict,
-    to_json,
-)
+from psgn_jax.config.experiment import Config, ConfigError, check_paths, to_dict, to_json
+from psgn_jax.config.structured import flatten
 from psgn_jax.data import loader
 from psgn_jax.data.dataset import RecordReader, doubts_of
 from psgn_jax.data.manifest import load_manifest

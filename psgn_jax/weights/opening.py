@@ -13,7 +13,8 @@ import jax
 import numpy as np
 from absl import logging
 
-from psgn_jax.config.experiment import Config, ConfigError, suggestion
+from psgn_jax.config.experiment import Config, ConfigError
+from psgn_jax.config.structured import suggestion
 from psgn_jax.weights.file import SUFFIX, read_weights
 from psgn_jax.weights.leaves import named_leaves
 from psgn_jax.weights.run_folder import Trained, open_run

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 
 from absl import logging
 
-from psgn_jax.config.experiment import Config, ConfigError, DamagedError, flatten, from_json, parse
+from psgn_jax.config.experiment import Config, ConfigError, DamagedError, from_json, parse
+from psgn_jax.config.structured import flatten
 from psgn_jax.system import locks
 from psgn_jax.system.files import remove_temporaries
 from psgn_jax.system.untrusted import refuse_special_files

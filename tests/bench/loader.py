@@ -13,7 +13,7 @@ import itertools
 import time
 
 from psgn_jax.commands import default_data
-from psgn_jax.config.experiment import DataConfig
+from psgn_jax.config.data import DataConfig
 from psgn_jax.data import loader
 from psgn_jax.data.dataset import RecordReader
 

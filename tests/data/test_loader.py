@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers import drawn_solids as solids
 
-from psgn_jax.config.experiment import DataConfig
+from psgn_jax.config.data import DataConfig
 from psgn_jax.data import batches, camera, loader, visibility
 from psgn_jax.data.codec import decode
 from psgn_jax.data.dataset import RecordReader, write_dataset

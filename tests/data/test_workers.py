@@ -11,7 +11,7 @@ from helpers import processes
 SCRIPT = """
 if __name__ == "__main__":
     import sys, time
-    from psgn_jax.config.experiment import DataConfig
+    from psgn_jax.config.data import DataConfig
     from psgn_jax.data import loader
     from psgn_jax.system.signals import StopSignal
 
