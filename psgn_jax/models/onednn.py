@@ -131,8 +131,8 @@ def _turns() -> threading.Semaphore:
     return threading.Semaphore(jax.local_device_count())
 
 
-class _Own:
-    """What each thread has for itself, because a call sets the addresses of its memory objects."""
+class _ThreadState:
+    """State of a thread, because a call sets the addresses of its memory objects."""
 
     def __init__(self) -> None:
         if (devices := jax.local_device_count()) > 1 and "OMP_NUM_THREADS" not in os.environ:
@@ -143,21 +143,21 @@ class _Own:
 
 
 # Not `threading.local`: Python forgets a thread of XLA after each callback.
-_owns: dict[int, _Own] = {}
+_thread_states: dict[int, _ThreadState] = {}
 _making = threading.Lock()  # the first thread makes the engine, which all share
 
 
-def _own() -> _Own:
+def _thread_state() -> _ThreadState:
     thread = threading.get_ident()
-    if thread not in _owns:
+    if thread not in _thread_states:
         with _making:
-            _owns[thread] = _Own()
-    return _owns[thread]
+            _thread_states[thread] = _ThreadState()
+    return _thread_states[thread]
 
 
 def _primitive(part: Part, convolution: Convolution) -> "_Primitive | None":
     """The primitive of the calling thread."""
-    primitives, key = _own().primitives, (part, convolution)
+    primitives, key = _thread_state().primitives, (part, convolution)
     if key not in primitives:
         primitives[key] = _new_primitive(part, convolution)
     return primitives[key]
@@ -239,9 +239,9 @@ def _address(buffer: Any) -> int:
 
 def _workspace(purpose: str, size: int) -> int:
     """Address of temporary memory; the block of a purpose grows to the largest size asked for."""
-    block = _own().workspaces.get(purpose)
+    block = _thread_state().workspaces.get(purpose)
     if block is None or len(block) < size + _ALIGNMENT:
-        block = _own().workspaces[purpose] = np.empty(size + _ALIGNMENT, np.uint8)
+        block = _thread_state().workspaces[purpose] = np.empty(size + _ALIGNMENT, np.uint8)
     return -(-_address(block) // _ALIGNMENT) * _ALIGNMENT
 
 
@@ -257,7 +257,7 @@ class _Step:
 
     def run(self) -> None:
         _place(self._scratchpad, _workspace("scratchpad", self._size))
-        stream, arguments = _own().stream, self._arguments
+        stream, arguments = _thread_state().stream, self._arguments
         _call("dnnl_primitive_execute", self._primitive, stream, len(arguments), arguments)
 
 
@@ -332,9 +332,9 @@ class _Primitive:
     def callback(self, _: Any, result: Any, first: Any, second: Any) -> None:
         """Computes `result` from the buffers that XLA passes, in a thread of XLA."""
         with _turns():
-            own = _primitive(*self._key)
-            assert own is not None
-            own._run(first, second, result)
+            primitive = _primitive(*self._key)
+            assert primitive is not None
+            primitive._run(first, second, result)
 
     def _run(self, *buffers: Any) -> None:
         for memory, buffer in zip(self._outer, buffers, strict=True):
@@ -344,4 +344,4 @@ class _Primitive:
             _place(memory, _workspace("kernel", size))
         for step in self._steps:
             step.run()
-        _call("dnnl_stream_wait", _own().stream)
+        _call("dnnl_stream_wait", _thread_state().stream)
