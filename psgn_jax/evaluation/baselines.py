@@ -17,7 +17,6 @@ Every row has a cloud of n points for each sample of a split; n is the network's
 """
 
 import dataclasses
-import functools
 import json
 from collections.abc import Iterator
 from typing import Any
@@ -35,7 +34,7 @@ from psgn_jax.evaluation.table import aligned
 from psgn_jax.losses.chamfer import chamfer_sq_mean, nearest_both
 from psgn_jax.losses.mapping import map_pairs
 from psgn_jax.models import networks
-from psgn_jax.prediction.refine import refined
+from psgn_jax.prediction.refine import first_clouds
 
 ROWS = ("floor", "network", "refined", "oracle", "retrieval", "fixed cloud", "shuffled")
 THRESHOLDS = (0.01, 0.02, 0.05)
@@ -70,25 +69,21 @@ def measure(config: Config, params: Any, split: str) -> tuple[dict[str, np.ndarr
 
     def collect(split: str, count: int, wanted: int, predict: Any = None) -> list[np.ndarray]:
         parts = []
-        for number, batch in enumerate(_batches(config, split, count, wanted)):
+        for batch in _batches(config, split, count, wanted):
             keep = batch["valid"]
             rows = [batch["points"], np.asarray(describe(batch["mask"]))]
             rows += [np.array([*zip(batch["category"], batch["model_id"], strict=True)])]
-            rows += [np.asarray(predict(batch, number))] if predict else []
+            rows += [np.asarray(predict(batch))] if predict else []
             parts.append([row[keep] for row in rows])
         return [np.concatenate(part) for part in zip(*parts, strict=True)]
 
     @jax.jit
-    def predicted(params: Any, batch: Any, r: Any) -> Any:
-        predict = functools.partial(networks.predict, config, network, params)
-        points = predict(batch, r)
-        return jnp.stack([points, refined(predict, batch, r, points).points], axis=1)
+    def predicted(params: Any, batch: Any) -> Any:
+        return jnp.stack(first_clouds(config, network, params, batch), axis=1)
 
-    def predict(batch: Any, number: int) -> Any:
-        size = config.eval.batch_size
-        r = networks.random_input(config, number, size, train=False)
+    def predict(batch: Any) -> Any:
         keys = {*networks.input_keys(config), "intrinsics", "extrinsics"}
-        return predicted(params, {key: batch[key] for key in keys}, r)
+        return predicted(params, {key: batch[key] for key in keys})
 
     logging.info("baselines: reading the training clouds")
     train, train_features, _ = collect(config.data.train_split, n, MOST_TRAINING)

@@ -80,6 +80,15 @@ def chosen_first(
     return draws.at[0].set((draws[0] + partners.sum(axis=0)) / len(draws))
 
 
+def chosen_clouds(
+    points: Float[Array, "b n 3"] | Float[Array, "b k n 3"], **choice: Any
+) -> Float[Array, "b k n 3"]:
+    """`chosen_first` for each image of a batch; without draws, [b, n, 3] becomes [b, 1, n, 3]."""
+    if points.ndim == 3:
+        return points[:, None]
+    return jax.lax.map(functools.partial(chosen_first, **choice), points)
+
+
 def matched(
     draws: Float[Array, "k n 3"],
 ) -> tuple[Int[Array, "k-1 n"], Float[Array, "k-1 n 3"]]:

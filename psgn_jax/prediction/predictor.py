@@ -6,7 +6,6 @@ place of training objects (`data.framing`), unless the image is framed like a tr
 """
 
 import dataclasses
-import functools
 import time
 from typing import Any, Unpack
 
@@ -57,14 +56,16 @@ class Predictor:
             params: Any, batch: Any, r: Any, refine: bool, placed: bool, **choice: Any
         ) -> tuple[Fit, Any]:
             """The clouds [1, samples, n, 3], and the draws from which they were chosen."""
-            predict = functools.partial(networks.predict, config, model, params)
-            points = drawn = predict(batch, r)
-            if r is not None:
-                drawn = jax.lax.map(functools.partial(draws.chosen_first, **choice), points)
-                points = drawn[:, : choice["samples"]]
+
+            def predict(batch: Any) -> Any:
+                points = networks.predict(config, model, params, batch, r)
+                return draws.chosen_clouds(points, **choice)
+
+            drawn = predict(batch)
+            clouds = drawn[:, : choice["samples"]]
             if refine:
-                return refined(predict, batch, r, points, placed=placed), drawn
-            return Fit(points, batch["extrinsics"]), drawn
+                return refined(predict, batch, clouds, placed=placed), drawn
+            return Fit(clouds, batch["extrinsics"]), drawn
 
         self._network = jax.jit(network, static_argnames=("refine", "placed", "samples", "first"))
 
@@ -89,8 +90,9 @@ class Predictor:
           mask: a path, an open file, a PIL image, or an array [h, w], bright on the object; None =
             automatic (`masks.mask_of`).
           samples: number of clouds, up to 64; more than one needs a network with a random input. Of
-            16 draws (twice `samples` if that is more), the first cloud is the most typical one; the
-            others differ most from those before, among the more typical half (`draws.ranked`).
+            16 draws (twice `samples` if that is more), the first cloud is the most typical one,
+            averaged with the mirror image's; the others differ most from those before, among the
+            more typical half (`draws.ranked`).
           seed: seed of the random input, which is the same for every image.
           frame: "place" crops and scales the object (`framing.place`); "keep" keeps the framing of
             an image of 4:3; "auto" keeps training renderings and places other images.
@@ -132,7 +134,7 @@ class Predictor:
         batch = {name: getattr(view, name)[None] for name in fields}
         options = {"refine": refine, "placed": view.placed, "samples": samples, "first": first}
         fitted, drawn = self._network(self._params, batch, r, **options)
-        points = np.asarray(fitted.points).reshape(samples, -1, 3)
+        points = np.asarray(fitted.points[0])
         view = dataclasses.replace(view, extrinsics=np.asarray(fitted.extrinsics[0]))
         clock.lap("network")
         if not np.isfinite(points).all():
@@ -182,9 +184,7 @@ class Predictor:
             return None
         if not isinstance(seed, int | np.integer) or not -(2**31) <= seed < 2**31:
             raise ConfigError(f"seed={seed}: accepted: an integer of 32 bits")
-        # Every image is sample 0, so that its clouds do not depend on other images.
-        number = draws.num_draws(samples)
-        return np.asarray(sampling.sample_latents(self.config, 0, 1, number, seed))
+        return np.asarray(sampling.image_latents(self.config, 1, draws.num_draws(samples), seed))
 
 
 class Clock:

@@ -100,6 +100,16 @@ def sample_latents(
     return jax.vmap(over_draws, (0, None))(first + jnp.arange(batch_size), jnp.arange(num_draws))
 
 
+def image_latents(
+    config: Config, batch_size: int, num_draws: int, seed: Array | int = 0
+) -> Float[Array, "b k size"]:
+    """Random inputs of predictions: those of sample 0 for every image.
+
+    So the clouds of an image do not depend on the other images.
+    """
+    return jnp.tile(sample_latents(config, 0, 1, num_draws, seed), (batch_size, 1, 1))
+
+
 @functools.lru_cache(maxsize=8)
 def sampler(
     config: Config, model: nn.Module, num_draws: int

@@ -23,9 +23,8 @@ from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.losses.mapping import map_pairs
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n
 from psgn_jax.models import networks, posterior
-from psgn_jax.prediction import draws as draws_lib
 from psgn_jax.prediction import sampling
-from psgn_jax.prediction.refine import refined
+from psgn_jax.prediction.refine import first_clouds
 from psgn_jax.tasks.task import Batch, Task
 from psgn_jax.viewing import spheres
 
@@ -117,18 +116,12 @@ def _total_loss(
 def _measure(
     config: Config, model: nn.Module, params: Any, batch: Batch
 ) -> tuple[Array, dict[str, Array]]:
-    predict = functools.partial(networks.predict, config, model, params)
-    r, settings = batch.get("r"), config.eval
+    settings = config.eval
     if settings.refine:
-        chosen = None
-        if r is not None:
-            r = sampling.sample_latents(config, 0, 1, draws_lib.num_draws(1), 0)
-            r = jnp.tile(r, (len(batch["image"]), 1, 1))
-            chosen = jax.lax.map(draws_lib.chosen_first, predict(batch, r))[:, 0]
         placed = config.data.eval_frame == "place"
-        pred = refined(predict, batch, r, chosen, placed=placed).points
+        _, pred = first_clouds(config, model, params, batch, placed=placed)
     else:
-        pred = predict(batch, r)
+        pred = networks.predict(config, model, params, batch, batch.get("r"))
 
     def measure_pair(pred: Any, gt: Any, visible: Any = None) -> dict[str, Array]:
         # Without a bijection, because there are fewer true points than predicted points, no EMD.

@@ -290,19 +290,19 @@ const predict = guarded(async () => {
   await new Promise(resolve => setTimeout(resolve)); // the message is drawn first
   const view = place(photo, mask, about), { rgb: image, mask: small } = view, [h, w] = about.image_size;
   const count = about.random_size ? about.latents.length : 1, samples = Math.min(SAMPLES, count), length = 3 * about.num_points;
-  const run = async (rgb, inside) => {
+  const run = async (rgb, inside) => { // the draws, the medoid first
     const feeds = { image: new ort.Tensor("uint8", rgb.slice(), [1, h, w, 3]), mask: new ort.Tensor("bool", inside.slice(), [1, h, w]) };
     if (about.random_size) {
       feeds.r = new ort.Tensor("float32", Float32Array.from(about.latents.flat()), [1, count, about.random_size]);
     }
-    return (await session.run(feeds)).points.data;
+    const predicted = (await session.run(feeds)).points.data;
+    if (predicted.length !== count * length || !predicted.every(Number.isFinite)) throw new Error("The network's weights are damaged.");
+    const draws = Array.from({ length: count }, (_, k) => predicted.slice(k * length, (k + 1) * length));
+    return count > 1 ? ranked(draws, samples, about.compared_points) : draws;
   };
-  let predicted = await run(image, small);
-  if (predicted.length !== count * length || !predicted.every(Number.isFinite)) throw new Error("The network's weights are damaged.");
-  if (!about.random_size) predicted = meanWithMirror(predicted, await run(mirrored(image, w, 3), mirrored(small, w, 1)));
-  let draws = Array.from({ length: count }, (_, k) => predicted.slice(k * length, (k + 1) * length));
-  if (count > 1) draws = ranked(draws, samples, about.compared_points);
-  const { clouds: parts, camera } = fit(draws.slice(0, samples), small, view.placed, about);
+  const draws = await run(image, small), [other] = await run(mirrored(image, w, 3), mirrored(small, w, 1));
+  const found = [meanWithMirror(draws[0], other), ...draws.slice(1, samples)];
+  const { clouds: parts, camera } = fit(found, small, view.placed, about);
   if (page.photo !== photo) return;
   const points = Float32Array.from(parts.flatMap(part => [...part])), outlier = parts.map(findOutliers);
   const { points: normal, scale = 1 } = view.placed ? normalForm(points, outlier.flat()) : { points };
