@@ -14,7 +14,9 @@ All clouds are in normal form. The method and the IoU of each mask that was foun
 evaluated with the images as they are (`--frame=keep` of `psgn evaluate`) and with the object placed
 in them (`--frame=place`). The metrics are means over all samples. For each frame,
 `model_card_FRAME.png` shows the first `--cases` cases of the first folder. The text between
-`<!-- begin NAME -->` and `<!-- end NAME -->` (weights, sources, figures) of the card is replaced.
+`<!-- begin NAME -->` and `<!-- end NAME -->` (weights, sources, figures, certainty) of the card is
+replaced. The last one shows, for the points of each fifth by their spread over the draws, the mean
+distance to the true points, over at most `--most` samples of the first folder.
 
 `--median`: `predictions.png` shows the case of median CD of each set, of at most `--most` evenly
 spaced samples: image, prediction and truth from the camera, prediction and truth from the side.
@@ -41,6 +43,7 @@ from psgn_jax.data.dataset import RecordReader
 from psgn_jax.evaluation import table
 from psgn_jax.evaluation.report import Collector
 from psgn_jax.losses import chamfer_sq_mean
+from psgn_jax.losses.chamfer import nearest_both
 from psgn_jax.prediction import masks
 from psgn_jax.system.files import write_atomic
 from psgn_jax.tasks.run import FRAMES, evaluate_run
@@ -222,7 +225,27 @@ def evaluate(weights, data, frame, folder):
     return evaluation, collector
 
 
-def write_card(weights, sets, out, cases):
+def certainty(weights, data, most):
+    """The table of the mean spread and distance to the truth of the points, in fifths by spread."""
+    folder, _, split = data.partition(":")
+    reader, predictor = RecordReader(folder, split or "validation"), psgn_jax.load(weights)
+    rows = []
+    for i in range(0, len(reader), -(-len(reader) // most)):
+        sample = reader[i]
+        cloud = predictor(sample.image, sample.mask, frame="keep", normal_form="no")
+        nearest, _ = nearest_both(cloud.points[0], sample.points)
+        order = np.argsort(cloud.spread)
+        both = cloud.spread[order], np.sqrt(nearest.distance_sq)[order]
+        rows.append([[part.mean() for part in np.array_split(values, 5)] for values in both])
+    spread, distance = np.mean(rows, axis=0)
+    names = ["fifth of the points", "most certain", "2", "3", "4", "least certain"]
+    cells = ([name, *(f"{x:.3f}" for x in row)] for name, row in (
+        ("spread [radius]", spread), ("distance to the truth [radius]", distance)
+    ))  # fmt: skip
+    return table.markdown([names, *cells])
+
+
+def write_card(weights, sets, out, cases, most):
     """Writes the card with its sheets."""
     rows = []
     with tempfile.TemporaryDirectory() as name:
@@ -240,6 +263,7 @@ def write_card(weights, sets, out, cases):
         "weights": f"```\n{describe(read, path)}```",
         "sources": sources(read),
         "figures": table.markdown([head, *rows]),
+        "certainty": certainty(weights, sets[0], most),
     }
     text = (ROOT / "docs" / "model_card.md").read_text(encoding="utf-8")
     write_atomic(out / "model_card.md", filled(text, blocks))
@@ -295,7 +319,9 @@ def main():
         predictor = psgn_jax.load(arguments.weights)
         draw_photos(predictor, arguments.out, arguments.readme.split(","))
     if arguments.data:
-        write_card(arguments.weights, arguments.data, arguments.out, arguments.cases)
+        write_card(
+            arguments.weights, arguments.data, arguments.out, arguments.cases, arguments.most
+        )
     if arguments.median:
         predictor = psgn_jax.load(arguments.weights)
         draw_median_cases(predictor, arguments.median, arguments.out, arguments.most)
