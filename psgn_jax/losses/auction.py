@@ -31,11 +31,28 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jax.custom_batching import custom_vmap, sequential_vmap
-from jax.experimental.xla_metadata import set_xla_metadata
 
 from psgn_jax.array_types import Array, Bool, Float, Int
-from psgn_jax.losses.certificate import DualBound, dual_bound, gap_of, prepare
-from psgn_jax.losses.numeric import bits, check_points, distance, least, num_lanes, vary_with
+from psgn_jax.losses.certificate import (
+    DualBound,
+    dual_bound,
+    gap_of,
+    lanes,
+    prepare,
+    row,
+)
+from psgn_jax.losses.numeric import (
+    at,
+    as_one_function,
+    bits,
+    check_points,
+    least,
+    least_of_lanes,
+    num_lanes,
+    number,
+    put,
+    vary_with,
+)
 from psgn_jax.losses.platforms import per_platform
 from psgn_jax.losses.sharded import on_each_device
 from psgn_jax.system.cores import num_cores
@@ -56,104 +73,111 @@ _RAISES = 16  # at most this often
 
 
 class _Bidding(NamedTuple):
-    """State of the loop over bids, where objects are folded into rows of `num_lanes(n)`."""
+    """State of the loop over bids."""
 
-    prices: Array  # [n] or [rows, lanes] prices of the objects, infinite for padding
-    owner: Array  # [n] or [rows lanes] bidder of every object, -1 if it has none
+    prices: Array  # [num_lanes(n)**2] prices of the objects, infinite for padding
+    owner: Array  # [n] bidder of every object, -1 if it has none
     stack: Array  # [n] the first `waiting` entries are the bidders without an object
     waiting: Array
     bids: Array
 
 
-def _bid(a: Array, columns: tuple[Array, ...], epsilon: Array, state: _Bidding) -> _Bidding:
+def _first(x: Array, value: Array) -> Array:
+    """The first place of a value in x."""
+    places = lax.iota(jnp.int32, len(x))
+    return least(lax.select(x == value, places, jnp.full_like(x, len(x))))
+
+
+def _bid(rows: Any, epsilon: Array, state: _Bidding) -> _Bidding:
     """Lets the bidder on top of the stack bid; a bidder that it displaces replaces it there."""
-    top = state.waiting - 1
-    bidder = lax.dynamic_index_in_dim(state.stack, top, keepdims=False)
-    point = lax.dynamic_slice(a, (bidder, jnp.int32(0)), (1, 3))[0]
-    height, width = columns[0].shape
-    # Distance plus price, as integers of the same order. The barriers make XLA write them once;
-    # they are read for the minimum, for its place and for the second best.
-    value = distance(columns, tuple(point[k] for k in range(3))) + state.prices
-    value = lax.optimization_barrier(bits(value))
+    top, width = state.waiting - 1, num_lanes(len(state.owner))
+    get = jax.jit(at)  # so that XLA reads an array before it writes to it
+    bidder = get(state.stack, top)
+    table, place = row(rows, bidder)
     # The cheapest object: the minimum of each lane, the best lane, the row in that lane.
-    lanes, rows = lax.iota(jnp.int32, width), lax.iota(jnp.int32, height)
-    by_lane = lax.optimization_barrier(least(value))
-    best = least(by_lane)
-    lane = least(jnp.where(by_lane == best, lanes, width))
-    column = lax.dynamic_slice(value, (jnp.int32(0), lane), (height, 1))[:, 0]
-    row = least(jnp.where(column == best, rows, height))
+    by_lane = jax.jit(lanes)(table, place, state.prices)
+    best = least_of_lanes(by_lane)
+    lane = _first(by_lane, best)
+
+    def column(x: Array, i: Array) -> Array:
+        x = x.reshape(-1, width, width)
+        return lax.dynamic_slice(x, (i, jnp.int32(0), lane), (1, width, 1)).reshape(-1)
+
+    in_lane = bits(column(table, place) + column(state.prices, jnp.int32(0)))
+    line = _first(in_lane, best)
     # The second best is taken over all objects but the chosen one, so an exact tie has margin 0.
-    infinite = jnp.int32(0x7F800000)
-    second = lax.min(
-        least(jnp.where(lanes == lane, infinite, by_lane)),
-        least(jnp.where(rows == row, infinite, column)),
-    )
-    first, other = (lax.bitcast_convert_type(x, jnp.float32) for x in (best, second))
-    margin = jnp.where(second == infinite, 0.0, other - first)
-    price = lax.dynamic_slice(state.prices, (row, lane), (1, 1)) + margin + epsilon
-    chosen = row * width + lane
-    displaced = lax.dynamic_index_in_dim(state.owner, chosen, keepdims=False)
+    places, infinite = lax.iota(jnp.int32, width), jnp.full(width, 0x7F800000, jnp.int32)
+    others = lax.select(places == lane, infinite, by_lane)
+    second = least(lax.min(others, lax.select(places == line, infinite, in_lane)))
+    margin = lax.select(second == infinite[0], jnp.float32(0), number(second) - number(best))
+    chosen = line * width + lane
+    displaced = get(state.owner, chosen)
     free = displaced < 0
     return _Bidding(
-        lax.dynamic_update_slice(state.prices, price, (row, lane)),
-        lax.dynamic_update_index_in_dim(state.owner, bidder, chosen, 0),
-        lax.dynamic_update_index_in_dim(state.stack, jnp.where(free, bidder, displaced), top, 0),
-        jnp.where(free, top, state.waiting),
+        put(state.prices, chosen, at(state.prices, chosen) + margin + epsilon),
+        # `displaced` is never below -1: this only makes XLA read it before it writes.
+        put(state.owner, chosen, lax.select(displaced < -1, displaced, bidder)),
+        put(state.stack, top, lax.select(free, bidder, displaced)),
+        lax.select(free, top, state.waiting),
         state.bids + 1,
     )
 
 
-def _bid_all(a: Array, b: Array, epsilon: Array, limit: Array, state: _Bidding) -> _Bidding:
+def _bid_all(rows: tuple[Array, ...], epsilon: Array, limit: Array, state: _Bidding) -> _Bidding:
     """Bids until every bidder has an object or `limit` bids have been made in total."""
-    n, width = len(a), num_lanes(len(a))
-    padding = -n % width
-    columns = tuple(
-        jnp.pad(b[:, k], (0, padding), mode="edge").reshape(-1, width) for k in (0, 1, 2)
-    )
 
-    def loop(a: Array, columns: Any, epsilon: Array, limit: Array, state: _Bidding) -> _Bidding:
+    def loop(rows: Any, epsilon: Array, limit: Array, state: _Bidding) -> _Bidding:
         return lax.while_loop(
             lambda s: (s.waiting > 0) & (s.bids < limit),
-            lambda s: _bid(a, columns, epsilon, s),
+            lambda s: _bid(rows, epsilon, s),
             state,
         )
 
-    state = state._replace(
-        prices=jnp.pad(state.prices, (0, padding), constant_values=jnp.inf).reshape(-1, width),
-        owner=jnp.pad(state.owner, (0, padding), constant_values=-1),
-    )
-    # XLA's CPU compiler then emits the loop as a single function. One bid is a dozen operations
-    # that take a microsecond together; launched one by one, 1.4 to 2.2 times as long.
-    with set_xla_metadata(xla_cpu_small_call="true", inlineable="false"):
-        state = jax.jit(loop)(a, columns, epsilon, limit, state)
-    return state._replace(prices=state.prices.reshape(-1)[:n], owner=state.owner[:n])
+    return as_one_function(loop, rows, epsilon, limit, state)
 
 
 def _begin(bound: DualBound, index: Array, epsilon: Array, bids: Array) -> _Bidding:
     """The start of a phase: keeps the pairs that satisfy the slackness of `epsilon`."""
-    keep, numbers = bound.slack <= epsilon, lax.iota(jnp.int32, len(index))
-    owner = jnp.zeros_like(index).at[index].set(jnp.where(keep, numbers, -1))
-    stack = jnp.nonzero(~keep, size=len(index), fill_value=0)[0].astype(jnp.int32)
-    return _Bidding(bound.prices, owner, stack, (~keep).sum(dtype=jnp.int32), bids)
+
+    def loop(keep: Array, index: Array) -> tuple[Array, ...]:
+        def step(i: Any, state: tuple[Array, ...]) -> tuple[Array, ...]:
+            owner, stack, waiting = state
+            keeps = at(keep, i)
+            owner = put(owner, at(index, i), lax.select(keeps, i, jnp.int32(-1)))
+            return owner, put(stack, waiting, i), lax.select(keeps, waiting, waiting + 1)
+
+        start = index, index, vary_with(jnp.int32(0), index[0])
+        return lax.fori_loop(jnp.int32(0), jnp.int32(len(index)), step, start)
+
+    return _Bidding(bound.prices, *as_one_function(loop, bound.slack <= epsilon, index), bids)
 
 
 def _bijection(s: _Bidding) -> Array:
     """The bijection bidder -> object; an object without an owner gets a bidder that waits."""
-    free = s.owner < 0
-    bidder = s.stack[jnp.cumsum(free.astype(jnp.int32), dtype=jnp.int32) - 1]
-    numbers = lax.iota(jnp.int32, len(bidder))
-    return jnp.zeros_like(bidder).at[jnp.where(free, bidder, s.owner)].set(numbers)
+
+    def loop(owner: Array, stack: Array) -> Array:
+        def step(i: Any, state: tuple[Array, Array]) -> tuple[Array, Array]:
+            index, used = state
+            bidder = at(owner, i)
+            free = bidder < 0
+            bidder = lax.select(free, at(stack, used), bidder)
+            return put(index, bidder, i), lax.select(free, used + 1, used)
+
+        start = owner, vary_with(jnp.int32(0), owner[0])
+        return lax.fori_loop(jnp.int32(0), jnp.int32(len(owner)), step, start)[0]
+
+    return as_one_function(loop, s.owner, s.stack)
 
 
 class _Phase(NamedTuple):
     """State of the loop over phases."""
 
-    bidding: _Bidding  # not folded
+    bidding: _Bidding
     epsilon: Array
     done: Array
     index: Array  # type: ignore[assignment]  # [n] the cheapest bijection so far
     cost: Array  # cost of `index`
-    proof: Array  # [n] the prices that prove `lower`
+    proof: Array  # the prices that prove `lower`
     lower: Array  # the best lower bound so far
     gap: Array
 
@@ -162,8 +186,11 @@ class _Phase(NamedTuple):
 def _solve(a: Array, b: Array, tolerance: Array, max_bids: Array) -> tuple[Array, ...]:
     """Runs the phases for one pair on a CPU; returns index, prices, bids and gap."""
     problem, n = prepare(a, b), len(a)
-    start = [lax.iota(jnp.int32, n), jnp.zeros(n, jnp.float32), jnp.float32(_START), jnp.int32(0)]
+    prices = jnp.where(lax.iota(jnp.int32, num_lanes(n) ** 2) < n, 0, jnp.float32(jnp.inf))
+    start = [lax.iota(jnp.int32, n), prices, jnp.float32(_START), jnp.int32(0)]
     index, prices, epsilon, bids = (vary_with(x, problem.finite) for x in start)
+    if n == 1:  # there is nothing to solve
+        return index, 0 * prices[:n], bids, jnp.where(problem.finite, jnp.float32(0), jnp.nan)
     first = dual_bound(problem, index, prices)
     # Half of the budget is for reaching the tolerance. A phase that ends later without a matching
     # is followed by one with a larger epsilon.
@@ -172,7 +199,7 @@ def _solve(a: Array, b: Array, tolerance: Array, max_bids: Array) -> tuple[Array
 
     def phase(s: _Phase) -> _Phase:
         limit = jnp.minimum(jnp.maximum(half, s.bidding.bids + patience), max_bids)
-        bidding = _bid_all(problem.a, problem.b, s.epsilon, limit, s.bidding)
+        bidding = _bid_all(problem.rows, s.epsilon, limit, s.bidding)
         index = _bijection(bidding)
         new = dual_bound(problem, index, bidding.prices)
         better, higher = new.cost < s.cost, new.lower > s.lower
@@ -183,7 +210,7 @@ def _solve(a: Array, b: Array, tolerance: Array, max_bids: Array) -> tuple[Array
         # too much.
         aim = jnp.where(jnp.isfinite(gap), _AIM * tolerance / gap, 0)
         epsilon = s.epsilon * jnp.clip(aim, 1 / _FACTOR, 0.7)
-        floor = _FLOOR * (1 + new.prices.max())
+        floor = _FLOOR * (1 + new.prices[:n].max())
         complete = bidding.waiting == 0
         done = (gap <= tolerance) | (complete & (s.epsilon <= floor))
         done |= bidding.bids >= max_bids
@@ -199,7 +226,7 @@ def _solve(a: Array, b: Array, tolerance: Array, max_bids: Array) -> tuple[Array
     state = _Phase(_begin(first, index, epsilon, bids), epsilon, done, *best, gap)
     state = lax.while_loop(lambda s: ~s.done, phase, state)
     gap = jnp.where(problem.finite, state.gap, jnp.nan)
-    return state.index, state.proof * problem.unit, state.bidding.bids, gap
+    return state.index, state.proof[:n] * problem.unit, state.bidding.bids, gap
 
 
 @functools.cache

@@ -1,11 +1,14 @@
 """Functions that the losses share: checks of clouds, roots with gradients, minima, loop states."""
 
+import math
+from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.experimental.xla_metadata import set_xla_metadata
 
 from psgn_jax.array_types import Array, Float
 
@@ -51,9 +54,40 @@ def bits(x: Array) -> Array:
     return lax.bitcast_convert_type(x, jnp.int32)
 
 
+def number(x: Array) -> Array:
+    """The inverse of `bits`."""
+    return lax.bitcast_convert_type(x, jnp.float32)
+
+
 def least(x: Array) -> Array:
     """Minimum over the first axis of an array that `bits` returned."""
     return lax.reduce(x, jnp.int32(0x7F800000), lax.min, (0,))  # start: the bits of infinity
+
+
+def least_of_lanes(x: Array) -> Array:
+    """`least` of `num_lanes(n)` numbers, inside `as_one_function`."""
+    return least(jax.jit(lambda x: least(x.reshape(-1, 8)))(x))
+
+
+def at(x: Array, i: Array) -> Array:
+    """x[i] for 0 <= i < len(x)."""
+    return lax.dynamic_slice(x, (i, *[jnp.int32(0)] * (x.ndim - 1)), (1, *x.shape[1:]))[0]
+
+
+def put(x: Array, i: Array, value: Array) -> Array:
+    """A copy of x [n] with x[i] = value; XLA writes in place."""
+    return lax.dynamic_update_slice(x, value[None], (i,))
+
+
+def as_one_function(loop: Callable[..., Any], *arguments: Any) -> Any:
+    """`loop(*arguments)`, compiled for a CPU as a single function.
+
+    XLA's CPU compiler otherwise launches the dozen operations of one iteration of a loop one by
+    one. Functions under `jax.jit` inside become functions of their own: XLA then neither fuses them
+    with others nor computes their results twice, and writes the minima over an axis as vectors.
+    """
+    with set_xla_metadata(xla_cpu_small_call="true", inlineable="false"):
+        return jax.jit(loop)(*arguments)
 
 
 def vary_with(value: Any, data: Array) -> Array:
@@ -65,5 +99,5 @@ def vary_with(value: Any, data: Array) -> Array:
 
 
 def num_lanes(n: int) -> int:
-    """Number of columns of the [rows, lanes] array into which n numbers are folded."""
-    return 16 if n <= 256 else 32 if n <= 2048 else 64 if n <= 8192 else 128
+    """The least multiple of 8 whose square is at least n: n numbers fit into a square of lanes."""
+    return (math.isqrt(n - 1) // 8 + 1) * 8
