@@ -42,14 +42,16 @@ from psgn_jax.losses.certificate import (
     row,
 )
 from psgn_jax.losses.numeric import (
-    at,
+    INFINITE,
     as_one_function,
+    at,
     bits,
     check_points,
     least,
     least_of_lanes,
     num_lanes,
     number,
+    padded,
     put,
     vary_with,
 )
@@ -75,7 +77,7 @@ _RAISES = 16  # at most this often
 class _Bidding(NamedTuple):
     """State of the loop over bids."""
 
-    prices: Array  # [num_lanes(n)**2] prices of the objects, infinite for padding
+    prices: Array  # [padded(n)] prices of the objects, infinite for padding
     owner: Array  # [n] bidder of every object, -1 if it has none
     stack: Array  # [n] the first `waiting` entries are the bidders without an object
     waiting: Array
@@ -100,13 +102,14 @@ def _bid(rows: Any, epsilon: Array, state: _Bidding) -> _Bidding:
     lane = _first(by_lane, best)
 
     def column(x: Array, i: Array) -> Array:
-        x = x.reshape(-1, width, width)
-        return lax.dynamic_slice(x, (i, jnp.int32(0), lane), (1, width, 1)).reshape(-1)
+        x = x.reshape(-1, len(state.prices) // width, width)
+        return lax.dynamic_slice(x, (i, jnp.int32(0), lane), (1, x.shape[1], 1)).reshape(-1)
 
     in_lane = bits(column(table, place) + column(state.prices, jnp.int32(0)))
+    in_lane = lax.pad(in_lane, jnp.int32(INFINITE), [(0, width - len(in_lane), 0)])
     line = _first(in_lane, best)
     # The second best is taken over all objects but the chosen one, so an exact tie has margin 0.
-    places, infinite = lax.iota(jnp.int32, width), jnp.full(width, 0x7F800000, jnp.int32)
+    places, infinite = lax.iota(jnp.int32, width), jnp.full(width, INFINITE, jnp.int32)
     others = lax.select(places == lane, infinite, by_lane)
     second = least(lax.min(others, lax.select(places == line, infinite, in_lane)))
     margin = lax.select(second == infinite[0], jnp.float32(0), number(second) - number(best))
@@ -149,7 +152,8 @@ def _begin(bound: DualBound, index: Array, epsilon: Array, bids: Array) -> _Bidd
         start = index, index, vary_with(jnp.int32(0), index[0])
         return lax.fori_loop(jnp.int32(0), jnp.int32(len(index)), step, start)
 
-    return _Bidding(bound.prices, *as_one_function(loop, bound.slack <= epsilon, index), bids)
+    owner, stack, waiting = as_one_function(loop, bound.slack <= epsilon, index)
+    return _Bidding(bound.prices, owner, stack, waiting, bids)
 
 
 def _bijection(s: _Bidding) -> Array:
@@ -186,7 +190,7 @@ class _Phase(NamedTuple):
 def _solve(a: Array, b: Array, tolerance: Array, max_bids: Array) -> tuple[Array, ...]:
     """Runs the phases for one pair on a CPU; returns index, prices, bids and gap."""
     problem, n = prepare(a, b), len(a)
-    prices = jnp.where(lax.iota(jnp.int32, num_lanes(n) ** 2) < n, 0, jnp.float32(jnp.inf))
+    prices = jnp.where(lax.iota(jnp.int32, padded(n)) < n, 0, jnp.float32(jnp.inf))
     start = [lax.iota(jnp.int32, n), prices, jnp.float32(_START), jnp.int32(0)]
     index, prices, epsilon, bids = (vary_with(x, problem.finite) for x in start)
     if n == 1:  # there is nothing to solve

@@ -10,8 +10,8 @@ The cost P of a bijection s therefore exceeds OPT by at most the sum of its slac
     P - OPT <= sum_i (c_{i,s(i)} + p_{s(i)} - u_i)
 
 `gap` is this bound divided by a lower bound on OPT. It includes all float32 rounding errors, so it
-is never too small. Up to 2,048 points, all distances are computed once (16 MB at 2,048); beyond,
-when they are needed, with memory linear in n.
+is never too small. Up to 1,024 points, we compute all distances once (4 MB). Memory is linear in n
+beyond: we compute them whenever we need them.
 """
 
 from typing import Any, NamedTuple
@@ -30,11 +30,12 @@ from psgn_jax.losses.numeric import (
     least_of_lanes,
     num_lanes,
     number,
+    padded,
     put,
     vary_with,
 )
 
-_MOST_IN_TABLE = 2048  # points of clouds whose distances are kept
+_MOST_IN_TABLE = 1024  # points; larger tables of distances leave the cache, and cost time
 _UNIT = 2.0**-24  # unit roundoff of float32
 
 # The terms of a slack c + p - u are bounded by 2 extents plus the largest price. The error of the
@@ -50,7 +51,7 @@ class Problem(NamedTuple):
     exact_b: Array
     a: Array
     b: Array
-    # With b padded to m = num_lanes(n)**2 points: the distances [n, m], or a and three times [m].
+    # With b padded to m = padded(n) points: the distances [n, m], or a and three times [m].
     rows: tuple[Array, ...]
     unit: Array  # a distance here times `unit` is a distance in the caller's unit
     finite: Array
@@ -76,7 +77,7 @@ def prepare(a: Array, b: Array) -> Problem:
     n, exact = len(a), (scale(a), scale(b))
     # The barrier makes XLA compute the points once, not for each of their distances.
     a, b = lax.optimization_barrier([scale(x - middle[None]).astype(jnp.float32) for x in (a, b)])
-    columns = tuple(jnp.pad(x, (0, num_lanes(n) ** 2 - n), mode="edge") for x in b.T)
+    columns = tuple(jnp.pad(x, (0, padded(n) - n), mode="edge") for x in b.T)
     rows: tuple[Array, ...] = a, *columns
     if n <= _MOST_IN_TABLE:
         rows = (distance(tuple(a.T[:, :, None]), tuple(x[None] for x in columns)),)

@@ -8,7 +8,7 @@ All functions take one pair, `pred` and `gt` [n, 3]; use `losses.map_pairs` for 
 in the unit of the clouds. Distances are square roots of float32 squares: below 1e-19 they become 0,
 above 1e19 they overflow.
 
-The first call for a number of points compiles for 3 to 4 seconds on a CPU. Later calls do not
+The first call for a number of points compiles for 2 to 3 seconds on a CPU. Later calls do not
 compile, with or without an enclosing `jax.jit`.
 """
 

@@ -12,6 +12,8 @@ from jax.experimental.xla_metadata import set_xla_metadata
 
 from psgn_jax.array_types import Array, Float
 
+INFINITE = 0x7F800000  # the bits of infinity
+
 
 def check_points(points: Float[Array, "n 3"], name: str) -> Float[Array, "n 3"]:
     """One cloud, n >= 1, as float32 (float64 stays); ValueError for another type, shape or dtype.
@@ -61,7 +63,7 @@ def number(x: Array) -> Array:
 
 def least(x: Array) -> Array:
     """Minimum over the first axis of an array that `bits` returned."""
-    return lax.reduce(x, jnp.int32(0x7F800000), lax.min, (0,))  # start: the bits of infinity
+    return lax.reduce(x, jnp.int32(INFINITE), lax.min, (0,))
 
 
 def least_of_lanes(x: Array) -> Array:
@@ -75,7 +77,7 @@ def at(x: Array, i: Array) -> Array:
 
 
 def put(x: Array, i: Array, value: Array) -> Array:
-    """A copy of x [n] with x[i] = value; XLA writes in place."""
+    """Sets x[i] = value in x [n], which XLA does in place."""
     return lax.dynamic_update_slice(x, value[None], (i,))
 
 
@@ -84,7 +86,8 @@ def as_one_function(loop: Callable[..., Any], *arguments: Any) -> Any:
 
     XLA's CPU compiler otherwise launches the dozen operations of one iteration of a loop one by
     one. Functions under `jax.jit` inside become functions of their own: XLA then neither fuses them
-    with others nor computes their results twice, and writes the minima over an axis as vectors.
+    with others nor computes their results twice, and uses vector instructions for minima over an
+    axis. XLA aborts if it finds that the loop does not need one of the arguments.
     """
     with set_xla_metadata(xla_cpu_small_call="true", inlineable="false"):
         return jax.jit(loop)(*arguments)
@@ -99,5 +102,10 @@ def vary_with(value: Any, data: Array) -> Array:
 
 
 def num_lanes(n: int) -> int:
-    """The least multiple of 8 whose square is at least n: n numbers fit into a square of lanes."""
+    """Columns of the [rows, lanes] array into which n numbers are folded: 8 k, at least sqrt(n)."""
     return (math.isqrt(n - 1) // 8 + 1) * 8
+
+
+def padded(n: int) -> int:
+    """The size of that array, the least multiple of `num_lanes(n)` that is at least n."""
+    return -(-n // num_lanes(n)) * num_lanes(n)

@@ -124,6 +124,11 @@ def test_wrong_arguments():
     assert losses.assign(good, good, max_bids=np.float32(8), tolerance=np.inf).converged
 
 
+def test_more_points_than_the_table_of_distances_has(rng):
+    a, b = clouds(rng, 1100)
+    check(a, b, solve(a, b))
+
+
 def test_memory_is_linear():
     a = jnp.zeros((16384, 3))
     memory = jax.jit(losses.assign).lower(a, a).compile().memory_analysis()
