@@ -114,6 +114,7 @@ def test_the_last_one_of_repeated_flags_counts(arguments, field, value, capsys):
         ({"model": {"random_at": "all"}}, "'bottleneck' unless model.random_size > 0"),
         ({"task": "volume", "eval": {"aligned": True}}, "False unless task='points'"),
         ({"model": {"posterior_hidden": 2}}, "accepted: 128 unless model.posterior=True"),
+        ({"loss": {"emd_tolerance": 0.1}}, "accepted: 0.01 unless loss.name has an EMD"),
         ({"optim": {"final_fraction": 0.1}}, "accepted: 0.0 unless optim.schedule='cosine'"),
         ({"voxels": {"max_views": 2}}, "voxels.max_views=2: accepted: 5 unless task='views'"),
         ({"task": "views", "voxels": {"from_emd": "x"}}, "accepted: '' unless task='refiner'"),

@@ -257,6 +257,7 @@ _NEEDS: tuple[tuple[str, Callable[[Config], object], tuple[str, ...]], ...] = (
     ("model.posterior=True", lambda config: config.model.posterior,
      ("loss.kl_weight", "loss.kl_warmup_steps", "model.posterior_widths",
       "model.posterior_hidden")),
+    ("loss.name has an EMD", lambda config: "emd" in config.loss.name, ("loss.emd_tolerance",)),
     ("optim.schedule='cosine'", lambda config: config.optim.schedule == "cosine",
      ("optim.final_fraction",)),
     ("task='refiner'", lambda config: config.task == "refiner",
