@@ -125,8 +125,8 @@ class _Document:
     def __init__(self, root: Element, assets: Assets) -> None:
         self.root, self.assets = root, assets
         self.ids = {(e.tag, name): e for e in root.iter() if (name := e.get("id"))}
-        self.materials: dict[Element, tuple[Look, str]] = {}
-        self.sources: dict[Element, np.ndarray] = {}
+        self.looks: dict[Element, tuple[Look, str]] = {}
+        self.numbers: dict[Element, np.ndarray] = {}
 
     def find(self, url: str | None, *tags: str) -> Element:
         """The element with one of these tags at a URL of this file."""
@@ -272,25 +272,25 @@ class _Document:
 
     def source(self, element: Element, least: int) -> np.ndarray:
         """The numbers [n, c] of a source, at least `least` of them in a row."""
-        if element not in self.sources:
-            accessor = element.find("technique_common/accessor")
-            accessor = Element("accessor") if accessor is None else accessor
-            array = element.find("float_array")
-            if array is None:
-                array = self.find(accessor.get("source"), "float_array")
-            values = _numbers(array)
-            stride, skipped = _integer(accessor, "stride", 1), _integer(accessor, "offset", 0)
-            rest = max(len(values) - skipped, 0)
-            count = _integer(accessor, "count", rest // (stride or 1))
-            if not stride or skipped + count * stride > len(values):
-                raise DamagedError(f"{len(values)} numbers, expected {count} x {stride}")
-            params = accessor.findall("param")
-            named = [k for k, param in enumerate(params[:stride]) if param.get("name")]
-            table = values[skipped : skipped + count * stride].reshape(count, stride)
-            self.sources[element] = table[:, named] if len(named) >= least else table
-        if self.sources[element].shape[1] < least:
-            raise DamagedError(f"{self.sources[element].shape[1]} numbers, expected {least}")
-        return self.sources[element]
+        accessor = element.find("technique_common/accessor")
+        accessor = Element("accessor") if accessor is None else accessor
+        array = element.find("float_array")
+        if array is None:
+            array = self.find(accessor.get("source"), "float_array")
+        if array not in self.numbers:
+            self.numbers[array] = _numbers(array)
+        values = self.numbers[array]
+        stride, skipped = _integer(accessor, "stride", 1), _integer(accessor, "offset", 0)
+        rest = max(len(values) - skipped, 0)
+        count = _integer(accessor, "count", rest // (stride or 1))
+        if not stride or skipped + count * stride > len(values):
+            raise DamagedError(f"{len(values)} numbers, expected {count} x {stride}")
+        params = accessor.findall("param")
+        named = [k for k, param in enumerate(params[:stride]) if param.get("name")]
+        table = values[skipped : skipped + count * stride].reshape(count, stride)
+        if stride < least:
+            raise DamagedError(f"{stride} numbers, expected {least}")
+        return table[:, named] if len(named) >= least else table
 
     def bound_look(
         self, symbol: str | None, bound: dict[str | None, Element]
@@ -301,12 +301,10 @@ class _Document:
         instance = bound.get(symbol)
         try:
             element = self.find(symbol if instance is None else instance.get("target"), "material")
-            if element not in self.materials:
-                self.materials[element] = self.look(element)
+            look, name = self.looks[element] = self.looks.get(element) or self.look(element)
         except DamagedError as error:
             self.assets.warn("materials missing, grey is used", f"{symbol!r} ({error})")
             return None, ""
-        look, name = self.materials[element]
         inputs = () if instance is None else instance.iterfind("bind_vertex_input")
         sets = [e.get("input_set") or "0" for e in inputs if e.get("semantic") == name]
         return look, (sets or [""])[0]

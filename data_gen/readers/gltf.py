@@ -33,12 +33,7 @@ _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 
 
 def read_gltf(data: bytes, assets: Assets) -> list[Part]:
-    """The meshes of the scene of a glTF or GLB file.
-
-    Raises:
-      UnusableModelError: the file is damaged or too large, or needs an extension that we do not
-        read. The status is "unreadable" if a buffer is missing.
-    """
+    """The meshes of the scene of a glTF or GLB file."""
     return list(_Scene(Document(data, assets)).parts())
 
 
@@ -122,7 +117,7 @@ class _Scene:
     def __init__(self, file: Document) -> None:
         self.file, self.root, self.assets = file, file.root, file.assets
         self.surfaces: dict[int, _Surface] = {}
-        self.pictures: dict[tuple[int, float | None], np.ndarray] = {}
+        self.pictures: dict[tuple[int, float], np.ndarray] = {}
         required = self.root.texts("extensionsRequired")
         for name in dict.fromkeys(required + self.root.texts("extensionsUsed")):
             if name not in _READ:
@@ -298,11 +293,8 @@ class _Scene:
 
     def surface(self, index: int) -> _Surface:
         """A material; -1 stands for a primitive without a material."""
-        if index not in self.surfaces:
-            self.surfaces[index] = self._read_surface(index)
-        return self.surfaces[index]
-
-    def _read_surface(self, index: int) -> _Surface:
+        if index in self.surfaces:
+            return self.surfaces[index]
         fields = Object({}) if index < 0 else self.root.item("materials", index)
         physical = fields.object("pbrMetallicRoughness")
         glossy = fields.extension("KHR_materials_pbrSpecularGlossiness")
@@ -341,16 +333,17 @@ class _Scene:
         if mode == "MASK":
             least = fields.number("alphaCutoff", 0.5) / max(alpha, 1e-3)
         red, green, blue = (colour[:3] ** (1 / 2.2)).tolist()  # factors of glTF are linear
-        texture, uv_matrix, wraps, uv_set = self._texture(source, slot, least)
+        texture, uv_matrix, wraps, uv_set = self.texture(source, slot, least)
         material = Material(
             (red, green, blue), (float(high[0]), float(high[1]), float(high[2])),
             # The exponent whose lobe is as wide as the microfacet lobe with this roughness.
             min(max(2 / max(rough, 0.05) ** 4 - 2, 1.0), 1000.0),
             alpha if least is None else float(least <= 1), texture, fields.text("name", ""),
         )  # fmt: skip
-        return _Surface(Look(material, uv_matrix, wraps, tinted=True), uv_set, least)
+        look = Look(material, uv_matrix, wraps, tinted=True)
+        return self.surfaces.setdefault(index, _Surface(look, uv_set, least))
 
-    def _texture(
+    def texture(
         self, material: Object, slot: str, least: float | None
     ) -> tuple[np.ndarray | None, np.ndarray | None, tuple[str, str], int]:
         """A texture, its matrix and wraps, and the number of its coordinates."""
@@ -383,9 +376,9 @@ class _Scene:
             matrix[:2, 2] = moved.numbers("offset", [0, 0])
             upside_down = np.array([[1, 0, 0], [0, -1, 1], [0, 0, 1]])  # images begin at v = 0
             matrix = (upside_down @ matrix @ upside_down)[:2]
-        return self._picture(source.whole("source"), least), matrix, (wraps[0], wraps[1]), uv_set
+        return self.picture(source.whole("source"), least), matrix, (wraps[0], wraps[1]), uv_set
 
-    def _picture(self, index: int, least: float | None) -> np.ndarray | None:
+    def picture(self, index: int, least: float | None) -> np.ndarray | None:
         """An image, whose alpha is 0 or 1 unless `least` is None; see `_Surface`."""
         fields = self.root.item("images", index)
         picture = self.assets.decoded(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from data_gen.mesh import UnreadableModelError
-from data_gen.readers.model_files import DamagedError
+from data_gen.readers.model_files import DamagedError, check_size
 from data_gen.readers.textures import Assets
 from psgn_jax.system.untrusted import parse_json
 
@@ -194,8 +194,7 @@ class Document:
         except OSError as error:
             what = f"its file {uri[:100]!r} is not readable: {error.strerror}"
             raise UnreadableModelError(what) from error
-        if sum(map(len, self._buffers.values())) > _MAX_BYTES:
-            raise DamagedError(f"its buffers have more bytes than the limit of {_MAX_BYTES}")
+        check_size("all its buffers", sum(map(len, self._buffers.values())), _MAX_BYTES)
         return self._buffers[index]
 
     def view(self, index: int) -> memoryview:

@@ -38,7 +38,7 @@ def numbers(words: Sequence[Any], kind: type = np.float64, where: str = "") -> n
 def check_size(what: str, size: int, limit: int) -> None:
     """Raises UnusableModelError if a file has too many bytes."""
     if size > limit:
-        raise UnusableModelError(f"{what} has {size} bytes, more than the limit of {limit}")
+        raise UnusableModelError(f"{what}: {size} bytes are more than the limit of {limit}")
 
 
 def check_announced(what: str, announced: int, there: int) -> None:

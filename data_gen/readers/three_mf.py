@@ -1,5 +1,6 @@
 """Reader of 3MF files: zip archives of XML."""
 
+import functools
 import io
 from xml.etree.ElementTree import Element
 
@@ -29,8 +30,7 @@ def read_3mf(data: bytes, assets: Assets) -> list[Part]:
     if not objects:
         raise DamagedError("it contains no .model file with objects")
     parts: list[Part] = []
-    meshes: dict[Element, Part] = {}
-    instances = 0
+    mesh_of, instances = functools.cache(_mesh), 0
     while stack:
         name, instance, matrix = stack.pop()
         instances += 1
@@ -45,11 +45,10 @@ def read_3mf(data: bytes, assets: Assets) -> list[Part]:
             assets.warn("objects of 3MF missing", instance.get("objectid"))
             continue
         stack += [(path, inner, matrix) for inner in shape.iterfind("components/component")]
-        if shape not in meshes:
-            meshes[shape] = _mesh(shape)
-        assets.add_faces(len(meshes[shape].counts))
-        if len(meshes[shape].counts):
-            parts.append(placed(meshes[shape], matrix[None]))
+        mesh = mesh_of(shape)
+        assets.add_faces(len(mesh.counts))
+        if len(mesh.counts):
+            parts.append(placed(mesh, matrix[None]))
     return parts
 
 

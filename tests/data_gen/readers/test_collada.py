@@ -186,6 +186,14 @@ def test_collada_textures_and_colours(write):
         .replace("halves.png", "file:///C:/a/halves.png")
     )
     assert colours(load_model(write("a.dae", direct))) == [RED] * 2
+    for wrap, u, shown in (
+        ("WRAP", 1.1, RED), ("MIRROR", 1.1, BLUE), ("CLAMP", 1.1, BLUE),
+        ("MIRROR", 2.1, RED), ("CLAMP", 2.1, BLUE),
+    ):  # fmt: skip
+        text = textured().replace("<source>su", f"<wrap_s>{wrap}</wrap_s><source>su")
+        assert (
+            colours(load_model(write("a.dae", text.replace("0.1 0.5", f"{u} 0.5")))) == [shown] * 2
+        )
     cut_out = TEXTURED + "<transparent><texture texture='sa' texcoord='UV'/></transparent>"
     write("halves.png", png((255, 0, 0, 51), mode="RGBA"))
     assert not load_model(write("a.dae", textured())).materials[0].has_alpha  # it states none
@@ -274,7 +282,7 @@ def test_collada_refusals(write, monkeypatch):
         "kind of|XML with <svg>": "<svg/>",
         "XML entities are refused": bomb,
         "entities": wide,
-        "the XML file has 50001 bytes, more than": dae().ljust(50_001),
+        "the XML file: 50001 bytes are more than": dae().ljust(50_001),
         "nodes that contain themselves": dae(nodes="<node id='n'><instance_node url='#n'/></node>"),
         "no faces": dae(nodes="<node/>"),
         r"empty: nodes not readable, left out: n \(a word in <translate> that is not": dae(

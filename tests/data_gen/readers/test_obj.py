@@ -206,6 +206,7 @@ def test_mtl_names_and_comments(write):
     [
         ("map_Kd x.png", RED), ("map_Kd -s 3 1 1 x.png", BLUE), ("map_Kd -o .5 0 0 x.png", BLUE),
         ("map_Kd -clamp on -mm 0 1 -bm 1 -s 1 1 1 x.png", RED), ("map_Ka x.png", RED),
+        ("map_Kd -s 5 1 1 x.png", RED), ("map_Kd -clamp on -s 5 1 1 x.png", BLUE),
         ("map_Kd -mm 0 .5 x.png", (0.5, 0, 0)), ("map_Kd \\\n x.png", RED),
         ("map_Kd -blendu on -texres 9 -imfchan l -boost 1 -t 0 0 0 x.png", RED),
     ],

@@ -75,7 +75,7 @@ def test_reasons_of_compressed_files(write, monkeypatch):
     for words, content in {
         "cut off": gzip.compress(OBJ.encode())[:-20],
         "not readable as gzip": b"abc",
-        "gzip file has 10001 bytes, more than the limit": gzip.compress(bytes(20_000)),
+        "gzip file: 10001 bytes are more than the limit": gzip.compress(bytes(20_000)),
     }.items():
         with pytest.raises(UnusableModelError, match=words):
             load_model(write("a.obj.gz", content))

@@ -56,7 +56,7 @@ def test_3mf_what_is_not_read_is_named_or_refused(write):
     assert load_model(write("a.3mf", lost)).warnings == ("objects of 3MF missing: 9",)
     loop = "<object id='1'><components><component objectid='1'/></components></object>"
     for words, content in {
-        "more than 100000 places": three_mf(loop),
+        "more than 100000 instances": three_mf(loop),
         "no faces": three_mf(items=""),
         "faces have missing vertices": three_mf(SHAPE.replace("v1='0'", "v1='9'")),
         "XML entities": three_mf(head="<!DOCTYPE a [<!ENTITY b 'b'>]>"),
