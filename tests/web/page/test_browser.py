@@ -16,7 +16,7 @@ from PIL import Image
 
 import psgn_jax
 from psgn_jax.losses.emd import emd_exact
-from psgn_jax.prediction import cloud, masks
+from psgn_jax.prediction import formats, masks
 from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.weights.opening import open_network
 
@@ -130,7 +130,7 @@ def test_points_and_files_are_those_of_python(open_page, predictor, tmp_path):
     page.locator("#sample").fill("2")
     page.click("#another")
     assert page.text_content("#which") == "4 of 8"
-    for name, write in {"ply": cloud.ply, "obj": cloud.obj, "xyz": cloud.xyz}.items():
+    for name, write in {"ply": formats.ply, "obj": formats.obj, "xyz": formats.xyz}.items():
         with page.expect_download() as download:
             page.click(f"[data-format={name}]")
         assert download.value.suggested_filename == f"my_chair_3.{name}"
