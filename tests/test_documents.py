@@ -63,6 +63,7 @@ def test_commands_and_their_flags_exist():
             continue
         module = psgn.module(name).replace(".", "/")
         files = [ROOT / f"{module}.py", *(ROOT / "psgn_jax").glob("*/common.py")]
+        files += [ROOT / "data_gen" / "render.py"] * (name == "render")
         known = set().union({"--help"}, *map(flags_in, files))
         known |= known_to_render if name == "render" else training
         for argument in arguments:
