@@ -351,7 +351,7 @@ def test_the_command_goes_on_after_a_bad_file(config, params, tmp_path):
     }.items():
         image.save(tmp_path / "in" / name)
     (tmp_path / "in" / "text.png").write_text("no image")
-    flags = (f"--workdir={workdir}", f"--out={out}")
+    flags = (f"--workdir={workdir}", f"--out={out}", "--norefine")
     some, nothing = psgn_each(
         ["predict", tmp_path / "in", *flags, "--samples=2"],
         ["predict", tmp_path / "in" / "text.png", *flags],
