@@ -1,11 +1,15 @@
-"""Settings of the C library and of XLA that make programs on a CPU faster."""
+"""The memory of this machine, and settings of the C library and of XLA for programs on a CPU."""
 
+import contextlib
 import ctypes
+import os
 import pathlib
 import sys
 
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
 _LARGEST = 2**31 - 1
+# Limits of a container, in version 2 and 1 of Linux's control groups.
+_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 
 
 def keep_freed_memory() -> bool:
@@ -49,3 +53,12 @@ def features_line() -> str:
     except OSError:
         return ""
     return next((x for x in text.splitlines() if x.startswith(("flags", "Feat"))), "")
+
+
+def host_memory() -> int:
+    """Bytes of memory of this machine, or of this container if it may use less."""
+    found = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
+    for path in _LIMITS:
+        with contextlib.suppress(OSError, ValueError):  # no file, or "max"
+            found.append(int(pathlib.Path(path).read_text()))
+    return min(found)

@@ -29,8 +29,8 @@ from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.schema import RecordError
 from psgn_jax.data.workers import check_main_guard
 from psgn_jax.system import distributed
+from psgn_jax.system.cpu import host_memory
 from psgn_jax.system.files import check_folder, write_atomic
-from psgn_jax.system.memory import host_memory
 from psgn_jax.system.signals import Stopped, StopSignal
 from psgn_jax.system.untrusted import one_line
 from psgn_jax.training.log import MetricsWriter, TrainingLog
