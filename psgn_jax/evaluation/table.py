@@ -156,11 +156,11 @@ Aligned: the same distances after a scale in [{LEAST_SCALE:g}, {LARGEST_SCALE:g}
 each prediction that bring it nearest to its truth ({ITERATIONS} nearest-neighbour iterations)."""
     if evaluation.frame == "place":
         frame = """
-Images were cropped and placed like photos, and the true points were moved accordingly. The unit is
-that of the frame; an object has radius 1 before it is placed and about 0.8 to 1.2 afterwards."""
+Images were cropped and placed like photos, and the true points were moved with them. An object has
+radius 1 before it is placed and about 0.8 to 1.2 afterwards; distances are not divided by it."""
     if evaluation.refined:
         frame += f"""
-Predicted clouds were averaged with those of the mirror image, if the network has neither a random
+Predicted clouds were averaged with the mirror image's clouds, if the network has neither a random
 input nor depth, and fitted to the image's mask if at most {MOST_OUTSIDE:.0%} of their points were
 projected outside it. Distances of several draws are without both."""
     return f"""
