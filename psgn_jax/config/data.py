@@ -54,7 +54,7 @@ class DataConfig:
     # set, rendered on first use. With `FOLDER*N`, its training samples count N times. `~` is your
     # home.
     path: str = ""
-    eval_path: str = ""  # Folders for evaluation, in the same form; empty = those of `path`.
+    eval_path: str = ""  # Folders for evaluation, in the same form; empty = as `path`.
     train_split: str = "train"  # Name of the split for training.
     eval_split: str = "validation"  # Name of the split that is evaluated during training.
     # (height, width) of the network's input; images are resized to it. The network pads sides that

@@ -167,9 +167,9 @@ class EvalConfig:
     # each prediction (`evaluation.aligned`, about 35 ms of a CPU core per sample). The command
     # `evaluate` always does.
     aligned: bool = False
-    # Whether to measure the clouds as `psgn predict` gives them: averaged with those of the mirror
-    # image, or with a random input the most typical of 16 draws (`prediction.draws`), and moved
-    # into the mask (`prediction.refine`). Only for the task "points".
+    # Whether to measure the clouds of `psgn predict`: the mean with the mirror image's cloud, or,
+    # with a random input, the most typical of 16 draws (`prediction.draws`), moved into the mask
+    # (`prediction.refine`). Only for the task "points".
     refine: bool = False
 
 

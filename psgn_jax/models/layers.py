@@ -14,7 +14,7 @@ variances of the initial kernels must keep the activations at the same scale ove
 - `SUMMED`: variance 1 / fan_in, for each of two linear layers whose sum goes through a ReLU.
 - The fan-in of a transposed convolution of stride s is k * k * c_in / s^2: an output is the sum of
   that many products, the others have inserted zeros.
-- Biases start at zero, except those of the output layers (`cloud_bias`).
+- Biases start at zero, except in the output layers (`cloud_bias`).
 """
 
 import functools

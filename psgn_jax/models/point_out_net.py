@@ -1,8 +1,8 @@
 """PointOutNet: predicts a point cloud from one image, in three versions.
 
 Sources: the paper, section "Point Set Prediction Network" and figure "PointOutNet structure"; the
-layers in the authors' published code (github.com/fanhqme/PointSetGeneration). The sizes below are
-those of the default configuration: images of 192x256 pixels and widths 16, 32, 64, 128, 256, 512,
+layers in the authors' published code (github.com/fanhqme/PointSetGeneration). Sizes are stated for
+the default configuration: images of 192x256 pixels and widths 16, 32, 64, 128, 256, 512,
 512 at levels 0 to 6. Level l has 1 / 2^l of the image size; the last level, 3x4, is the bottleneck.
 Layers are 3x3 convolutions with ReLU unless stated otherwise.
 

@@ -35,7 +35,7 @@ from psgn_jax.models.layers import Conv3D, Dense
 from psgn_jax.models.volumes import GRID, GRID_EDGE, GRID_ORIGIN
 
 NAME = "posterior"
-"""Key of the posterior's parameters next to those of the generator."""
+"""Key of the posterior's parameters beside the generator's."""
 
 ACTIVE = 0.01
 """A dimension of z is active if its divergence (nats, mean over samples) exceeds this."""

@@ -1,7 +1,7 @@
 """3D-R2N2, the baseline of the paper: predicts an occupancy grid from one or more images.
 
 Source: Choy et al., "3D-R2N2: A Unified Approach for Single and Multi-view 3D Object
-Reconstruction", ECCV 2016. The sizes are those of its published code
+Reconstruction", ECCV 2016, with the sizes of its published code
 (github.com/chrischoy/3D-R2N2, `models/res_gru_net.py`):
 
 - `ImageEncoder`, applied to each view: six levels with 96, 128, 256, 256, 256, 256 feature maps.
@@ -23,8 +23,8 @@ every convolution of the encoder and decoder, except shortcuts and the last conv
 the softmax cross-entropy, averaged over the cells.
 
 **Ours**: all kernels start with He initialisation, with the mean of fan-in and fan-out. In their
-code those of the dense layers of `VolumeCell` start larger. The axes of the grid are those of the
-ground truth, [x, y, z] of `data.schema`.
+code, the dense layers of `VolumeCell` start larger. The grid has the axes of the ground truth,
+[x, y, z] of `data.schema`.
 """
 
 import functools

@@ -189,13 +189,13 @@ def min_of_n_loss(
     """Batch mean of the loss of the best draw of each sample, over the draws of r [B,draws,k].
 
     The best draw has the smallest loss, or with `loss.winner_points` = k > 0 the smallest Chamfer
-    distance of k points to k true points. In the first case value and gradient equal those of
-    `min_of_n` applied to `predict` with all draws, up to rounding; in the second the loss is
-    computed for the best draw only, and `loss.mean_weight` adds the Chamfer distance of the first
-    draw, which stands for all. `MinOfN.distances` are what the draws were compared by.
+    distance of k points to k true points. In the first case, `min_of_n` of all draws of `predict`
+    has the same value and gradient, up to rounding. In the second, the loss is computed for the
+    best draw only, and `loss.mean_weight` adds the Chamfer distance of the first draw, which stands
+    for all. `MinOfN.distances` are what the draws were compared by.
 
-    Only the best draw of each sample has a gradient, so all draws are computed without storing
-    activations, and the best ones again for the backward pass. XLA computes the parts that do not
+    Only the best draw of each sample has a gradient, so we compute all draws without storing
+    activations, and the best draws again for the backward pass. XLA computes the parts that do not
     depend on r once.
     """
     constant, rows = jax.lax.stop_gradient(params), jnp.arange(len(r))
@@ -223,7 +223,7 @@ def min_of_n_loss(
     # The derivative of the loss with respect to the points is kept for the second pass.
     (value, best), by_points = jax.value_and_grad(smallest, has_aux=True)(preds)
     pred = networks.predict(config, model, params, batch, r[rows, best.winner])
-    # The value is zero; the gradient is that of the loss, by the chain rule through the points.
+    # The value is zero; the gradient is the loss's, by the chain rule through the points.
     carried = by_points[rows, best.winner] * (pred - jax.lax.stop_gradient(pred))
     best = jax.lax.stop_gradient(best)
     return (jax.lax.stop_gradient(value) + jnp.sum(carried)) / len(r), best

@@ -2,7 +2,7 @@
 
 The folder (`workdir`) gets `config.json`, `metrics.jsonl`, `tensorboard/` and `checkpoints/`.
 If `train` is called again with the same folder, it continues from the newest intact checkpoint. On
-the same machine, the final parameters are bit-identical to those of an uninterrupted run.
+the same machine, the final parameters have the same bits as without the interruption.
 """
 
 import contextlib
@@ -281,7 +281,7 @@ def _measured(config: Config) -> dict[str, Any]:
 
 
 def _initial(config: Config, task: tasks.Task) -> Callable[[Any], Any] | None:
-    """Maps random parameters to those of `train.init`; None if that is empty."""
+    """Maps random parameters to the parameters of `train.init`; None if it is empty."""
     if not config.train.init:
         return None
     opened = open_initial(config)

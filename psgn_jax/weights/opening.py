@@ -1,6 +1,6 @@
 """Opens a trained network: from the folder of a run, from a file of weights, or by name.
 
-The names are those of the files of weights in `psgn_jax/weights/`, which are part of the package.
+Names are the names of the files in `psgn_jax/weights/`, which are part of the package.
 With `train.init`, a training starts from such a network (`open_initial`, `initial_params`).
 """
 
@@ -96,7 +96,7 @@ def open_initial(config: Config) -> Trained:
     for name, own in zip(names, shapes, strict=True):
         if own != shapes[0]:
             raise ConfigError(
-                f"train.init={init!r}: the layers of {name!r} differ from those of {names[0]!r}; "
+                f"train.init={init!r}: {name!r} has other layers than {names[0]!r}; "
                 "expected networks with the same layers"
             )
 
@@ -138,7 +138,7 @@ def _open(config: Config, init: str) -> Trained:
 
 
 def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
-    """The trained parameters, with those of `drawn` for the layers in `train.init_skip`.
+    """The trained parameters; for the layers in `train.init_skip`, the parameters of `drawn`.
 
     `drawn` are random parameters of the new network, a nested dict. If only the new network has a
     random input, its layers start with a tenth of their random parameters (ours): with all of

@@ -1,4 +1,4 @@
-"""What a network was trained on: data sets, sources and licences, those of its origins included."""
+"""What a network and the networks that it started from were trained on: data, sources, licences."""
 
 import contextlib
 import pathlib
