@@ -97,7 +97,7 @@ class LossConfig:
     # paper. k > 0: by the Chamfer distance of k points of each cloud; only the chosen draw gets its
     # loss. Then a step with 8 draws costs little more than one with a single draw.
     winner_points: Count = 0
-    # Weight of the mean Chamfer distance over all draws, against implausible ones (**ours**; needs
+    # Weight of the mean Chamfer distance over all draws, against implausible draws (**ours**; needs
     # `winner_points`). Each step computes it for the first draw, whose expectation is the mean.
     mean_weight: NonNegative = 0.0
     # With `model.posterior`: weight of the Kullback-Leibler divergence from the prior, in the unit
@@ -136,7 +136,7 @@ class TrainConfig:
     checkpoint_every: Count = 1_000  # Steps between checkpoints; also at evaluations, at the end.
     # Steps between images of predictions in TensorBoard; also at the end.
     images_every: Count = 5_000
-    keep_checkpoints: PositiveInt = 2  # Number of newest checkpoints kept, besides the best one.
+    keep_checkpoints: PositiveInt = 2  # Number of newest checkpoints kept, besides the best.
     # Time after SIGTERM or Ctrl-C in which the current step may end and be saved. Then the process
     # ends, after completing a checkpoint that is being written.
     stop_seconds: NonNegative = 20.0
@@ -186,7 +186,7 @@ class VoxelConfig:
     width_multiplier: Factor = 1.0  # "views": factor of all widths.
     # "views": largest number of views of each model in a training batch, drawn for each batch.
     max_views: Annotated[int, Bounds(low=1, high=1000)] = 5
-    # "views": numbers of views in an evaluation; the best checkpoint is chosen by the first one.
+    # "views": numbers of views in an evaluation; the first chooses the best checkpoint.
     eval_views: tuple[PositiveInt, ...] = (1, 3, 5)
 
     @property

@@ -1,9 +1,9 @@
 """Convolutions on a CPU: by oneDNN, or by XLA without dilation, with their gradients.
 
 XLA is up to a hundred times slower than PyTorch where a dilation appears: in transposed
-convolutions and in the input gradients of strided ones. With oneDNN, whose kernels PyTorch uses, a
-training step takes about half as long. Where it is missing, XLA convolves blocks of pixels with
-stride 1, whose gradients have no dilation either.
+convolutions and in the input gradients of strided convolutions. With oneDNN, whose kernels PyTorch
+uses, a training step takes about half as long. Where it is missing, XLA convolves blocks of pixels
+with stride 1, whose gradients have no dilation either.
 
 The environment variable `PSGN_CONVOLUTIONS` selects `onednn` (an error where it is missing) or
 `xla`; it is read when a function is traced. With oneDNN there is no forward-mode derivative.

@@ -11,8 +11,8 @@ Layers are 3x3 convolutions with ReLU unless stated otherwise.
   each level from the bottleneck up to 24x32, one more convolution, and a linear convolution to the
   coordinates of the points of each cell.
 - `hourglass`: encode, decode up to 96x128, encode again, decode to 24x32, then as `two_branch`. The
-  fc branch reads both bottlenecks. The first one goes through a dense layer of 2048 with ReLU and a
-  linear layer of 2048 (`carry`), the second one through another linear layer of 2048. The two
+  fc branch reads both bottlenecks. The first goes through a dense layer of 2048 with ReLU and a
+  linear layer of 2048 (`carry`), the second through another linear layer of 2048. The two
   results are added; a ReLU follows.
 
 Output: first the fc points, then the deconv points row by row, with the points of one cell next to
@@ -31,8 +31,8 @@ each other. Both output layers are linear, so that coordinates can be negative.
 - The random input r: a dense layer without bias, one for each pass, maps r to the shape of the
   bottleneck, and the result is added before the ReLU of the bottleneck. With several r per image,
   the layers before r, and the skip convolutions that read them, are computed once per image.
-- If a side of the image is not a multiple of 2^(levels - 1), we pad it to the next one by repeating
-  border pixels, half on each side (an odd pixel at the bottom or right).
+- If a side of the image is not a multiple of 2^(levels - 1), we pad it to the next multiple with
+  copies of border pixels, half on each side (an odd pixel at the bottom or right).
 - The output layers compute in float32, because bfloat16 numbers near 1 have steps of .008.
 """
 

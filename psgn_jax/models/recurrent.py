@@ -5,7 +5,7 @@ Reconstruction", ECCV 2016, with the sizes of its published code
 (github.com/chrischoy/3D-R2N2, `models/res_gru_net.py`):
 
 - `ImageEncoder`, applied to each view: six levels with 96, 128, 256, 256, 256, 256 feature maps.
-  Each level has two 3x3 convolutions (the very first one is 7x7) and a 2x2 max pooling with a
+  Each level has two 3x3 convolutions (the very first is 7x7) and a 2x2 max pooling with a
   padding of one pixel: 127 pixels become 64, 33, 17, 9, 5, 3. A dense layer of 1024 follows.
   Shortcuts: levels 2, 3 and 5 add a 1x1 convolution of their input, level 6 adds its input, levels
   1 and 4 have none.
@@ -169,7 +169,7 @@ def voxel_cross_entropy(
 ) -> Float[Array, ""]:
     """Mean over the cells of -log softmax(logits)[gt], with the natural logarithm."""
     gt = jnp.asarray(gt)
-    # For two classes, -log(probability) is the softplus of the other logit minus this one.
+    # For two classes, -log(probability) is the softplus of the other logit minus this logit.
     lead = logits[..., 1] - logits[..., 0]
     return nn.softplus(jnp.where(gt, -lead, lead)).mean()
 

@@ -116,7 +116,7 @@ def _rms(offsets: np.ndarray) -> float:
 
 
 def measure(run: runner.Run) -> runner.Measured:
-    """Measures the branches of a run; raises `ConfigError` for a network with only one."""
+    """Measures the branches of a run; `ConfigError` for a network with a single branch."""
     model = run.config.model
     branches = build(model).branches
     if not (branches.fc and branches.deconv):

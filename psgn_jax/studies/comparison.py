@@ -49,7 +49,7 @@ OURS, PEER = "head_cd_emd_volume", "r2n2"
 VIEWS = (1, 3, 5)
 NUM_POINTS = 1024
 CANDIDATES = 4096
-"""Points on the surface of a volume; we take the farthest ones."""
+"""Points on the surface of a volume, of which we take the farthest."""
 
 PAPER = {
     "plane": (0.601, 0.513, 0.549, 0.561),
@@ -151,7 +151,7 @@ _distances = jax.jit(functools.partial(evaluate_pair, emd_tolerance=0.01))
 def cloud_of(volume: np.ndarray, number: int, stream: int) -> np.ndarray:
     """A cloud [1024, 3], by farthest point sampling of the surface of the occupied cells.
 
-    `stream` selects the random numbers: 0 for true volumes, 2 for predicted ones, so that they
+    `stream` selects the random numbers: 0 for true, 2 for predicted volumes, so that they
     share none. Stream 1 chooses the points of true surfaces.
     """
     solid = shapenet.WorldGrid(volume, np.array(GRID_ORIGIN), GRID_EDGE / len(volume))

@@ -2,8 +2,8 @@
 
 We train one network twice, with RGB and with RGB-D images, everything else being equal. We measure
 the true points that the depth image shows (visible) separately from the others (hidden). In the
-figure, visible true points are blue, hidden ones orange, and each predicted point has the colour of
-the nearest true point.
+figure, visible true points are blue, hidden points orange, and each predicted point has the colour
+of the nearest true point.
 
 Source: Fan, Su, Guibas, CVPR 2017, section "Shape Completion from RGBD Images", which shows images
 and no numbers; networks, sizes and measures here are **ours**.

@@ -2,7 +2,7 @@
 
 Each training is an ordinary run in `WORKDIR/CONFIG-SEED`: a stopped study resumes, and a finished
 run is not trained again. We measure last checkpoints, because most studies measure the samples on
-which the best ones were chosen. The results are `NAME.md` (tables), `NAME.csv` (all numbers),
+which the best were chosen. The results are `NAME.md` (tables), `NAME.csv` (all numbers),
 `NAME.png`, and `NAME_curves.png`: the metrics during training against the samples seen.
 """
 
@@ -319,7 +319,7 @@ def _evaluated(run: Run, metric: str) -> dict[int, float]:
 
 
 def _finished_runs(folders: Sequence[str], data: str) -> list[Run]:
-    """Finished runs, evaluated like the first one, or on `data`."""
+    """Finished runs, evaluated like the first run, or on `data`."""
     configs = [load_config(folder) for folder in folders]
     names = ("path", "eval_path", "eval_split", "num_eval_points")
     same = {f"data.{name}": getattr(configs[0].data, name) for name in names}

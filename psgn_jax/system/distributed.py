@@ -4,7 +4,7 @@ Every process runs the same program. `jax.distributed.initialize` connects them;
 number and addresses from flags, from Open MPI's `mpirun` or from SLURM's `srun`, and detects by
 heartbeats that a process has ended. The batches are split between the processes, and the training
 step averages the gradients. All processes read the records and the folder of the run; only the
-first one writes there.
+first process writes there.
 """
 
 import contextlib
@@ -108,7 +108,7 @@ def index_and_count() -> tuple[int, int]:
 
 
 def is_first() -> bool:
-    """Whether this process is the first one, which writes the files."""
+    """Whether this process is the first, which writes the files."""
     return index_and_count()[0] == 0
 
 

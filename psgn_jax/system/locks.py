@@ -1,7 +1,7 @@
 """Locks of the operating system (`flock`), which end with the process for any reason.
 
-A training locks the folder of its run. Several processes may divide the work of a job: the one that
-does the first of two parts holds `.work/part-00000-of-00002.lock`. On a network file system without
+A training locks the folder of its run. Several processes may divide the work of a job: the process
+of the first of two parts holds `.work/part-00000-of-00002.lock`. On a network file system without
 locks nothing is locked, with a warning.
 """
 

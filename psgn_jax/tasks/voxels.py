@@ -2,8 +2,8 @@
 
 The ground truth is the occupancy in the records, a 32^3 grid in the frame of the image. IoU is
 defined in `losses.iou`. A cell counts as occupied if its probability reaches a threshold. Of the
-thresholds .05, .10, ..., .95, the one with the best mean IoU on the split that is evaluated during
-training is chosen. Later evaluations, on any split, use the same threshold.
+thresholds .05, .10, ..., .95, we choose the threshold with the best mean IoU on the split that is
+evaluated during training. Later evaluations, on any split, use the same threshold.
 """
 
 import pathlib

@@ -32,7 +32,7 @@ class TrainState(NamedTuple):
 
 
 def eval_params(state: TrainState) -> Any:
-    """The parameters for evaluation: the averaged ones if they exist."""
+    """The parameters for evaluation: averaged, if there are averages."""
     return state.ema if jax.tree.leaves(state.ema) else state.params
 
 

@@ -1,4 +1,4 @@
-"""Checkpoints of a run, written in the background; the newest ones and the best one are kept.
+"""Checkpoints of a run, written in the background; the newest and the best are kept.
 
 In the folder, `<step>/` contains a checkpoint: the arrays by dotted name, and a JSON item `meta`
 with the caller's data and a checksum of every array. `scores.json` contains the metrics of the
@@ -7,7 +7,7 @@ so a process that is killed leaves no incomplete checkpoint; the checksums detec
 
 Orbax's `CheckpointManager` is not enough: it ranks checkpoints only by metrics that are known when
 they are saved, returns wrong numbers for a flipped bit, and ends with an error at a damaged
-checkpoint, where this module takes the one before.
+checkpoint, where this module takes an earlier checkpoint.
 """
 
 import contextlib
@@ -55,7 +55,7 @@ class CheckpointError(UserError):
 
 
 class Checkpoints:
-    """The checkpoints in one folder, of which the `keep` newest and the best one are kept.
+    """The checkpoints in one folder, of which the `keep` newest and the best are kept.
 
     With `read_only` nothing in the folder changes, because a training may be running.
     """
@@ -135,7 +135,7 @@ class Checkpoints:
     def restore_newest(self, *, best_first: bool = False) -> Checkpoint | None:
         """The newest intact checkpoint, or None if there are none at all.
 
-        With `best_first` it is the best one if that is intact. Damaged checkpoints are skipped with
+        With `best_first` it is the best checkpoint, if intact. Damaged checkpoints are skipped with
         a warning, and moved to `damaged/` unless read-only.
 
         Raises:

@@ -46,7 +46,7 @@ def checksum(leaves: Mapping[str, Any], head: bytes = b"") -> str:
 
 
 def params_from_named_leaves(leaves: Mapping[str, np.ndarray], *, averaged: bool = True) -> Any:
-    """The parameters of a checkpoint as a nested dict; the averaged ones if they exist."""
+    """The parameters of a checkpoint as a nested dict; averaged, if there are averages."""
     averaged = averaged and any(name.startswith("ema.") for name in leaves)
     section = "ema." if averaged else "params."
     chosen = {n.removeprefix(section): x for n, x in leaves.items() if n.startswith(section)}

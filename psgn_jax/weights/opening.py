@@ -57,7 +57,7 @@ def open_network(
     Args:
       weights: name or file of weights (`weights_path`); used if there is no `workdir`. The `scores`
         of the opened run are then the metrics in the file.
-      checkpoint: "best" or "last", of a run; weights have only one.
+      checkpoint: "best" or "last", of a run; weights have no others.
       name: of the argument in messages, in place of `workdir` and `weights`.
 
     Raises:

@@ -26,7 +26,7 @@ class Trained(NamedTuple):
 
     config: Config
     step: int
-    params: Any  # for evaluation: the averaged ones if the run has them
+    params: Any  # for evaluation: averaged, if the run has averages
     scores: dict[str, float]  # metrics and chosen thresholds recorded for this checkpoint, if any
     source: str = ""  # the folder of the run, or the name of the weights
     source_kind: str = "workdir"  # or "weights"
@@ -46,8 +46,8 @@ def open_run(
     """Opens a run at its best or last checkpoint.
 
     Args:
-      checkpoint: "last", or "best" on the validation metric. With a warning, the last one replaces
-        a best one that is missing or damaged, and the copy in the checkpoint a damaged
+      checkpoint: "last", or "best" on the validation metric. With a warning, the last replaces a
+        missing or damaged best checkpoint, and the copy in the checkpoint a damaged
         `config.json`.
       name: of the argument in messages.
 
