@@ -75,12 +75,13 @@ def prepare(a: Array, b: Array) -> Problem:
         return jnp.ldexp(x, -exponent)
 
     n, exact = len(a), (scale(a), scale(b))
-    # The barrier makes XLA compute the points once, not for each of their distances.
-    a, b = lax.optimization_barrier([scale(x - middle[None]).astype(jnp.float32) for x in (a, b)])
+    a, b = (scale(x - middle[None]).astype(jnp.float32) for x in (a, b))
     columns = tuple(jnp.pad(x, (0, padded(n) - n), mode="edge") for x in b.T)
-    rows: tuple[Array, ...] = a, *columns
+    # Behind the barrier XLA does not compute the points again for each of their distances. The
+    # distances then have the same bits in every program.
+    rows: tuple[Array, ...] = lax.optimization_barrier((a, *columns))
     if n <= _MOST_IN_TABLE:
-        rows = (distance(tuple(a.T[:, :, None]), tuple(x[None] for x in columns)),)
+        rows = (distance(tuple(rows[0].T[:, :, None]), tuple(x[None] for x in rows[1:])),)
     unit = jnp.ldexp(jnp.ones((), jnp.float32), exponent)
     return Problem(*exact, a, b, rows, unit, finite)
 
