@@ -38,7 +38,7 @@ def open_model(
     """Reads a model; the result reads the view of a number. Errors need not name the model."""
     cloud, picture = input_files(source, synset, name)
     world = np.loadtxt(cloud, ndmin=2)[:num_points] @ shapenet.TO_WORLD.T
-    origin, unit = shapenet.place(world, cloud)
+    origin, unit = shapenet.object_frame(world, cloud)
     model = shapenet.ShapeNetModel("mine", synset, name, world, None, None, origin, unit)
 
     def read(view: int) -> schema.Sample:

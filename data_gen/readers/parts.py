@@ -131,7 +131,6 @@ def joined(parts: Sequence[Part], assets: Assets) -> dict[str, Any]:
             what = f"polygons with more than {MOST_CORNERS} corners, bays may be filled"
             assets.warn(what, many.sum())
         triangle, polygon = triangles(counts, corners, part.vertices)
-
         blocks["vertices"].append(part.vertices)
         blocks["faces"].append(corners[triangle] + offset)
         for name, (width, default) in fields.items():

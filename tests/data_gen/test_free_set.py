@@ -28,7 +28,7 @@ def test_families_of_near_duplicates():
 
 def small(name="chairs", **changes):
     values = {
-        "catalogue": "procedural", "views": 2, "place": "chair=30,lamp=10",
+        "catalogue": "procedural", "views": 2, "source": "chair=30,lamp=10",
         "licences": (free_set.Licence("CC0-1.0", "^lamp", "L"), free_set.Licence("MIT", "", "M")),
         **changes,
     }  # fmt: skip

@@ -47,7 +47,7 @@ def test_variants_of_a_source_keep_its_families(write, tmp_path):
     for name in ("stool", "stool2", "table", "lamp", "sofa", "bed"):
         write(f"{name}.obj", CUBE + FACES)
     source = Source(
-        "boxes", "folder", views=1, licences=(Licence("MIT"),), place=str(tmp_path), families=True
+        "boxes", "folder", views=1, licences=(Licence("MIT"),), source=str(tmp_path), families=True
     )
     models = {e.model_id: e.split for e in select(source, "").models}
     variants = list(select(source, "", variants=2).models)
