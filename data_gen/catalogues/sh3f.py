@@ -111,7 +111,7 @@ def _place(model: Model, rotation: tuple[float, ...], size: tuple[float, float, 
 
 def _load(path: str, piece: Furniture) -> Model:
     try:
-        files = open_archive(path)
+        files = open_archive(path, os.stat(path).st_mtime_ns)
     except (zipfile.BadZipFile, OSError, ValueError) as error:
         raise UnreadableModelError(f"library {path!r} cannot be read: {error}"[:200]) from error
     return load_model(

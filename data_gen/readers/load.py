@@ -97,10 +97,10 @@ def _read(name: str, data: bytes, assets: Assets) -> dict[str, Any]:
     if kind not in READERS:
         raise UnusableModelError(f"format {kind!r}: expected one of {sorted(READERS)}")
     title = {"glb": "glTF", "gltf": "glTF", "dae": "COLLADA"}.get(kind, kind.upper())
-    packed = kind in ("zae", "3mf")
-    if (why := reason(data)) and not (packed and data.startswith(b"PK")):
-        raise UnusableModelError(f"not readable as {title}: {why}")
+    is_archive = kind in ("zae", "3mf") and data.startswith(b"PK")
     try:
+        if (why := reason(data)) and not is_archive:
+            raise DamagedError(why)
         return joined(READERS[kind](data, assets), assets)
     except (UnusableModelError, MemoryError):
         raise

@@ -241,10 +241,6 @@ class ZipFiles(Files):
 
 
 @functools.lru_cache(maxsize=8)
-def _archive(path: str, _modified: int) -> ZipFiles:
+def open_archive(path: str, _modified: int) -> ZipFiles:
+    """The archive, kept open for the next models that this process loads, until it is modified."""
     return ZipFiles(path)
-
-
-def open_archive(path: str) -> ZipFiles:
-    """The archive, kept open for the next models that this process loads."""
-    return _archive(path, os.stat(path).st_mtime_ns)
