@@ -18,7 +18,7 @@ from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of, uni
 from data_gen.mesh import Model, UnreadableModelError
 from data_gen.readers.load import load_model
 from data_gen.readers.model_files import ZipFiles, open_archive
-from data_gen.readers.mtl import floats
+from data_gen.readers.obj import floats
 
 PROPERTIES = "PluginFurnitureCatalog.properties"
 
