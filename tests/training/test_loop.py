@@ -134,10 +134,8 @@ def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, mon
 
     first = scores()
     assert first.keys() == {6, 12}
-    (tmp_path / "there").mkdir()
-    moved = shutil.move(folder, tmp_path / "there" / folder.name)
-    other = shutil.copytree(moved, tmp_path / "other")
-    assert scores(path=moved) == scores(path=other) == first
+    moved = shutil.move(folder, tmp_path / "moved")
+    assert scores(path=moved) == first
     assert "the evaluation" not in caplog.text
     there = scores("train", moved)
     assert there.keys() == {12}
@@ -149,9 +147,7 @@ def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, mon
     with monkeypatch.context() as patch:  # of another process, with a copy that differs
         differing = lambda own: [own, own + 1] if type(own) is int else [own]  # noqa: E731
         patch.setattr(distributed, "gather", differing)
-        with pytest.raises(
-            ConfigError, match=f"{moved}: differs between processes; expected the same"
-        ):
+        with pytest.raises(ConfigError, match=f"{moved}: differs between processes; expected"):
             scores(path=moved)
     write_others(moved)
     assert scores(path=moved)[12] != back[12]
