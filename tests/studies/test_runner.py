@@ -18,6 +18,7 @@ from psgn_jax.studies import branches, completion
 from psgn_jax.studies import runner as lib
 from psgn_jax.system.errors import UserError
 
+pytestmark = pytest.mark.usefixtures("keep_compiled")
 TINY = {
     "data.image_size": (12, 16), "data.num_points": 64, "data.num_eval_points": 256,
     "model.widths": (4, 6), "model.deconv_level": 0, "model.fc_points": 20, "model.fc_widths": (8,),
