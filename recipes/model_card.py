@@ -12,7 +12,7 @@ All clouds are in normal form. The method and the IoU of each mask that was foun
 
 `--data`: folders of records, each with the split after a colon (default: validation), are
 evaluated with the images as they are (`--frame=keep` of `psgn evaluate`) and with the object placed
-in them (`--frame=place`). The metrics are means over all samples. For each frame,
+in them (`--frame=place`), as clouds of `psgn predict`. The metrics are means over all samples. For each frame,
 `model_card_FRAME.png` shows the first `--cases` cases of the first folder. The text between
 `<!-- begin NAME -->` and `<!-- end NAME -->` (weights, sources, figures, certainty) of the card is
 replaced. The last one shows, for the points of each fifth by their spread over the draws, the mean
@@ -219,6 +219,7 @@ def evaluate(weights, data, frame, folder):
         open_with_records(None, weights, data=path),
         split=split or "validation",
         frame=frame,
+        refine=True,
         out=folder / frame,
         on_batch=collector,
     )

@@ -22,7 +22,7 @@ from psgn_jax.weights.run_folder import Trained, open_run
 FOLDER = pathlib.Path(__file__).resolve().parent
 """Folder of the files in the package."""
 
-DEFAULT = "small-6"
+DEFAULT = "free-2"
 """Name of the weights that are used if none are named."""
 
 
@@ -142,7 +142,7 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
 
     `drawn` are random parameters of the new network, a nested dict. If only the new network has a
     random input, its layers start with a tenth of their random parameters (ours): with all of
-    them, the first clouds of `free-1` would be noise, with an EMD of .83 in place of .13.
+    them, the first clouds of a trained network would be noise, with an EMD of .83 in place of .13.
 
     Raises:
       ConfigError: layers of the two networks differ and are not skipped (the message lists them),

@@ -12,7 +12,7 @@ from helpers.commands import ROOT
 
 from psgn_jax.system.environment import explained
 
-LIST = ["weights", "list", "free-1"]  # imports JAX before it parses flags
+LIST = ["weights", "list", "free-2"]  # imports JAX before it parses flags
 TRAIN = ["train", "--config=debug", "--config.data.path="]
 
 
