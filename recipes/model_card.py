@@ -2,24 +2,22 @@
 
     python recipes/model_card.py --out docs --photos
     python recipes/model_card.py --out docs --data records/authors --data FOLDER:test ...
-    python recipes/model_card.py --out docs --median FOLDER:SPLIT:CATEGORY ...
 
 `--photos`: `photos.png` has a row for each photo of docs/photos: the photo; the mask that `psgn
 predict` finds, with the cloud of this mask from the camera of the photo and turned by 75 degrees
 about the vertical axis; then the given mask, `NAME_mask.png`, with its cloud. `three_photos.png`
-and the animation `turning.webp` show the photos of the README, `--readme`, with their given masks.
+and the animation `turning.webp` show the photos of the README, `--readme`, with their given masks;
+`four_clouds.png` shows four clouds of the last one, turned by 75 degrees.
 All clouds are in normal form. The method and the IoU of each mask that was found are printed.
 
 `--data`: folders of records, each with the split after a colon (default: validation), are
 evaluated with the images as they are (`--frame=keep` of `psgn evaluate`) and with the object placed
-in them (`--frame=place`), as clouds of `psgn predict`. The metrics are means over all samples. For each frame,
-`model_card_FRAME.png` shows the first `--cases` cases of the first folder. The text between
+in them (`--frame=place`), with the clouds of `psgn predict`. The metrics are means over all
+samples. For each frame, `model_card_FRAME.png` shows the first `--cases` cases of the first folder.
+The text between
 `<!-- begin NAME -->` and `<!-- end NAME -->` (weights, sources, figures, certainty) of the card is
 replaced. The last one shows, for the points of each fifth by their spread over the draws, the mean
 distance to the true points, over at most `--most` samples of the first folder.
-
-`--median`: `predictions.png` shows the case of median CD of each set, of at most `--most` evenly
-spaced samples: image, prediction and truth from the camera, prediction and truth from the side.
 
 All clouds are coloured by height.
 """
@@ -42,7 +40,6 @@ from psgn_jax.data import photo
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.evaluation import table
 from psgn_jax.evaluation.report import Collector
-from psgn_jax.losses import chamfer_sq_mean
 from psgn_jax.losses.chamfer import nearest_both
 from psgn_jax.prediction import masks
 from psgn_jax.system.files import write_atomic
@@ -124,6 +121,15 @@ def side_by_side(image, prediction):
     return np.concatenate([left, cloud_picture(prediction, 0, high)], axis=1)
 
 
+def four_clouds(photo_and_mask, predictor):
+    """The photo, and four clouds of it from the side."""
+    prediction = predictor(*photo_and_mask, samples=4)
+    clouds = spheres.by_height({str(i): cloud for i, cloud in enumerate(prediction.points)})
+    drawn = spheres.panels(vars(prediction.view), clouds, turns=(75,), height=HIGH)
+    row = [panel(photo_and_mask[0]), *list(drawn.values())[1:]]
+    return Image.fromarray(np.concatenate(row, axis=1))
+
+
 def animation(predictions):
     """A WebP of clouds beside each other, each turning about its vertical axis."""
     frames = []
@@ -144,6 +150,8 @@ def draw_photos(predictor, out, names):
         given = photo.read_mask(path.with_name(f"{path.stem}_mask.png"), read)
         if path.stem in names:
             chosen[path.stem] = read.image, predictor(read.image, given)
+        if path.stem == names[-1]:
+            last = read.image, given
         pictures, text = row(read.image, given, predictor)
         rows.append((path.stem, pictures))
         print(f"{path.stem}: {text}")
@@ -151,6 +159,7 @@ def draw_photos(predictor, out, names):
     write_atomic(out / "photos.png", small_png(spheres.sheet(rows, columns=1), 480_000))
     write_atomic(out / "three_photos.png", small_png(Image.fromarray(three), 480_000))
     write_atomic(out / "turning.webp", animation([chosen[name][1] for name in names]))
+    write_atomic(out / "four_clouds.png", small_png(four_clouds(last, predictor), 480_000))
 
 
 # --- Records ------------------------------------------------------------------------------------
@@ -270,50 +279,17 @@ def write_card(weights, sets, out, cases, most):
     write_atomic(out / "model_card.md", filled(text, blocks))
 
 
-def median_case(predictor, data, most):
-    """The case with the median CD: its sample, the prediction, as many true points, the CD."""
-    folder, split, *category = data.split(":")
-    reader = RecordReader(folder, split)
-    samples = (reader[i] for i in range(len(reader)))
-    chosen = [s for s in samples if not category or s.category == category[0]]
-    cases = []
-    for sample in chosen[:: -(-len(chosen) // most)]:
-        points = predictor(sample.image, sample.mask, frame="keep", normal_form="no").points[0]
-        order = np.random.default_rng(0).permutation(len(sample.points))
-        error = float(chamfer_sq_mean(points, sample.points[order[:4096]]))
-        cases.append((error, sample, points, sample.points[order[: len(points)]]))
-    return sorted(cases, key=lambda case: case[0])[len(cases) // 2]
-
-
-def draw(sample, points, truth):
-    """One row of the picture."""
-    clouds = spheres.by_height({"prediction": points, "truth": truth})
-    panels = spheres.panels(vars(sample), clouds, height=168)
-    return np.concatenate(list(panels.values()), axis=1)
-
-
-def draw_median_cases(predictor, sets, out, most):
-    """Writes `predictions.png`."""
-    rows = []
-    for data in sets:
-        error, *case = median_case(predictor, data, most)
-        print(f"{data}: {case[0].model_id}, view {case[0].view}, CD squared {error:.4f}")
-        rows.append(draw(*case))
-    Image.fromarray(np.concatenate(rows)).quantize(256).save(
-        out / "predictions.png", "PNG", optimize=True
-    )
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--weights", default="", help="file or name; default: the package's")
     parser.add_argument("--out", type=pathlib.Path, required=True)
     parser.add_argument("--photos", action="store_true", help="draw the photos")
-    parser.add_argument("--readme", default="aeroplane,car,chair", help="photos of the README")
+    parser.add_argument("--readme", default="dumper,car,chair", help="photos of the README")
     parser.add_argument("--data", action="append", metavar="RECORDS[:SPLIT]")
     parser.add_argument("--cases", type=int, default=64)
-    parser.add_argument("--median", nargs="+", metavar="FOLDER:SPLIT[:CATEGORY]")
-    parser.add_argument("--most", type=int, default=100, help="largest number of samples of each")
+    parser.add_argument(
+        "--most", type=int, default=100, help="largest number of samples of the certainty"
+    )
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     if arguments.photos:
@@ -323,9 +299,6 @@ def main():
         write_card(
             arguments.weights, arguments.data, arguments.out, arguments.cases, arguments.most
         )
-    if arguments.median:
-        predictor = psgn_jax.load(arguments.weights)
-        draw_median_cases(predictor, arguments.median, arguments.out, arguments.most)
 
 
 if __name__ == "__main__":

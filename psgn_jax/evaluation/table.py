@@ -160,8 +160,8 @@ Images were cropped and placed like photos, and the true points were moved with 
 radius 1 before it is placed and about 0.8 to 1.2 afterwards; distances are not divided by it."""
     if evaluation.refined:
         frame += f"""
-Predicted clouds were averaged with the mirror image's clouds, if the network has neither a random
-input nor depth, and fitted to the image's mask if at most {MOST_OUTSIDE:.0%} of their points were
+Predicted clouds were averaged with the mirror image's clouds, unless the network has depth as an
+input, and fitted to the image's mask if at most {MOST_OUTSIDE:.0%} of their points were
 projected outside it. Distances of several draws are without both."""
     return f"""
 Split {evaluation.split!r}, {num_pred} predicted points against {num_gt} true ones{repeated}.
