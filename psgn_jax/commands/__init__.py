@@ -1,1 +1,1 @@
-"""One module for each subcommand of `psgn`."""
+"""The subcommands of `psgn`, one module each."""

@@ -5,17 +5,16 @@
     psgn convert occnet SRC DST [--views N] [--points 16384]
 
 - `authors`: SRC is a folder with the authors' batch files (`*.gz`). Files 48 and 49 are the split
-  `test`, names that begin with `f` are `validation`. Training samples whose shape is that of a
-  validation or test object, mirrored or not, are written to the split `duplicate`, on which nothing
-  is trained.
+  `test`, samples whose names begin with `f` are `validation`. Training samples with the shape of a
+  validation or test object, mirrored or not, go to the split `duplicate`, which is never read.
 - `r2n2`: SRC contains `ShapeNetRendering` and `ShapeNetVox32` of 3D-R2N2.
 - `occnet`: SRC is the folder `ShapeNet` of Occupancy Networks, with one folder per category.
 
-A file, a model or a view of a model that cannot be read is reported and left out, and so is a
-sample without an object (its mask or its volume is empty, or all its points are in one place). The
-exit code is then 1. If the command is started again, it keeps the complete shards and continues
-after them. Shards from which something was left out are converted again, and shards whose files
-have changed. A complete conversion is not changed. If the disk is full, the exit code is 5.
+Files, models and views that cannot be read are reported and left out, and so are samples without an
+object (an empty mask or volume, all points in one place). The exit code is then 1. The same command
+continues a stopped conversion. It converts a shard again if something was left out of it, or if its
+files have changed, and does not change a complete conversion. If the disk is full, the exit code is
+5.
 """
 
 import sys
@@ -33,7 +32,7 @@ from psgn_jax.system.untrusted import one_line
 def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn convert LAYOUT SRC DST", __doc__)
     flags.integer("views", None, "Views per model; by default all.")
-    flags.integer("points", shapenet.NUM_POINTS, "Points per sample, at most.", lower_bound=1,
+    flags.integer("points", shapenet.NUM_POINTS, "Most points of a sample.", lower_bound=1,
                   upper_bound=1_000_000)  # fmt: skip
     return flags.run(_main, argv, wrong_input=(ValueError,))
 

@@ -1,6 +1,6 @@
-"""The default data set of configurations without `data.path`, rendered on first use and cached.
+"""The default data set, for configurations without `data.path`: rendered on first use and cached.
 
-Rendering needs the extra `render` and takes a minute or two. `data_gen.default` describes it.
+Rendering needs the extra `render` and takes a minute or two. `data_gen.default` describes the data.
 """
 
 import pathlib
@@ -17,20 +17,18 @@ from psgn_jax.system.locks import locked
 
 
 def ensure_default_data(config: Config, *, training: bool = True) -> None:
-    """Renders the default data set for a configuration without `data.path`.
-
-    Without `training`, a configuration with `data.eval_path` needs no other records.
+    """Renders the default data set if the configuration reads it, for evaluation or `training`.
 
     Raises:
-      ConfigError: the task needs several views of each model, or as `default_dataset`.
+      ConfigError: the task needs several views of each model; or as `default_dataset`.
       UserError: the cache folder cannot be written.
     """
-    given = config.data
-    if given.path or (given.eval_path and not training):
+    data = config.data
+    if data.path or (data.eval_path and not training):
         return
-    views = 0 if given.eval_path else given.eval_views
+    views = 0 if data.eval_path else data.eval_views
     if training:
-        views = max(views, given.train_views)
+        views = max(views, data.train_views)
     if views > 1:
         raise ConfigError(
             f"data.path is empty, and the default data set has one view of each model, but "
@@ -41,7 +39,7 @@ def ensure_default_data(config: Config, *, training: bool = True) -> None:
 
 
 def default_dataset() -> str:
-    """The folder of the default data set, after rendering what is missing of it.
+    """Renders the default data set, or the missing part of it; returns its folder.
 
     If several processes call this, one renders and the others wait.
 

@@ -1,10 +1,9 @@
 """Evaluates a run, `psgn evaluate --workdir W`, or weights, `--weights NAME|FILE`.
 
-It prints the table and writes it into the run's folder; for weights, into
+The command prints a table and writes it to the run's folder; for weights, to
 `eval_<weights>_<split>` in the current folder. `--report=DIR` also writes a gallery of all samples.
-`--baselines` writes another table, of `evaluation.baselines`.
-Several processes (`system.distributed`) divide the split among themselves. `psgn_jax.tasks.run`
-describes the metrics and the files.
+`--baselines` writes the table of `evaluation.baselines` instead. Several processes
+(`system.distributed`) share the split. `psgn_jax.tasks.run` describes metrics and files.
 """
 
 import dataclasses
@@ -39,9 +38,11 @@ def open_with_records(
     workdir: str | None, weights: str | None, checkpoint: str = "best", data: str | None = None,
     *, training: bool = False, name: str = "",
 ) -> Trained:  # fmt: skip
-    """Opens a network to be evaluated; `data` replaces the records of its configuration.
+    """Opens a network and checks that the records for its evaluation exist.
 
-    `training`: whether those for training are needed; `name`: as for `open_network`.
+    Args:
+      data: folders that replace the records of the configuration.
+      training: whether the records for training are needed, too.
     """
     run = open_network(workdir, weights, checkpoint, name)
     config = run.config
@@ -54,7 +55,6 @@ def open_with_records(
 
 
 def _baselines(run: Trained, split: str | None, out: str | None) -> str:
-    """Writes `baselines.txt` and `baselines.json`; returns the table."""
     require_points_task(run.config, "--baselines")
     split = split or run.config.data.eval_split
     folder = output_folder(run, out, "baselines", split)
@@ -76,19 +76,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         "the current folder.",
     )  # fmt: skip
     flags.integer(
-        "draws", 0, "Number of predictions per image; the best and the mean of their distances are "
-        "also measured; needs a network with a random input; 0 = off.", lower_bound=0,
+        "draws", 0, "Also measure the best and the mean of so many predictions per image; needs a "
+        "network with a random input; 0 = off.", lower_bound=0,
     )  # fmt: skip
     flags.enum(
-        "frame", "keep", list(FRAMES), "keep: images as they are; place: crop and place objects."
+        "frame", "keep", list(FRAMES), "keep: images as they are; place: crop and place as photos."
     )
     flags.bool(
-        "refine", None, "Measure clouds as psgn predict gives them: averaged with those of the "
-        "mirror image, and moved into the mask; default: eval.refine of the run.",
+        "refine", None, "Measure clouds as psgn predict writes them: averaged with the mirror "
+        "image's and fitted to the mask; default: eval.refine of the run.",
     )  # fmt: skip
-    flags.bool(
-        "baselines", False, "Compare the network with the floor and with simple baselines instead."
-    )
+    flags.bool("baselines", False, "Compare the network with simple baselines instead.")
     flags.string("report", None, "Folder for a gallery of all samples, as web pages.")
     flags.string("compare", None, "Folder of a second run for the gallery.")
     define_process_flags(flags)
@@ -97,7 +95,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _main(flags: Flags) -> None:
     values = flags.values
-    # Wrong folders are reported before a network is read or records are rendered.
+    # Report wrong folders before a network is read or records are rendered.
     if values.out is not None:
         check_folder(values.out, "--out")
     if values.data:

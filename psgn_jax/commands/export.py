@@ -1,9 +1,9 @@
 """Exports a network for other programs: `psgn export --out=FOLDER`.
 
-The folder will contain ONNX files, a StableHLO program, a README on inputs, outputs, frame and
-framing, and one example each in Python and JavaScript. We compare the points of each file with
-JAX's on random images before we write it. It is an error if they differ by more than 1e-4, or 1e-2
-with weights in float16. The command needs the extra `export`.
+The folder gets ONNX files, a StableHLO program, a README on inputs, outputs, frame and framing, and
+an example each in Python and JavaScript. Before we write a file, we compare its points with JAX's
+on random images. The command fails if they differ by more than 1e-4, or 1e-2 with weights in
+float16. It needs the extra `export`.
 """
 
 import sys
@@ -29,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def open_to_export(values: Any) -> Trained:
-    """Opens the network that the flags name, after checks of what an export needs."""
+    """Checks what an export needs, then opens the network that the flags name."""
     require_packages()
     check_folder(values.out, "--out")
     keep_compiled()

@@ -3,14 +3,13 @@
     psgn human --data=RECORDS --cases=16 --out=study
     psgn human score study --workdir=RUN [--workdir=RUN2]
 
-The first command writes a page, `study/index.html`, which can be opened in a browser as a file.
-There a person models the object of each image from boxes, cylinders, cones, spheres and prisms over
-the image, and saves all models as `human.json`. The page sends no requests and does not
-contain the true points of the objects.
+The first command writes a page, `study/index.html`; open it in a browser as a file. There, a person
+models the object of each image from boxes, cylinders, cones, spheres and prisms, and saves all
+models as `human.json`. The page sends no requests and does not contain the objects' true points.
 
-The second command reads `study/human.json` (or `--answers=FILE`) and compares the models with the
-networks: `scores.md` and `scores.json` (CD and EMD of each case) and `scores.png` (the paper's
-figure). It needs the extra `experiments`.
+The second command compares the models in `study/human.json` (or `--answers=FILE`) with networks. It
+writes the CD and EMD of each case to `scores.md` and `scores.json`, and the paper's figure to
+`scores.png`. It needs the extra `experiments`.
 """
 
 import pathlib
@@ -41,7 +40,7 @@ def _score(folder: pathlib.Path, values: Any) -> None:
     out = pathlib.Path(values.out or folder)
     check_folder(out, "--out")
     keep_compiled()
-    # Imported here, because the page and the errors above need no JAX.
+    # Here, because the page and the errors above need no JAX.
     from psgn_jax.studies import figures
     from psgn_jax.web.human import score
     from psgn_jax.weights.opening import open_network
@@ -49,8 +48,8 @@ def _score(folder: pathlib.Path, values: Any) -> None:
     figures.check_installed()
     samples = lib.open_cases(study, values.data)
     runs = [open_network(workdir, None, values.checkpoint) for workdir in values.workdir]
-    only_runs = "best" if runs else values.checkpoint  # weights alone have no checkpoints
-    runs += [open_network(None, weights, only_runs) for weights in values.weights]
+    checkpoint = "best" if runs else values.checkpoint  # refused if there are only weights
+    runs += [open_network(None, weights, checkpoint) for weights in values.weights]
     networks = score.label_networks(runs)
     scored = score.score(study, answers, samples, networks, num_points=values.points)
     text = score.write_scores(out, study, scored, networks, values.points)
@@ -59,8 +58,8 @@ def _score(folder: pathlib.Path, values: Any) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn human [ARGUMENT...]", __doc__)
-    flags.string("data", "", "Folder of records; `score` needs it only if it was moved.")
-    flags.string("out", "", "Folder for the page; with `score`: for tables and figures.")
+    flags.string("data", "", "Folder of records; with `score`: only if it was moved.")
+    flags.string("out", "", "Folder for the page; with `score`: for tables and figure.")
     flags.string("split", "validation", "Split of the records.")
     flags.integer("cases", 16, "Number of cases, evenly spaced over the split.")
     flags.string("answers", "", "File saved by the page; default: STUDY/human.json.")

@@ -3,10 +3,9 @@
     psgn inspect PATH [--sheet FILE.png] [--samples 12] [--check 256]
 
 The command prints splits, counts, fields, sizes and categories. It verifies the checksums of all
-shards, and checks the records, cameras and depths of some samples. It writes a contact sheet
-with two samples per row. Each sample has three pictures: the image, the cloud seen by the sample's
-camera, and the cloud from another direction. Exit codes: 0 the data set is intact; 1 something is
-damaged; 2 another error.
+shards, and checks the records, cameras and depths of some samples. A contact sheet shows the image
+of each sample, the cloud seen by its camera, and the cloud from another direction. Exit codes: 0
+the data set is intact; 1 something is damaged; 2 another error.
 """
 
 import pathlib

@@ -1,10 +1,10 @@
-"""A web page that runs a network in the browser: `psgn page --out=FOLDER`.
+"""Writes a web page that runs a network in the browser: `psgn page --out=FOLDER`.
 
-`--serve` opens the folder to the browsers of this machine and prints the address. Any other file
-server can serve it, too. The page loads nothing from other hosts: reading a photo and its mask and
-predicting the points run on the visitor's device. ONNX Runtime Web is downloaded by npm the first
-time and kept in the cache folder; `--runtime=FOLDER|TGZ` reads it from another place. The command
-needs the extra `export`.
+`--serve` serves the folder to the browsers of this machine and prints the address; any other file
+server can serve it, too. The page loads nothing from other hosts: the visitor's device reads the
+photo, finds the mask and predicts the points. The first call downloads ONNX Runtime Web by npm into
+the cache folder; `--runtime=FOLDER|TGZ` reads it from another place. The command needs the extra
+`export`.
 """
 
 import contextlib

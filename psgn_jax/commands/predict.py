@@ -1,10 +1,10 @@
 """Predicts points from photos: `psgn predict IMAGE... --out DIR`.
 
-Images are files such as PNG, JPEG, TIFF, WebP or AVIF, or folders of such files; convert others,
-such as HEIC, to JPEG. `psgn_jax.prediction.predictor` describes how the object is found and framed,
-`psgn_jax.prediction.files` describes the output. An image that cannot be processed does not stop
-the others. Exit codes: 0 all images were processed; 1 some failed; 2 all failed, or an argument is
-wrong; 5 a full disk; 130 stopped by Ctrl-C.
+Images are PNG, JPEG, TIFF, WebP or AVIF files or folders of them; convert other formats, such as
+HEIC, to JPEG. `psgn_jax.prediction.predictor` describes how the object is found and framed,
+`psgn_jax.prediction.files` the output. If one image cannot be processed, the others still are. Exit
+codes: 0 all images were processed; 1 some failed; 2 all failed, or an argument is wrong; 5 the disk
+is full; 130 stopped by Ctrl-C.
 
 In a notebook: `psgn_jax.load()(image)`.
 """
@@ -33,32 +33,29 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn predict IMAGE...", __doc__)
     define_network_flags(flags)
     flags.string("out", "out", "Folder for the results.")
-    flags.string("mask", None, "File of the mask, or folder with one for each image.")
+    flags.string("mask", None, "File of the mask, or folder of masks.")
     flags.string(
         "mask_from", "auto", f"How to find a mask: {', '.join(masks.METHODS)} or rembg:MODEL."
     )
     flags.list("box", None, "Box around the object, x0,y0,x1,y1 in pixels of the photo.")
     flags.list("point", None, "A pixel of the object, x,y.")
     flags.bool(
-        "invert_mask", None, "The given masks are white outside the object; default: those that "
-        "cover the border.",
+        "invert_mask", None, "The masks are white outside the object; default: masks that cover "
+        "the border are inverted.",
     )  # fmt: skip
     flags.list(
-        "mask_label", None, "The object's label in given masks with several: a grey level, an "
+        "mask_label", None, "The object's label in a mask with several labels: a grey level, an "
         "index of a palette, or a colour R,G,B.",
     )  # fmt: skip
-    flags.bool("accept_mask", False, "Use masks of which the network is not certain.")
+    flags.bool("accept_mask", False, "Use found masks even if the network is not certain.")
     flags.enum("normal_form", "auto", list(NORMAL_FORMS),
                "Move the points onto the ground and scale them to radius 1.")  # fmt: skip
     flags.enum("frame", "auto", list(FRAMES),
                "Crop to the object (place), or use the image as it is (keep).")  # fmt: skip
-    flags.bool(
-        "refine", True, "Average the cloud with that of the mirror image, and move points that "
-        "project outside the mask into it.",
-    )  # fmt: skip
+    flags.bool("refine", True, "Average the cloud with the mirror image's, and fit it to the mask.")
     flags.integer("samples", 1, "Number of clouds per image.")
     flags.enum("first", "medoid", list(FIRST), "The first cloud of a network with a random input: "
-               "its most typical draw, or the mean of its draws.")  # fmt: skip
+               "the most typical draw, or the mean of all draws.")  # fmt: skip
     flags.integer("seed", 0, "Seed of the random input.")
     flags.list("formats", list(DEFAULT_FORMATS), "Formats of the clouds: ply, xyz, obj, npz, glb.")
     return flags.run(_main, argv)
@@ -112,10 +109,10 @@ def _main(flags: Flags) -> int:
     if uncertain:
         sys.stderr.write(
             f"masks of which the network is not certain: {uncertain}. Look at "
-            f"{one_line(values.out)}/*_overlay.png. To use all as they are: --accept_mask. To "
-            "choose another part of a photo: --box=x0,y0,x1,y1 or --point=x,y. To use one that you "
-            "mended (white on the object) in any image editor, or in the page of `psgn page "
-            "--serve`: put NAME_mask.png beside the photo\n"
+            f"{one_line(values.out)}/*_overlay.png. To use all of them: --accept_mask. To choose "
+            "another part of a photo: --box=x0,y0,x1,y1 or --point=x,y. To correct a mask, use any "
+            "image editor (white on the object) or the page of `psgn page --serve`, and put "
+            "NAME_mask.png beside the photo\n"
         )
     if failed:
         sys.stderr.write(f"{done} of {done + failed} images were processed, see {values.out}\n")

@@ -1,10 +1,4 @@
-"""The console script `psgn`, with one subcommand for each command of the package.
-
-    psgn train --config=quickstart
-    psgn predict photo.jpg --workdir=runs/quickstart --out=out
-
-The module of a command is imported only when the command runs.
-"""
+"""The console script `psgn`; it imports the module of a subcommand only to run it."""
 
 import importlib
 import os
@@ -29,23 +23,22 @@ COMMANDS: Mapping[str, str] = {
     "spheres": "draw predictions as pictures or turntable films",
     "study": "run an experiment of the paper",
 }
-"""Name of each subcommand -> a description in one line."""
+"""Subcommand -> description."""
 
 
 def module(name: str) -> str:
-    own = "inspect_records" if name == "inspect" else name  # `inspect` is a module of Python
-    return f"psgn_jax.commands.{own}"
+    return f"psgn_jax.commands.{'inspect_records' if name == 'inspect' else name}"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs a subcommand and returns its exit code.
 
-    Without `argv` this is the console script: it takes the arguments of the process, and changes
-    its environment (`terminal.start_command`).
+    Without `argv`, as the console script, it takes the arguments of the process and prepares the
+    process (`terminal.start_command`).
     """
     if argv is None:
         end_during_imports()
-    # Imported here so that Ctrl-C is one line from the start.
+    # Imported after `end_during_imports`, so that Ctrl-C prints one line from the start.
     from psgn_jax.system.environment import explained
     from psgn_jax.system.errors import Exit, exit_code_of
     from psgn_jax.system.terminal import nothing_reads_output, start_command
@@ -57,7 +50,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         code = _run(list(sys.argv[1:] if argv is None else argv))
         if not code:
             sys.stdout.flush()
-    except KeyboardInterrupt:  # while the command's modules were being imported
+    except KeyboardInterrupt:  # during the imports of the command's module
         sys.stderr.write("stopped by Ctrl-C\n")
         code = Exit.CTRL_C
     except OSError as error:  # stdout is a full disk, or a pipe that nothing reads
@@ -71,7 +64,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         code = known.exit_code
     try:
         sys.stdout.flush()
-    except OSError:  # without this, Python would try again at its end
+    except OSError:  # Python would flush again at its exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return code
 

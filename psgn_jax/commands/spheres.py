@@ -1,7 +1,7 @@
 """Draws predictions as pictures or turntable films: `psgn spheres OUT/*.npz --out=sheet.png`.
 
-The sheet shows the image and the first clouds of each file from two sides. Points have the colours
-of the photo, or of their height if none is visible in it.
+The sheet shows the image and the first clouds of each file from two sides. Points have their
+colours in the photo, or are coloured by height if the photo shows none of them.
 """
 
 import pathlib
@@ -23,7 +23,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags.integer("columns", 1, "Columns of the sheet.", lower_bound=1)
     flags.integer("clouds", 4, "Largest number of clouds of each file.", lower_bound=1)
     flags.string("turntable", None, "GIF of the first prediction, rotating.")
-    flags.bool("branch", False, "Whether the first cloud is also shown with colours by branch.")
+    flags.bool("branch", False, "Also show the first cloud coloured by branch.")
     flags.integer("height", 144, "Height of each picture in pixels; 480 is good for slides.",
                   lower_bound=48, upper_bound=2160)  # fmt: skip
     return flags.run(_main, argv, wrong_input=(ValueError,))
@@ -56,7 +56,7 @@ def _main(flags: Flags) -> None:
 
 
 def _seen(arrays: dict[str, np.ndarray], height: int) -> dict[str, np.ndarray]:
-    """The part of the photo that the network's view shows, at this height, and its camera."""
+    """The network's view of the photo, resampled to `height` rows, and its camera."""
     rows, columns = arrays["image"].shape[:2]
     size = height, max(1, min(round(columns * (height / rows)), 4 * height))
     to_view = np.diag([size[1] / columns, size[0] / rows, 1.0]) @ arrays["to_view"]

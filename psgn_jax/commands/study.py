@@ -1,12 +1,12 @@
 """Runs an experiment of the paper: `psgn study NAME --workdir=DIR`.
 
 mean_shape: mean shapes under CD and EMD. networks: vanilla, two-branch and hourglass networks.
-branches: the points of each branch. losses: training by CD against training by EMD. completion: RGB
-against RGB-D input. ambiguity: several predictions for one image by Mo2, Mo4, Mo8, the cVAE.
-comparison: predicted volumes, compared with 3D-R2N2.
+branches: the points of each branch. losses: training with the CD and with the EMD. completion: RGB
+and RGB-D input. ambiguity: several predictions for one image by Mo2, Mo4, Mo8 and the cVAE.
+comparison: predicted volumes and those of 3D-R2N2.
 
 The trainings are ordinary runs in `DIR/CONFIG-SEED`. The same command continues a stopped study.
-`branches` and `losses` use the runs of `networks` if they get its folder.
+In the folder of `networks`, `branches` and `losses` use its runs.
 """
 
 import importlib
@@ -25,7 +25,7 @@ from psgn_jax.system.files import cache_folder
 
 
 def _usual(_: str) -> str:
-    """The authors' records in their usual folder, or the default data set."""
+    """`records/authors` if it exists, or the default data set."""
     if pathlib.Path("records/authors").is_dir():
         return "records/authors"
     from psgn_jax.commands.default_data import default_dataset
@@ -35,7 +35,7 @@ def _usual(_: str) -> str:
 
 
 def _cabinets(workdir: str) -> str:
-    """Cabinets with hidden depth, rendered in `workdir/data`, or completed."""
+    """Cabinets with hidden depth, rendered into `workdir/data`."""
     from data_gen import cameras, job, settings
     from data_gen.catalogues import cabinets
 
@@ -50,7 +50,7 @@ def _cabinets(workdir: str) -> str:
 
 
 def _views(_: str) -> str:
-    """Five views of 40 procedural models of each category, rendered in the cache folder."""
+    """Five views each of 40 procedural models per category, rendered into the cache folder."""
     from data_gen import default, engine, settings
     from psgn_jax.config.data import DEFAULT_DATA
 
@@ -73,7 +73,7 @@ STUDIES: dict[str, Callable[[str], str]] = {
     "ambiguity": _cabinets,
     "comparison": _views,
 }
-"""Name -> function from the study's folder to the folder of its records without `--data`."""
+"""Name -> function from the study's folder to the default of `--data`."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -90,7 +90,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "eval_data", "", "Folders of records for evaluation, also during training; default: --data."
     )
     flags.list("measure", [], "FOLDER:SPLIT,...: measure on these splits too.")
-    flags.list("runs", [], "Folders of finished runs to measure instead, with commas.")
+    flags.list("runs", [], "Folders of finished runs to measure instead, separated by commas.")
     return flags.run(_main, argv)
 
 

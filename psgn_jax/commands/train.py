@@ -1,14 +1,14 @@
 """Trains a network: `psgn train --config=base --workdir=runs/base`.
 
 `python -m psgn_jax.main` is the same command. `--config` takes the path of a file or the name of a
-configuration that comes with the package. Any field of it can be given as a flag,
-`--config.train.steps=2000`. The same command resumes a stopped run.
+configuration in the package. Every field is a flag, such as `--config.train.steps=2000`. The same
+command resumes a stopped run.
 
-Exit codes: 0 done; 2 a wrong configuration (the message names the field) or a file that cannot be
-written; 3 a loss that is not finite; 4 another process of the same training has ended; 5 a full
-disk; 143 stopped by SIGTERM; 130 stopped by Ctrl-C. In the last two cases, a checkpoint has been
-saved, unless the step took longer than `train.stop_seconds`, a second signal came, or Ctrl-C
-stopped one of several processes.
+Exit codes: 0 done; 2 the configuration is wrong (the message names the field) or a file cannot be
+written; 3 the loss is not finite; 4 another process of the same training has ended; 5 the disk is
+full; 143 stopped by SIGTERM; 130 stopped by Ctrl-C. A stopped training has saved a checkpoint,
+unless the step took longer than `train.stop_seconds`, a second signal came, or Ctrl-C stopped one
+of several processes.
 """
 
 import pathlib
@@ -42,18 +42,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _main(flags: Flags) -> int:
     values = flags.values
-    given = parse(flags.settings)
-    check_used(given, flags.fields)
+    config = parse(flags.settings)
+    check_used(config, flags.fields)
     stem = pathlib.Path(flags.config_file.partition(":")[0]).stem
     workdir = values.workdir or str(pathlib.Path("runs", stem))
-    check_paths(given)
+    check_paths(config)
     check_folder(workdir, "--workdir")
-    data = given.data
+    data = config.data
     if data.path:
         RecordReader(data.folders, data.train_split)
     if data.path or data.eval_path:
         RecordReader(data.eval_folders, data.eval_split)
-    # Imported here so that wrong configurations and records are reported before JAX is loaded.
+    # JAX is loaded here, after wrong configurations and records were reported.
     keep_compiled()
     keep_freed_memory()
     import jax
@@ -62,11 +62,11 @@ def _main(flags: Flags) -> int:
     from psgn_jax.training.loop import train
     from psgn_jax.weights.opening import check_initial
 
-    # What is wrong is reported before the default data set is rendered.
-    if given.train.init and not pathlib.Path(workdir, "checkpoints").exists():
-        check_initial(given)
-    with joined(values, given.train.batch_size):
+    # A wrong `train.init` is reported before the default data set is rendered.
+    if config.train.init and not pathlib.Path(workdir, "checkpoints").exists():
+        check_initial(config)
+    with joined(values, config.train.batch_size):
         jax.devices()
-        ensure_default_data(given)
-        outcome = train(given, workdir)
+        ensure_default_data(config)
+        outcome = train(config, workdir)
     return 128 + outcome.stopped_by if outcome.stopped_by else 0

@@ -19,7 +19,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _main(flags: Flags) -> None:
     names = [pathlib.Path(path).stem for path in flags.arguments]
-    # Files in different folders may have the same name, as predictions of one photo.
+    # Files in different folders may have the same name.
     titles = [n if names.count(n) == 1 else p for p, n in zip(flags.arguments, names, strict=True)]
     cases = (
         page.case_of(title, read_prediction(path, page.FIELDS))

@@ -5,10 +5,10 @@
         [--checkpoint=best|last] [--ema|--noema] [--dtype=float16|float32]
         [--sources=sources.json,more.json] [--samples_before=N]
 
-`list` shows the network, data and licences of the weights in the package, or of the given ones; the
-model card compares their figures, and `psgn evaluate` measures them. `export` writes a checkpoint
-of a run as a file, for `--weights=FILE` of the other commands and for `--config.train.init=FILE`.
-Exit codes: 0 done, 2 error, 5 disk full.
+`list` shows network, data and licences of weights, by default of those in the package. The model
+card has their metrics; `psgn evaluate` measures them. `export` writes a checkpoint of a run as a
+file, for `--weights=FILE` of the other commands and for `--config.train.init=FILE`. Exit codes: 0
+done, 2 error, 5 disk full.
 """
 
 import pathlib
@@ -43,12 +43,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags.bool("ema", True, "export: the averaged parameters, if the run has them.")
     flags.enum("dtype", "float16", list(DTYPES), "export: type of the numbers.")
     flags.list(
-        "sources", [], "export: JSON files that list data and licences; those of the networks that "
-        "the run started from are added.",
+        "sources", [], "export: JSON files that list data and licences; the sources of the "
+        "networks from which the run started are added.",
     )  # fmt: skip
     flags.integer(
-        "samples_before", 0, "export: training samples seen before the run, by the networks that "
-        "it started from.", lower_bound=0,
+        "samples_before", 0, "export: training samples seen by the networks from which the run "
+        "started.", lower_bound=0,
     )  # fmt: skip
     return flags.run(_main, argv)
 
@@ -82,7 +82,7 @@ def _export(values: Any) -> str:
             raise ConfigError(f"--{name} is missing; expected --workdir=RUN --out=FILE")
     rows = [row for path in values.sources for row in read_sources(path)]
     run = open_run(values.workdir, values.checkpoint, averaged=values.ema)
-    # The scores belong to the averaged parameters, because evaluation uses these if they exist.
+    # The scores are those of the averaged parameters, if there are any.
     has_average = run.config.optim.ema_decay > 0
     averaged = values.ema and has_average
     figures = figures_of(

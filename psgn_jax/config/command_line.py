@@ -30,10 +30,7 @@ _CHANGE = re.compile(r"--?(?:no)?config\.([\w.]+)(?:=(.*))?", re.DOTALL)
 
 
 class Flags:
-    """The flags and arguments of one command.
-
-    The flags belong to this object, so a command can be called any number of times, and changes
-    no flags of the program that calls it.
+    """The flags and arguments of one command, apart from the flags of the calling program.
 
     Attributes:
       string, integer, float, bool, enum, list, multi_string: define a flag, with the parameters of
@@ -41,34 +38,34 @@ class Flags:
     """
 
     def __init__(self, usage: str, doc: str | None, details: Callable[[], str] = str) -> None:
-        """Starts a command without flags.
+        """Begins a command that has no flags yet.
 
         Args:
-          usage: the command and what it needs. `SRC DST`: two arguments; `NPZ...`: one or more;
-            `[NAME...]`: any number; `--out=FILE`: this flag is required.
-          doc: what `--help` shows above the flags.
-          details: what it shows below them.
+          usage: the command and its arguments. `SRC DST`: two arguments; `NPZ...`: one or more;
+            `[NAME...]`: any number; `--out=FILE`: a required flag.
+          doc: the text above the flags in `--help`.
+          details: returns the text below the flags.
         """
         self._usage, self._doc, self._details = usage, doc, details
         self._config: tuple[Any, Callable[[str], str]] | None = None
         self.values: Any = absl_flags.FlagValues()  # by name; set by `run`
-        self.arguments: list[str] = []  # that are not flags
+        self.arguments: list[str] = []  # without the flags
         self.config_file = ""  # path of the configuration
-        self.settings: Any = None  # the `ConfigDict` of this file, with the changed fields
+        self.settings: Any = None  # the file's `ConfigDict` with the changed fields
         self.fields: list[str] = []  # names of the fields that `--config.FIELD=VALUE` changed
-        own = {"flag_values": self.values}
-        self.string = functools.partial(absl_flags.DEFINE_string, **own)
-        self.integer = functools.partial(absl_flags.DEFINE_integer, **own)
-        self.float = functools.partial(absl_flags.DEFINE_float, **own)
-        self.bool = functools.partial(absl_flags.DEFINE_bool, **own)
-        self.enum = functools.partial(absl_flags.DEFINE_enum, **own)
-        self.list = functools.partial(absl_flags.DEFINE_list, **own)
-        self.multi_string = functools.partial(absl_flags.DEFINE_multi_string, **own)
+        here = {"flag_values": self.values}
+        self.string = functools.partial(absl_flags.DEFINE_string, **here)
+        self.integer = functools.partial(absl_flags.DEFINE_integer, **here)
+        self.float = functools.partial(absl_flags.DEFINE_float, **here)
+        self.bool = functools.partial(absl_flags.DEFINE_bool, **here)
+        self.enum = functools.partial(absl_flags.DEFINE_enum, **here)
+        self.list = functools.partial(absl_flags.DEFINE_list, **here)
+        self.multi_string = functools.partial(absl_flags.DEFINE_multi_string, **here)
 
     def config(self, defaults: Any, path_of: Callable[[str], str] = str, file: str = "") -> None:
         """Defines `--config=FILE` (default: `file`) and `--config.FIELD=VALUE`.
 
-        `defaults` is a dataclass with all fields; `path_of` maps the value of `--config` to a path.
+        `defaults` is a dataclass with all fields. `path_of` maps the value of `--config` to a path.
         """
         self._config = defaults, path_of
         self.string("config", file, "A configuration; --config.FIELD=VALUE changes a field of it.")
@@ -83,10 +80,10 @@ class Flags:
         argv: Sequence[str] | None = None,
         wrong_input: tuple[type[Exception], ...] = (),
     ) -> int:
-        """Runs `body` and returns its exit code (None = 0); from now on we log to the terminal.
+        """Parses `argv` (None = the process's arguments), runs `body` and returns the exit code.
 
-        An error that the user can fix is one line on stderr: an error with an `exit_code_of`, or of
-        the types `wrong_input`. `argv`: the arguments; None = from the process.
+        From now on, messages are logged to the terminal. An error that the user can fix becomes one
+        line on stderr: an error with an `exit_code_of`, or of a type in `wrong_input`.
         """
         argv = list(sys.argv[1:] if argv is None else argv)
         if HELP.intersection(argv[: argv.index("--") if "--" in argv else None]):
@@ -104,7 +101,7 @@ class Flags:
             code = exit_code_of(error) or (Exit.ERROR if isinstance(error, wrong_input) else None)
             if code is None:
                 raise
-            # The library names the wrong argument first; if that is a flag, it gets dashes.
+            # Messages begin with the name of the wrong argument; a flag gets its dashes.
             message = message_line(error)
             dashes = "--" * (message.partition("=")[0] in self.values)
             sys.stderr.write(f"error: {dashes}{message}\n")
@@ -172,7 +169,7 @@ _BOOLEANS = {"true": True, "t": True, "1": True, "false": False, "f": False, "0"
 
 
 def _parsed(text: str, default: Any) -> Any:
-    """The value of a field, of the type of its default; a text that is none is refused later."""
+    """`text` converted to the default's type, or unchanged, so that `parse` refuses it."""
     try:
         if isinstance(default, bool):
             return _BOOLEANS[text.lower()]
@@ -187,8 +184,8 @@ def _parsed(text: str, default: Any) -> Any:
 
 
 def named_file(value: str, files: Mapping[str, str]) -> str:
-    """`value` if it is the path of a file, or the file of this name; `ConfigError` if neither."""
-    if pathlib.Path(value.partition(":")[0]).is_file():  # a colon begins the argument of a file
+    """The path of a configuration from its path or name; `ConfigError` if there is neither."""
+    if pathlib.Path(value.partition(":")[0]).is_file():  # the file's argument follows a colon
         return value
     if value in files:
         return files[value]
@@ -200,9 +197,9 @@ def named_file(value: str, files: Mapping[str, str]) -> str:
 
 
 def load_file(value: str) -> Any:
-    """The `ml_collections.ConfigDict` of a configuration, whose file is executed.
+    """Executes a configuration file and returns its `ml_collections.ConfigDict`.
 
-    Text after a colon is the argument of `get_config`. `ConfigError` if it fails.
+    The text after a colon is the argument of `get_config`. `ConfigError` if anything fails.
     """
     from ml_collections import ConfigDict
 

@@ -9,8 +9,8 @@ from psgn_jax.config.structured import Bounds, Fraction
 from psgn_jax.system.files import cache_folder
 
 DEFAULT_DATA = "procedural-3-40"
-"""Folder of the default data set in the cache; `data_gen.default` renders it. Raise the first
-number with every change of its models or images."""
+"""Name of the default data set in the cache folder; `data_gen.default` renders it. Raise the first
+number whenever its models or images change."""
 
 DERIVED = {"derived": "data.image_size, data.inputs, task and voxels"}
 
@@ -50,17 +50,17 @@ class PhotoEffects:
 class DataConfig:
     """The records, and how batches are made from them."""
 
-    # Folders of records, separated by commas, whose splits are joined; empty = the default data
-    # set, rendered on first use. With `FOLDER*N`, its training samples count N times. `~` is your
-    # home.
+    # Folders of records, separated by commas; their splits are joined. `FOLDER*N` counts the
+    # folder's training samples N times, `~` is your home. Empty = the default data set, rendered on
+    # first use.
     path: str = ""
-    eval_path: str = ""  # Folders for evaluation, in the same form; empty = as `path`.
+    eval_path: str = ""  # Folders for evaluation, written like `path`; empty = the same as `path`.
     train_split: str = "train"  # Name of the split for training.
-    eval_split: str = "validation"  # Name of the split that is evaluated during training.
+    eval_split: str = "validation"  # Name of the split for evaluation.
     # (height, width) of the network's input; images are resized to it. The network pads sides that
     # are not multiples of 2 ** (levels of `model.widths` - 1).
     image_size: tuple[Side, Side] = (192, 256)
-    inputs: tuple[Channel, ...] = ("rgb", "mask")  # Of the network: "rgb", "mask" and "depth".
+    inputs: tuple[Channel, ...] = ("rgb", "mask")  # The network's input: "rgb", "mask", "depth".
     num_points: Points = 4096  # Number of true points drawn per sample and training step.
     num_eval_points: Points = 4096  # Number of true points per sample in an evaluation.
     flip: bool = False  # Whether to mirror half of the training samples (y to -y).
@@ -71,42 +71,42 @@ class DataConfig:
     zoom: Annotated[float, Bounds(low=0, high=0.9)] = 0.0
     # Largest shift of that crop, as a fraction of the height and width of the image.
     shift: Annotated[float, Bounds(low=0, high=0.5)] = 0.0
-    # Probability that the object of a training sample is cropped and placed by the rule of
-    # `data.framing`, like objects in photos, with its points (`augment.reframe`).
+    # Probability that the object of a training sample, with its points, is cropped and placed by
+    # the rule of `data.framing`, like objects in photos (`augment.reframe`).
     place: Fraction = 0.0
-    # Standard deviation of the logarithm of a further random scale of image and points; it is
-    # normally distributed, clipped at two standard deviations, and reduced if the object would
-    # leave the image. In the authors' images it is 0.12.
+    # Standard deviation of the logarithm of a random scale of image and points. The logarithm is
+    # normally distributed and clipped at two standard deviations; the scale is reduced if the
+    # object would leave the image. In the authors' images the standard deviation is 0.12.
     reframe_scale: Annotated[float, Bounds(low=0, high=0.3)] = 0.0
-    # Likewise of a random shift along rows and columns, as a fraction of the image height; there
-    # it is 0.07.
+    # The same for a random shift along rows and columns, as a fraction of the image height: 0.07
+    # in the authors' images.
     reframe_shift: Annotated[float, Bounds(low=0, high=0.3)] = 0.0
     photo: PhotoEffects = dataclasses.field(default_factory=PhotoEffects)  # Effects of photos.
     # Strength of random changes of brightness, contrast and channel gains; 0 = off.
     colour_jitter: Fraction = 0.0
     # Number of processes that make training batches; 0 = threads in this process.
     num_workers: Annotated[int, Bounds(low=0, high=256)] = 0
-    # GB of decoded samples that a training keeps in memory, over all its processes; 0 = none.
+    # GB of decoded samples that a training keeps in memory, in all its processes; 0 = none.
     cache_gb: Annotated[float, Bounds(low=0, high=1000)] = 0.5
 
     # Filled in from `task` and `voxels`; not keys of a configuration file.
     # Whether batches contain the solid volume.
     occupancy: bool = dataclasses.field(default=False, metadata=DERIVED)
-    # Images of the same model in each row of a training batch (at most) or an evaluation batch;
-    # 0 = one image, without an axis of views.
+    # Images of one model in a row of a training batch (at most this many) or an evaluation batch;
+    # 0 = a single image, without an axis of views.
     train_views: int = dataclasses.field(default=0, metadata=DERIVED)
     eval_views: int = dataclasses.field(default=0, metadata=DERIVED)
-    # "place" = evaluations place every sample as `place` does; "keep" = unchanged.
+    # "place": evaluations place every sample by the rule of `data.framing`; "keep": unchanged.
     eval_frame: str = dataclasses.field(default="keep", metadata={"derived": "frame of evaluate"})
 
     @property
     def folders(self) -> tuple[str, ...]:
-        """The folders in `path`, those with a factor N N times; or the default data set."""
+        """The folders in `path`, a folder with the factor N N times, or the default data set."""
         return _folders(self.path) or (str(cache_folder() / DEFAULT_DATA),)
 
     @property
     def eval_folders(self) -> tuple[str, ...]:
-        """The folders for evaluation, each once."""
+        """The folders for evaluation, without repetition."""
         return tuple(dict.fromkeys(_folders(self.eval_path) or self.folders))
 
 
@@ -114,7 +114,7 @@ def _folders(path: str) -> tuple[str, ...]:
     folders: list[str] = []
     parts = path.split(",")
     while parts:
-        # The name of a folder may contain commas, at most 15.
+        # A folder's name may contain up to 15 commas.
         joined = [_folder(",".join(parts[:end])) for end in range(1, min(len(parts), 16) + 1)]
         last = next((i for i, (name, _) in enumerate(joined) if os.path.isdir(name)), 0)
         name, factor = joined[last]
@@ -124,6 +124,6 @@ def _folders(path: str) -> tuple[str, ...]:
 
 
 def _folder(part: str) -> tuple[str, int]:
-    """A folder and its factor; `~` is the user's home."""
+    """The folder and the factor in `FOLDER*N`."""
     match = re.fullmatch(r"(.+?)\s*\*([1-9][0-9]{0,3})", part.strip())
     return os.path.expanduser(match[1] if match else part.strip()), int(match[2]) if match else 1

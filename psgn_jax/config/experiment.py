@@ -1,8 +1,8 @@
 """The configuration: frozen dataclasses, and checks that involve several fields.
 
-`parse` makes a `Config` of an `ml_collections.ConfigDict` or any nested mapping. The dataclasses
-here and in `config.data` are the complete specification. Lengths are in the project's unit, the
-radius of the object's bounding hemisphere; image sizes are (height, width) in pixels.
+`parse` converts an `ml_collections.ConfigDict` or any nested mapping to a `Config`. The dataclasses
+here and in `config.data` define all fields. Lengths are in the project's unit, the radius of the
+object's bounding hemisphere; image sizes are (height, width) in pixels.
 """
 
 import dataclasses
@@ -30,7 +30,7 @@ from psgn_jax.config.structured import (
 )
 from psgn_jax.system.untrusted import parse_json, with_checksum, without_checksum
 
-# Decay rates of Adam and of the parameter average. At 1 the mean would never change.
+# Decay rates of Adam and of the parameter average; at 1, an average would never change.
 Decay = Annotated[float, Bounds(low=0, high=1, open_high=True)]
 Factor = Annotated[float, Bounds(low=0, high=100, open_low=True)]
 Task = Literal["points", "refiner", "volume", "views"]
@@ -43,13 +43,12 @@ CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "d
 
 @dataclasses.dataclass(frozen=True)
 class ModelConfig:
-    """The network (paper, section "Point Set Prediction Network"); by default the published one."""
+    """The network (paper, section "Point Set Prediction Network"); defaults: the published one."""
 
-    # Version of the network, see `models.point_out_net`.
-    name: Version = "two_branch"
+    name: Version = "two_branch"  # see `models.point_out_net`
     # Feature maps at each resolution level, full size first; each level halves the size.
     widths: tuple[Size, ...] = (16, 32, 64, 128, 256, 512, 512)
-    # Number of points of the fully connected branch; all points of `vanilla`.
+    # Number of points of the fully connected (fc) branch; with `vanilla`, of the cloud.
     fc_points: Annotated[int, Bounds(low=0, high=1_000_000)] = 256
     # Level at which the deconv branch ends (3 = an eighth of the image size).
     deconv_level: Count = 3
@@ -57,14 +56,14 @@ class ModelConfig:
     fc_widths: tuple[Size, ...] = (2048, 1024)  # Hidden widths of the fully connected branch.
     # Dimension of the random input r; 0 = none.
     random_size: Annotated[int, Bounds(low=0, high=1_000_000)] = 0
-    # Where r enters: the bottleneck, as in the paper, or also the hidden layer of the fc branch and
-    # the levels of the deconv branch (**ours**), as a shift of each feature that is 0 at first.
+    # Where r enters: "bottleneck", as in the paper, or "all": also the hidden layer of the fc
+    # branch and the levels of the deconv branch (**ours**), as a shift of features, initially 0.
     random_at: Literal["bottleneck", "all"] = "bottleneck"
-    # Train as a conditional variational autoencoder: r is drawn from the distribution that the
-    # posterior network predicts from the ground truth (`models.posterior`), elsewhere from the
-    # prior N(0, I).
+    # Whether to train a conditional variational autoencoder. In training, r is drawn from the
+    # distribution that the posterior network predicts from the ground truth (`models.posterior`);
+    # in evaluation and prediction, from the prior N(0, I).
     posterior: bool = False
-    # Feature maps of the posterior network's 3D convolutions, each of which halves the 32^3 grid.
+    # Feature maps of the posterior network's 3D convolutions; each halves the 32^3 grid.
     posterior_widths: tuple[Size, ...] = (32, 64, 128)
     posterior_hidden: Size = 128  # Width of the posterior network's dense layer.
     # Dtype of the arithmetic in the network; parameters are always float32.
@@ -84,27 +83,27 @@ class ModelConfig:
 class LossConfig:
     """What training minimises (paper, section "Distance Metric between Point Sets")."""
 
-    # An entry of `losses.LOSSES`, or a weighted sum of entries, each with a number of true points,
-    # such as "emd_mean@1024 + 5*chamfer_sq_mean".
+    # An entry of `losses.LOSSES`, or a weighted sum such as "emd_mean@1024 + 5*chamfer_sq_mean",
+    # where 1024 is the number of true points (`losses.by_name`).
     name: str = "chamfer_sq_mean"
     # "authors" adds the L2 terms of `tasks.points.l2_authors`.
     l2: Literal["none", "authors"] = "none"
     emd_tolerance: Positive = 0.01  # Accepted relative error of the assignment in an EMD.
-    # Number of draws of the random input for each sample and training step, of which only the
-    # nearest to the truth counts (`losses.min_of_n`); 2 in the paper. Evaluation uses one draw.
+    # Number of draws of the random input for each sample and training step. Only the draw nearest
+    # to the truth counts (`losses.min_of_n`); 2 in the paper. Evaluation uses one draw.
     min_of_n: Annotated[int, Bounds(low=1, high=1000)] = 1
     # With `min_of_n` > 1, how the nearest draw is chosen. 0: by the loss of every draw, as in the
-    # paper. k > 0: by the Chamfer distance of k points of each cloud; only the chosen draw gets its
-    # loss. Then a step with 8 draws costs little more than one with a single draw.
+    # paper. k > 0: by the Chamfer distance of k points of each cloud. The loss is then computed for
+    # the chosen draw only, so a step with 8 draws costs little more than with one.
     winner_points: Count = 0
     # Weight of the mean Chamfer distance over all draws, against implausible draws (**ours**; needs
-    # `winner_points`). Each step computes it for the first draw, whose expectation is the mean.
+    # `winner_points`). Each step computes the distance of the first draw, an unbiased estimate.
     mean_weight: NonNegative = 0.0
-    # With `model.posterior`: weight of the Kullback-Leibler divergence from the prior, in the unit
-    # of the loss per nat. In the variational bound it is 1 if the loss is -log p of the truth, and
+    # With `model.posterior`: weight of the Kullback-Leibler divergence from the prior, in units of
+    # the loss per nat. In the variational bound it is 1 if the loss is -log p of the truth, and
     # 2 sigma^2 for a sum of squared distances of points with the standard deviation sigma.
     kl_weight: NonNegative = 1.0
-    kl_warmup_steps: Count = 0  # Steps at the start in which the weight grows linearly from 0.
+    kl_warmup_steps: Count = 0  # Number of first steps in which the weight rises linearly from 0.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,8 +119,8 @@ class OptimConfig:
     b2: Decay = 0.999  # Adam's decay rate of the mean squared gradient.
     eps: Positive = 1e-8  # Adam's epsilon.
     clip_norm: NonNegative = 0.0  # Largest global norm of the gradient; 0 = no clipping.
-    # Decay per step of the averaged parameters, which evaluation uses; 0 = no average. Step t (from
-    # 0) uses the smaller of `ema_decay` and (t + 1) / (t + 10).
+    # Decay per step of the averaged parameters, which evaluation uses; 0 = no average. The decay of
+    # step t = 0, 1, ... is the smaller of `ema_decay` and (t + 1) / (t + 10).
     ema_decay: Decay = 0.0
 
 
@@ -137,14 +136,13 @@ class TrainConfig:
     # Steps between images of predictions in TensorBoard; also at the end.
     images_every: Count = 5_000
     keep_checkpoints: PositiveInt = 2  # Number of newest checkpoints kept, besides the best.
-    # Time after SIGTERM or Ctrl-C in which the current step may end and be saved. Then the process
-    # ends, after completing a checkpoint that is being written.
+    # Seconds after SIGTERM or Ctrl-C in which the current step may end and be saved. Then the
+    # process ends, after it has completed a checkpoint that is being written.
     stop_seconds: NonNegative = 20.0
-    # Source of initial parameters: a file of weights, the name of weights in the package, or the
-    # folder of a trained run (its best checkpoint). Of several, separated by commas, the mean.
-    # Empty = random parameters.
+    # Initial parameters: a file of weights, the name of weights in the package, or the folder of a
+    # trained run (its best checkpoint); the mean of several, separated by commas. Empty = random.
     init: str = ""
-    # Patterns of the names of layers that keep random initial parameters; `*` matches any text.
+    # Name patterns of layers that keep random initial parameters; `*` matches any text.
     init_skip: tuple[str, ...] = ()
 
 
@@ -153,9 +151,7 @@ class EvalConfig:
     """Evaluation, during training and afterwards."""
 
     batch_size: Size = 32  # Samples per step.
-    # Number of samples, from the beginning of the split, that are evaluated during training;
-    # 0 = all.
-    max_samples: Count = 0
+    max_samples: Count = 0  # Evaluate only the first samples of a split in training; 0 = all.
     fscore_threshold: Positive = 0.01  # Distance in units below which a point is correct.
     # Accepted relative error of the earth mover's distance, which compares a prediction with
     # equally many true points; 0 = no EMD.
@@ -163,13 +159,12 @@ class EvalConfig:
     # A true point is visible if a surface point of the depth image is within this distance, in
     # units (`data.visibility`); 0, or records without depth: no metrics of visible points.
     visible_tolerance: Annotated[float, Bounds(low=0, high=0.1)] = 0.025
-    # Whether to measure, during training as well, the distances after the best scale and shift of
-    # each prediction (`evaluation.aligned`, about 35 ms of a CPU core per sample). The command
-    # `evaluate` always does.
+    # Whether training, too, measures the distances after the best scale and shift of each cloud
+    # (`evaluation.aligned`, about 35 ms of a CPU core per sample). `psgn evaluate` always does.
     aligned: bool = False
-    # Whether to measure the clouds of `psgn predict`: the mean with the mirror image's cloud, or,
-    # with a random input, the most typical of 16 draws (`prediction.draws`), moved into the mask
-    # (`prediction.refine`). Only for the task "points".
+    # Whether to measure the clouds of `psgn predict`: averaged with the mirror image's cloud and
+    # fitted to the mask (`prediction.refine`); with a random input, the most typical of 16 draws
+    # (`prediction.draws`). Only for the task "points".
     refine: bool = False
 
 
@@ -177,30 +172,30 @@ class EvalConfig:
 class VoxelConfig:
     """Settings of the tasks on solid volumes; each comment begins with the task that reads it."""
 
-    # "refiner": folder of a run trained by CD, whose clouds are an input; this or `from_emd` is
-    # required. When the refiner starts, it copies the best checkpoint of that run into its folder.
+    # "refiner": folder of a run trained with the CD, whose clouds are an input; required without
+    # `from_emd`. When the refiner starts, it copies the run's best checkpoint into its folder.
     from_cd: str = ""
-    from_emd: str = ""  # "refiner": likewise, of a run trained by EMD.
+    from_emd: str = ""  # "refiner": the same for a run trained with the EMD.
     from_volume: str = ""  # "refiner": folder of a run of the task "volume", a further input.
-    widths: tuple[Size, Size, Size, Size, Size] = (16,) * 5  # "refiner": of the hidden layers.
+    widths: tuple[Size, Size, Size, Size, Size] = (16,) * 5  # "refiner": widths of hidden layers.
     width_multiplier: Factor = 1.0  # "views": factor of all widths.
-    # "views": largest number of views of each model in a training batch, drawn for each batch.
+    # "views": a training batch has 1 to `max_views` views of each model, drawn for each batch.
     max_views: Annotated[int, Bounds(low=1, high=1000)] = 5
     # "views": numbers of views in an evaluation; the first chooses the best checkpoint.
     eval_views: tuple[PositiveInt, ...] = (1, 3, 5)
 
     @property
     def sources(self) -> dict[str, str]:
-        """Folders of the runs that a refiner reads, by field name; empty fields are left out."""
+        """Field name -> folder of a run that the refiner reads, without empty fields."""
         names = ("from_cd", "from_emd", "from_volume")
         return {name: getattr(self, name) for name in names if getattr(self, name)}
 
 
 @dataclasses.dataclass(frozen=True)
 class Config:
-    """Everything a run depends on."""
+    """Everything that a run depends on."""
 
-    # Of all random numbers. JAX reads the lowest 32 bits only.
+    # Seed of all random numbers; JAX uses only the lowest 32 bits.
     seed: Annotated[int, Bounds(low=0, high=2**63 - 1)] = 0
     data: DataConfig = dataclasses.field(default_factory=DataConfig)
     model: ModelConfig = dataclasses.field(default_factory=ModelConfig)
@@ -208,9 +203,9 @@ class Config:
     optim: OptimConfig = dataclasses.field(default_factory=OptimConfig)
     train: TrainConfig = dataclasses.field(default_factory=TrainConfig)
     eval: EvalConfig = dataclasses.field(default_factory=EvalConfig)
-    # "points" predicts a cloud from an image. The others use the solid volumes of the records:
-    # "refiner" predicts a volume from the clouds of trained networks; "volume" predicts the volume
-    # of the object (a number) from an image; "views" is 3D-R2N2, a volume from one or more images.
+    # "points" predicts a cloud from an image. The others train on the solid volumes of the records:
+    # "refiner" predicts an occupancy grid from the clouds of trained networks, "volume" the volume
+    # of the object (a number) from an image, "views" (3D-R2N2) a grid from one or more images.
     task: Task = "points"
     voxels: VoxelConfig = dataclasses.field(default_factory=VoxelConfig)
 
@@ -219,7 +214,7 @@ _REMOVED = {
     ("model", "trained_blocks"): 0, ("model", "width_multiplier"): 1, ("loss", "l2_scale"): 0.1,
     ("optim", "encoder_rate"): 1, ("train", "num_images"): None,
 }  # fmt: skip
-"""Fields of earlier versions -> the value that has no effect, None = any."""
+"""Field of an earlier version -> the value without effect; None = any value."""
 
 
 def parse(config: Any) -> Config:
@@ -227,7 +222,7 @@ def parse(config: Any) -> Config:
 
     Raises:
       ConfigError: a key is unknown, a type is wrong, a value is out of range, or fields contradict
-        each other; one line names the field, its value and what is accepted.
+        each other. One line names the field, its value and what is accepted.
     """
     parsed = build(Config, _without_removed(config))
     views = parsed.task == "views"
@@ -265,11 +260,11 @@ _NEEDS: tuple[tuple[str, Callable[[Config], object], tuple[str, ...]], ...] = (
     ("task='views'", lambda config: config.task == "views",
      ("voxels.width_multiplier", "voxels.max_views", "voxels.eval_views")),
 )  # fmt: skip
-"""What fields are read with, whether a configuration has it, and the fields."""
+"""Rows of: a condition as text, its test, and the fields that are read only under it."""
 
 
 def check_used(config: Config, names: Iterable[str]) -> None:
-    """Raises `ConfigError` if one of these fields has no effect in this configuration."""
+    """Raises `ConfigError` if a field in `names` was changed but has no effect."""
     values, defaults, asked = flatten(config), flatten(Config()), set(names)
     for needed, is_there, paths in _NEEDS:
         for path in paths if not is_there(config) else ():
@@ -278,7 +273,7 @@ def check_used(config: Config, names: Iterable[str]) -> None:
 
 
 def check_paths(config: Config, *, training: bool = True) -> None:
-    """Raises `ConfigError` if the data for evaluation, or `training` too, do not exist."""
+    """Raises `ConfigError` if a folder for evaluation, or for `training` too, is missing."""
     data, named = config.data, []
     if data.path and (training or not data.eval_path):
         named.append(("path", data.folders, "the default data set"))
@@ -300,7 +295,7 @@ def to_json(config: Config) -> str:
 
 
 def _without_removed(config: Any) -> Any:
-    """Leaves out `_REMOVED`: stored configurations, as in the package's weights, still have it."""
+    """Drops the fields in `_REMOVED`, which stored configurations still have."""
     tree = config.to_dict() if hasattr(config, "to_dict") else config
     for (section, field), idle in _REMOVED.items():
         values = tree.get(section) if isinstance(tree, Mapping) else None
@@ -314,7 +309,7 @@ class DamagedError(ConfigError):
 
 
 def from_json(text: str) -> Config:
-    """Reads the text of `to_json`; `DamagedError` if it is not one, or `ConfigError`."""
+    """The inverse of `to_json`; `DamagedError` for damaged text, `ConfigError` for wrong fields."""
     try:
         return parse(without_checksum(parse_json(text)))
     except ConfigError:
@@ -324,14 +319,14 @@ def from_json(text: str) -> Config:
 
 
 def _check_together(config: Config) -> None:
-    """Checks that involve several fields, or that annotations cannot express."""
+    """Checks of several fields, and checks that annotations cannot express."""
     data, model, loss, voxels = config.data, config.model, config.loss, config.voxels
     task, steps, deepest = config.task, config.train.steps, len(model.widths) - 2
     levels, deconv = f"(model.widths has {deepest + 2} levels)", model.name != "vanilla"
     on_volumes, views, counts = task != "points", task == "views", voxels.eval_views
     # Smaller images would consist mostly of padding (to multiples of the divisor).
     smallest = max(8, model.divisor // 2)
-    # A field, whether it is wrong, and what is accepted.
+    # Rows of: field, whether it is wrong, what is accepted.
     rules: list[tuple[str, object, str]] = [
         ("data.inputs", len(set(data.inputs)) < len(data.inputs) or "rgb" not in data.inputs,
          "'rgb' and any of 'mask', 'depth', each once"),

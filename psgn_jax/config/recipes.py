@@ -1,6 +1,6 @@
-"""Names of configurations: `--config=quickstart` means the file `configs/quickstart.py`.
+"""Named configurations: `--config=quickstart` means the file `configs/quickstart.py`.
 
-The files are in `configs/` of a clone, and in `psgn_jax/configs/` of an installed wheel.
+A clone has the files in `configs/`, an installed wheel in `psgn_jax/configs/`.
 """
 
 import ast
@@ -29,10 +29,10 @@ def descriptions() -> dict[str, str]:
 
 
 def load(name: str) -> ml_collections.ConfigDict:
-    """The configuration with this name, from which other configurations and studies start."""
+    """The configuration with this name, for configurations and studies that build on it."""
     return load_file(str(folder() / f"{name}.py"))
 
 
 def path_of(value: str) -> str:
-    """The path of a configuration, given as a path or as a name; `ConfigError` if neither."""
+    """`named_file` for the package's configurations."""
     return named_file(value, {name: str(folder() / f"{name}.py") for name in names()})

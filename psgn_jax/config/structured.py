@@ -1,8 +1,9 @@
 """Builds frozen dataclasses from nested mappings and validates every key and value.
 
-The dataclass is the specification: its field names, annotations (`Annotated[int, Bounds(low=1)]`,
-`Literal`, tuples, nested dataclasses) and defaults. Fields with the metadata `{"derived": "NAMES"}`
-are computed from the fields or flags in NAMES; they are no keys and are not written out.
+Field names, annotations (`Annotated[int, Bounds(low=1)]`, `Literal`, tuples, nested dataclasses)
+and defaults of the dataclass define what is accepted. A field with the metadata
+`{"derived": "NAMES"}` is computed from the fields or flags in NAMES: it is no key and is not
+written.
 """
 
 import dataclasses
@@ -49,7 +50,7 @@ class Bounds:
 
 @dataclasses.dataclass(frozen=True)
 class Within:
-    """Accepted pairs (low, high) of numbers: both in an interval, and not in reverse order."""
+    """Accepted pairs (low, high) of numbers: both in an interval, low <= high."""
 
     low: float
     high: float
@@ -76,8 +77,8 @@ def build(cls: type[T], node: Any, prefix: str = "") -> T:
     """Builds a dataclass from an `ml_collections.ConfigDict` or a mapping; lists count as tuples.
 
     Raises:
-      ConfigError: an unknown key, a wrong type or a value out of range; one line with the field
-        after `prefix`, such as "model.", the value and what is accepted.
+      ConfigError: an unknown key, a wrong type or a value out of range. One line has the field's
+        name after `prefix` (such as "model."), its value and what is accepted.
     """
     if hasattr(node, "to_dict"):
         node = node.to_dict()
@@ -158,7 +159,7 @@ def _convert(hint: Any, value: Any, path: str) -> Any:
     if origin is Mapping:
         if not isinstance(value, Mapping):
             raise wrong(path, value, "a section")
-        return {key: _convert(args[1], one, f"{path}[{key!r}]") for key, one in value.items()}
+        return {key: _convert(args[1], item, f"{path}[{key!r}]") for key, item in value.items()}
     if hint is bool or hint is str:
         if not isinstance(value, hint):
             raise wrong(path, value, "True or False" if hint is bool else "a string")

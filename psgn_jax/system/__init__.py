@@ -1,1 +1,1 @@
-"""What touches the operating system: files, locks, untrusted input, cores, memory, signals."""
+"""The operating system: files, locks, untrusted input, cores, memory, signals."""

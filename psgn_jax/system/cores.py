@@ -1,10 +1,10 @@
-"""The number of cores that this process may use."""
+"""The cores of this machine."""
 
 import os
 
 
 def num_cores() -> int:
-    """Number of cores; on Linux, only cores to which the process is bound."""
+    """Number of cores that this process may use (on Linux, its CPU affinity)."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

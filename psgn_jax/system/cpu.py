@@ -1,4 +1,4 @@
-"""The memory of this machine, and settings of the C library and of XLA for programs on a CPU."""
+"""This machine's memory, and settings of the C library and of XLA for programs on a CPU."""
 
 import contextlib
 import ctypes
@@ -15,12 +15,12 @@ _LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_b
 def keep_freed_memory() -> bool:
     """Makes glibc keep freed memory for this process; returns whether it accepts the settings.
 
-    XLA allocates the temporary memory of a program at each call. glibc returns such blocks to the
-    operating system, so every call causes a page fault for each 4 KiB. With this setting, blocks
-    under 2 GiB come from a heap that all threads share, and up to 2 GiB of it stay when they are
-    free. One forward and backward pass of `authors_small.py` with 16 samples on one core takes 166
-    ms instead of 206, and trainings process a third more samples per second (docs/journal.md,
-    "speed on two cores"). The peak memory of a training grows by at most a few percent.
+    XLA allocates a program's temporary memory at each call. By default, glibc returns large blocks
+    to the operating system, so every call causes a page fault for each 4 KiB. With these settings,
+    blocks under 2 GiB come from one heap for all threads, which keeps up to 2 GiB of free memory. A
+    forward and backward pass of `authors_small.py` with 16 samples on one core takes 166 ms instead
+    of 206, and trainings process a third more samples per second (docs/journal.md, "speed on two
+    cores"). The peak memory of a training grows by at most a few percent.
     """
     if sys.platform != "linux":
         return False
@@ -34,12 +34,12 @@ def keep_freed_memory() -> bool:
 def compiler_options() -> dict[str, int] | None:
     """Options for `jax.jit` of programs with long loops over points; None = XLA's defaults.
 
-    With AVX-512, XLA uses half of the vector width, because many older processors lower their clock
-    rate otherwise. With the full width, a step of the EMD and CD with the network of
-    `authors_small.py` takes .161 s of CPU time instead of .178 (16 samples, one core). We set it
-    only where there is AVX-512 with bfloat16, which most older processors lack.
+    With AVX-512, XLA by default uses half of the vector width, because many older processors lower
+    their clock rate for the full width. With the full width, a training step with EMD and CD of
+    `authors_small.py` takes .161 s of CPU time instead of .178 (16 samples, one core). We use it
+    only on processors with AVX512-BF16, which most older ones lack.
     """
-    import jax  # imported here, because commands use this module before JAX is loaded
+    import jax  # here, because commands use this module before JAX is loaded
 
     if jax.default_backend() != "cpu" or "avx512_bf16" not in features_line().split():
         return None
@@ -47,7 +47,7 @@ def compiler_options() -> dict[str, int] | None:
 
 
 def features_line() -> str:
-    """The line of the processor's features in Linux's /proc/cpuinfo; "" on other systems."""
+    """The processor's features, a line of /proc/cpuinfo on Linux; "" on other systems."""
     try:
         text = pathlib.Path("/proc/cpuinfo").read_text()
     except OSError:
@@ -56,7 +56,7 @@ def features_line() -> str:
 
 
 def host_memory() -> int:
-    """Bytes of memory of this machine, or of this container if it may use less."""
+    """Bytes of memory of this machine, or the limit of this container if that is lower."""
     found = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
     for path in _LIMITS:
         with contextlib.suppress(OSError, ValueError):  # no file, or "max"

@@ -1,10 +1,9 @@
-"""Several processes that train or evaluate together, each on its own accelerators.
+"""Training and evaluation in several processes, each with its own accelerators.
 
-Every process runs the same program. `jax.distributed.initialize` connects them; it gets their
-number and addresses from flags, from Open MPI's `mpirun` or from SLURM's `srun`, and detects by
-heartbeats that a process has ended. The batches are split between the processes, and the training
-step averages the gradients. All processes read the records and the folder of the run; only the
-first process writes there.
+Every process runs the same program on its share of each batch; the training step averages the
+gradients. `jax.distributed.initialize` connects the processes. It gets their number and addresses
+from flags, from Open MPI's `mpirun` or from SLURM's `srun`, and detects by heartbeats that a
+process has ended. All processes read the records and the run's folder; only the first writes there.
 """
 
 import contextlib
@@ -24,14 +23,14 @@ from psgn_jax.system.errors import Exit, UserError, exit_code_of
 from psgn_jax.system.untrusted import message_line
 
 _HEARTBEAT_SECONDS = 40
-# Set by launchers for each of several processes.
+# Variables in which launchers state the number of processes.
 _COUNTS = ("OMPI_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
 
 
 def is_one_of_several(
     coordinator: str | None, num_processes: int | None, process_id: int | None
 ) -> bool:
-    """Whether flags or environment make this process one of several; arguments as in `joined`."""
+    """Whether flags or environment say that there are several processes; arguments: `joined`."""
     launched = any(os.environ.get(name, "1") != "1" for name in _COUNTS)
     launched |= "JAX_COORDINATOR_ADDRESS" in os.environ
     return bool(coordinator or process_id or (num_processes or 1) != 1 or launched)
@@ -41,10 +40,10 @@ def is_one_of_several(
 def joined(
     coordinator: str | None = None, num_processes: int | None = None, process_id: int | None = None
 ) -> Iterator[bool]:
-    """Connects this process with the others; its value is whether this process is the first.
+    """Context in which the processes are connected; its value is whether this one is the first.
 
-    JAX must not be used before. If one process fails, the others exit when its heartbeat stops.
-    With a single process it does nothing.
+    Enter it before JAX is used. If one process fails, the others exit when its heartbeat stops. A
+    single process is not changed.
 
     Args:
       coordinator: HOST:PORT of the first process. None here and below = from the environment.
@@ -57,7 +56,7 @@ def joined(
     if not is_one_of_several(coordinator, num_processes, process_id):
         yield True
         return
-    import jax  # imported here because only few processes are several
+    import jax  # here, because a single process need not load JAX yet
 
     try:
         jax.distributed.initialize(
@@ -77,7 +76,7 @@ def joined(
 
 
 def _end_with(error: BaseException) -> None:
-    """Ends this process without waiting for the others, as Python's exit would."""
+    """Ends this process at once; Python's normal exit would wait for the other processes."""
     error = explained(error) or error
     code = exit_code_of(error)
     if code is not None:
@@ -101,7 +100,7 @@ def _end_with(error: BaseException) -> None:
 
 
 def index_and_count() -> tuple[int, int]:
-    """The index of this process, from 0, and the number of processes."""
+    """Index of this process, from 0, and number of processes."""
     import jax
 
     return jax.process_index(), jax.process_count()
@@ -113,7 +112,7 @@ def is_first() -> bool:
 
 
 def gather(value: Any) -> list[Any]:
-    """The values (JSON) of all processes, in their order; every process must call this."""
+    """The JSON values of all processes, ordered by index; every process must call this."""
     if index_and_count()[1] == 1:
         return [value]
     from jax.experimental import multihost_utils
@@ -129,7 +128,7 @@ def gather(value: Any) -> list[Any]:
 
 
 class SharedStop(contextlib.AbstractContextManager["SharedStop"]):
-    """`signals.StopSignal` of several processes: JAX chooses the step at which `signal` is set."""
+    """`signals.StopSignal` for several processes: JAX chooses the step after which all stop."""
 
     def __init__(self) -> None:
         self.signal: int | None = None

@@ -1,7 +1,7 @@
-"""Environment variables with which a command cannot run: one line that names the variable.
+"""Turns the errors of wrong environment variables into one line that names the variable.
 
-JAX and XLA report a wrong value in their own ways, some when they are imported, some at the first
-computation, and XLA ends the process.
+JAX and XLA report wrong values when they are imported or at the first computation; for some, XLA
+ends the process.
 """
 
 import functools
@@ -14,7 +14,7 @@ from psgn_jax.system.errors import UserError
 from psgn_jax.system.untrusted import brief
 
 CONVOLUTIONS = "PSGN_CONVOLUTIONS"
-# With what the names of variables begin.
+# Beginnings of variable names.
 _PLATFORMS = "JAX_PLATFORM", "JAX_NUM_CPU_DEVICES"
 _GUARDS = ("JAX_TRANSFER_GUARD",)
 _FINITE = "JAX_DEBUG_NANS", "JAX_DEBUG_INFS"
@@ -23,7 +23,7 @@ _READ_FLAGS = "from jaxlib import _jax; _jax.CompileOptions().executable_build_o
 
 
 def check_environment() -> None:
-    """Raises `UserError` for values that would otherwise be found late, or end the process."""
+    """Raises `UserError` for values that would be found late or would end the process."""
     if (asked := os.environ.get(CONVOLUTIONS, "")) not in ("", "onednn", "xla"):
         raise UserError(f"{CONVOLUTIONS}={asked}: accepted: onednn, xla, or unset")
     if given := os.environ.get("XLA_FLAGS", ""):
@@ -31,7 +31,7 @@ def check_environment() -> None:
 
 
 def explained(error: BaseException) -> UserError | None:
-    """The error in one line, if a variable of the environment caused it, or None."""
+    """A one-line error if an environment variable caused `error`, or None."""
     if isinstance(error, RuntimeError | AssertionError):
         unstarted = _without_devices(_given(_PLATFORMS))
         if unstarted is not None:
@@ -56,7 +56,7 @@ def _wrong(name: str, why: str) -> UserError:
 
 
 def _without_devices(given: list[str]) -> UserError | None:
-    """The error for platforms that JAX cannot start; None if it has started."""
+    """The error if JAX cannot start the platforms that the variables select, or None."""
     if not given or "jax" not in sys.modules:
         return None
     import jax
@@ -65,7 +65,7 @@ def _without_devices(given: list[str]) -> UserError | None:
         jax.devices()
     except (RuntimeError, AssertionError) as error:
         shown = " ".join(f"{name}={os.environ[name]}" for name in given)
-        # JAX's advice is left out; without the plugin for CUDA there is no message.
+        # Without JAX's advice. If the CUDA plugin is missing, the message is empty.
         why = re.sub(r" \((set|you may).*", "", brief(error)) or "there is no such device"
         return UserError(f"{shown}: JAX cannot start ({why}); unset {' and '.join(given)}")
     return None
@@ -73,7 +73,7 @@ def _without_devices(given: list[str]) -> UserError | None:
 
 @functools.cache
 def _check_xla_flags(given: str) -> None:
-    """Lets another process read XLA_FLAGS, because XLA ends a process in which they are wrong."""
+    """Tests XLA_FLAGS in a child process, because XLA ends a process with wrong flags."""
     command = [sys.executable, "-P", "-c", _READ_FLAGS]
     found = subprocess.run(command, capture_output=True, text=True, errors="replace")
     first, *_ = found.stderr.splitlines() or [""]

@@ -10,13 +10,13 @@ _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
 class Exit(enum.IntEnum):
-    """Exit codes; a signal's code is 128 + its number, as in shells."""
+    """Exit codes; for a signal 128 + its number, as in shells."""
 
     DONE = 0
-    PARTLY = 1  # done, but some inputs were refused; something is damaged (`psgn inspect`)
-    ERROR = 2  # a wrong input, a file that cannot be read or written, too little memory, no result
+    PARTLY = 1  # done, but some inputs were refused; `psgn inspect`: something is damaged
+    ERROR = 2  # wrong input, a file that cannot be read or written, too little memory, no result
     NOT_FINITE = 3  # the loss of a training
-    UNFINISHED = 3  # this part of a rendering is done, others are not
+    UNFINISHED = 3  # this part of a rendering is done, other parts are not
     OTHER_ENDED = 4  # another process of the same training has ended
     DISK_FULL = 5  # or a quota is reached
     CTRL_C = 128 + signal.SIGINT
@@ -30,7 +30,7 @@ class UserError(ValueError):
 
 
 def is_disk_full(error: BaseException) -> bool:
-    """Whether an error, or its cause, means a full disk, an exceeded quota or maximum file size."""
+    """Whether the cause is a full disk, an exceeded quota or the maximum size of a file."""
     seen: BaseException | None = error
     while seen is not None:
         if isinstance(seen, OSError) and seen.errno in _FULL:
@@ -40,8 +40,8 @@ def is_disk_full(error: BaseException) -> bool:
 
 
 def native_error(error: BaseException, path: pathlib.Path) -> OSError:
-    """The `OSError` for an error of a C++ library, which states only the text of the system's."""
-    said = str(error).replace(str(path.parent), "")  # a folder's name may contain such a text
+    """The `OSError` behind a C++ library's error, which only quotes the system's message."""
+    said = str(error).replace(str(path.parent), "")  # a folder's name may look like a message
     full = is_disk_full(error) or any(os.strerror(number) in said for number in _FULL)
     number = errno.ENOSPC if full else errno.EIO
     return OSError(number, os.strerror(number), str(path))
@@ -50,7 +50,7 @@ def native_error(error: BaseException, path: pathlib.Path) -> OSError:
 def exit_code_of(error: BaseException) -> int | None:
     """The exit code of a command that ends with `error`; None if the user cannot fix it.
 
-    The user can fix a `UserError`, an error of the operating system, and too little memory on the
+    Users can fix a `UserError`, an error of the operating system, and too little memory on the
     host or a device.
     """
     if is_disk_full(error):

@@ -1,4 +1,4 @@
-"""Files that are complete or not there, folders that can be written, and the cache folder."""
+"""Atomic writes, checks of output folders, and the cache folder."""
 
 import contextlib
 import errno
@@ -15,14 +15,14 @@ from typing import Any
 from psgn_jax.system.errors import UserError, is_disk_full
 
 _TEMPORARY = re.compile(r"\..+\.[0-9a-f]{8}\.tmp", re.DOTALL)
-_NO_SYNC = {errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP}  # of a folder, on some network mounts
+_NO_SYNC = {errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP}  # for folders on some network mounts
 
 
 def check_folder(folder: str | os.PathLike[str], name: str) -> None:
-    """Checks that files can be written into a folder; one that does not exist is not created.
+    """Checks that files can be written to a folder, without creating it.
 
     Raises:
-      UserError: no file can be written there; `name` is the flag or argument in the message.
+      UserError: no file can be written there; the message begins with `name`, a flag or argument.
       OSError: the disk is full.
     """
     path = pathlib.Path(folder)
@@ -47,7 +47,7 @@ def check_folder(folder: str | os.PathLike[str], name: str) -> None:
 def cache_folder() -> pathlib.Path:
     """Folder for data and compiled programs: $PSGN_CACHE, or ~/.cache/psgn_jax.
 
-    UserError if PSGN_CACHE is not set and the user has no home, as in `docker run -u 1234`.
+    `UserError` if PSGN_CACHE is unset and the user has no home, as in `docker run -u 1234`.
     """
     if given := os.environ.get("PSGN_CACHE"):
         return pathlib.Path(given)
@@ -61,14 +61,14 @@ def cache_folder() -> pathlib.Path:
 
 
 def temporary_for(path: pathlib.Path) -> pathlib.Path:
-    """A name beside `path` that no process on any machine uses; see `remove_temporaries`."""
+    """A path beside `path` that no other process uses; `remove_temporaries` recognises it."""
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
 
 
 def write_atomic(path: str | os.PathLike[str], content: bytes | str, *, sync: bool = True) -> None:
-    """Writes a file atomically, text as UTF-8; replaces an existing one, creates the folder.
+    """Writes or replaces a file atomically, text as UTF-8; creates its folder.
 
-    With `sync` it also survives a crash of the machine, not only of the process.
+    With `sync` the file also survives a crash of the machine.
     """
     path = pathlib.Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -80,7 +80,7 @@ def write_atomic(path: str | os.PathLike[str], content: bytes | str, *, sync: bo
         else:
             temporary.replace(path)
     except OSError as error:
-        if error.errno:  # the error names no file, or the temporary one
+        if error.errno:  # name the file, not the temporary one
             error.filename, error.filename2 = str(path), None
         raise
     finally:
@@ -122,7 +122,7 @@ def file_crc32(path: pathlib.Path) -> int:
 
 
 def finite_or_none(value: Any) -> Any:
-    """A value of JSON with None (null) for the floats that are not finite: JSON has no NaN."""
+    """A JSON value in which non-finite floats become None (null), because JSON has no NaN."""
     if isinstance(value, Mapping):
         return {key: finite_or_none(item) for key, item in value.items()}
     if isinstance(value, list):

@@ -1,8 +1,8 @@
-"""Locks of the operating system (`flock`), which end with the process for any reason.
+"""File locks (`flock`), which the operating system releases when the process ends.
 
-A training locks the folder of its run. Several processes may divide the work of a job: the process
-of the first of two parts holds `.work/part-00000-of-00002.lock`. On a network file system without
-locks nothing is locked, with a warning.
+A training locks the folder of its run. If several processes divide the work of a job, each locks
+its part, such as `.work/part-00000-of-00002.lock`. On a file system without locks, a warning says
+that nothing is locked.
 """
 
 import contextlib
@@ -19,19 +19,18 @@ _UNSUPPORTED = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS)
 
 
 class TakenError(ValueError):
-    """Another process does this part of the work, or divides the work into other parts."""
+    """Another process works on this part, or the work is divided into another number of parts."""
 
 
 @contextlib.contextmanager
 def locked(path: pathlib.Path, *, waiting: str = "") -> Iterator[bool]:
-    """Context in which this process holds the lock of a file, which contains its pid.
+    """Context that creates a file with this process's pid, locks it, and removes it at the end.
 
-    The file is created, with its folder, and removed at the end. The context's value is False on a
-    file system without locks.
+    The context's value is False on a file system without locks.
 
     Args:
-      waiting: logged before waiting for another process that holds the lock; "" = raise
-        BlockingIOError instead.
+      waiting: a message to log before waiting for another process's lock; "" = raise
+        BlockingIOError instead of waiting.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     with contextlib.ExitStack() as stack:
@@ -46,7 +45,7 @@ def locked(path: pathlib.Path, *, waiting: str = "") -> Iterator[bool]:
                     logging.info("%s", waiting)
                     fcntl.flock(file, fcntl.LOCK_EX)
                 else:
-                    # A child that a killed process was starting holds the lock until its exec.
+                    # A killed process's child may hold the lock until its exec.
                     time.sleep(0.5)
                     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError as error:
@@ -54,7 +53,7 @@ def locked(path: pathlib.Path, *, waiting: str = "") -> Iterator[bool]:
                     raise
                 logging.warning("%s cannot be locked (%s): start no second process", path, error)
                 break
-            # The process that held the lock before may have removed the file in between.
+            # The previous holder may have removed the file in the meantime.
             with contextlib.suppress(FileNotFoundError):
                 held = os.fstat(descriptor).st_ino == path.stat().st_ino
         if held:
@@ -67,25 +66,25 @@ def locked(path: pathlib.Path, *, waiting: str = "") -> Iterator[bool]:
 
 @contextlib.contextmanager
 def lock_part(folder: pathlib.Path, part: tuple[int, int]) -> Iterator[None]:
-    """Context that locks part (i, n), number i (from 0) of n, of the work in a folder.
+    """Context that locks part (i, n), i from 0, of the work in a folder.
 
     At its end, an empty folder is removed.
 
     Raises:
-      TakenError: another process does this part, or a process with another n is running.
+      TakenError: another process works on this part, or with another n.
     """
     number, count = part
-    own = folder / f"part-{number:05d}-of-{count:05d}.lock"
+    path = folder / f"part-{number:05d}-of-{count:05d}.lock"
     with contextlib.ExitStack() as stack:
         stack.callback(_remove_if_empty, folder)
         try:
-            stack.enter_context(locked(own))
+            stack.enter_context(locked(path))
         except BlockingIOError:
             raise TakenError(
-                f"another process (pid {_read(own) or 'unknown'}) does part {number}/{count} in "
+                f"another process (pid {_read(path) or 'unknown'}) does part {number}/{count} in "
                 f"{str(folder.parent)!r}; wait for it, or end it"
             ) from None
-        # Two processes with different n that start at the same time may both end here.
+        # If two processes with different n start at the same time, both may raise here.
         for other in folder.glob("part-*-of-*.lock"):
             said = int(other.stem.rpartition("-")[2])
             try:

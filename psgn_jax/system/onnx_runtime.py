@@ -9,9 +9,9 @@ import numpy as np
 def session(
     graph: bytes | str | os.PathLike[str], threads: int = 1
 ) -> Callable[[Mapping[str, np.ndarray]], np.ndarray]:
-    """The first output of a graph, the content of a file or its path, as a function of its inputs.
+    """A function from a graph's inputs to its first output; `graph` is a file or its content.
 
-    Threads sleep while they wait: with their usual busy waiting, they take the cores from JAX's.
+    Waiting threads sleep; spinning threads, the default, would take the cores from JAX.
     """
     import onnxruntime
 

@@ -1,7 +1,7 @@
 """Child processes that cannot import from the current folder.
 
-Python puts the current folder first on the import path of `python -m` and `python -c`. Files from
-others are data, so a `numpy.py` beside a mesh must not run in the children of a command.
+`python -m` and `python -c` search the current folder first. It may contain other people's files: a
+`numpy.py` beside a mesh must not run in a child process of a command.
 """
 
 import os
@@ -13,12 +13,12 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
 def python(module: str, *arguments: str) -> list[str]:
-    """The command that runs a module of this package; start it with `environment`."""
+    """The command line that runs a module of this package; start it with `environment`."""
     return [sys.executable, "-P", "-m", module, *arguments]
 
 
 def environment(**changes: str) -> dict[str, str]:
-    """The environment of a child process and its children: import paths are absolute folders."""
+    """Environment variables of a child process, in which import paths are absolute."""
     given = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     paths = [str(ROOT), *(path for path in given if os.path.isabs(path))]
     return {

@@ -1,4 +1,4 @@
-"""Handles SIGTERM and SIGINT: they end training after the current step, and other work at once."""
+"""Handlers of SIGTERM and SIGINT: training ends after the current step, other work at once."""
 
 import contextlib
 import os
@@ -18,21 +18,21 @@ class Stopped(Exception):  # noqa: N818 - not an error
 class StopSignal:
     """Context that records SIGTERM or SIGINT in `signal`.
 
-    If the context has not ended `seconds` after the signal, `last` is called and the process ends
-    with the exit code 128 + the number of the signal; at a second signal it ends at once. A thread
-    receives the signals, because Python runs handlers in the main thread, which may be waiting for
-    a compilation or a long step.
+    If the context is still open `seconds` after the signal, `last` is called and the process ends
+    with the exit code 128 + the signal's number. A second signal ends it at once. A thread receives
+    the signals: Python runs handlers in the main thread, which may wait for a compilation or a long
+    step.
     """
 
     def __init__(self, seconds: float, last: Callable[[], None] = lambda: None) -> None:
-        self.signal: int | None = None  # the number of the signal that has arrived
-        self.lock = threading.Lock()  # hold it while the process must not end
+        self.signal: int | None = None  # number of the received signal
+        self.lock = threading.Lock()  # while it is held, the process does not end
         self._seconds, self._last = seconds, last
         self._old: dict[int, Any] = {}
 
     def __enter__(self) -> "StopSignal":
         if threading.current_thread() is not threading.main_thread():
-            return self  # signals can be handled only there
+            return self  # only the main thread can set handlers
         self._receiver, self._sender = socket.socketpair()
         self._sender.setblocking(False)
         self._old_descriptor = signal.set_wakeup_fd(self._sender.fileno())
@@ -66,7 +66,7 @@ class StopSignal:
         if not (received := self._receiver.recv(1)):
             return  # the context has ended
         self.signal = received[0]
-        self._receiver.settimeout(min(max(self._seconds, 1e-3), 1e6))  # 0 would not wait at all
+        self._receiver.settimeout(min(max(self._seconds, 1e-3), 1e6))  # 0 would not wait
         try:
             again = self._receiver.recv(1)
         except TimeoutError:
@@ -78,9 +78,9 @@ class StopSignal:
 
     def _end_in_order(self) -> None:
         with self.lock:
-            with contextlib.suppress(Exception):  # the process ends, whatever it is
+            with contextlib.suppress(Exception):  # the process ends in any case
                 self._last()
-            if self._old:  # the context has not ended meanwhile
+            if self._old:  # the context is still open
                 self._end()
 
     def _end(self) -> NoReturn:
@@ -94,9 +94,9 @@ class StopSignal:
 
 
 def end_during_imports() -> None:
-    """Makes Ctrl-C end this process at once while it imports; otherwise it raises, as usual.
+    """Makes Ctrl-C end this process at once during imports; later it raises KeyboardInterrupt.
 
-    Extension modules lose or wrap the exception when they are imported, or crash.
+    During an import, extension modules may lose the exception, wrap it, or crash.
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupt)
@@ -106,7 +106,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     inner = frame
     while inner is not None:
         code = inner.f_code
-        # JAX's callback of the garbage collector, where an exception would be lost.
+        # In JAX's garbage collection callback, too, an exception would be lost.
         if code.co_filename.startswith("<frozen importlib") or code.co_name == "_xla_gc_callback":
             os.write(2, b"stopped by Ctrl-C\n")
             os._exit(128 + number)

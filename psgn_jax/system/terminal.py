@@ -1,4 +1,4 @@
-"""What a command changes in its process: output, the log, limits, messages of other packages."""
+"""Settings of a command's process: output, log, limits, messages of other packages."""
 
 import contextlib
 import io
@@ -17,19 +17,21 @@ from psgn_jax.system.untrusted import one_line
 
 
 def start_command() -> None:
-    """Changes this process for a command; only its entry point calls this, once.
+    """Prepares this process for a command; only the entry point calls this, once.
 
-    Its children import from absolute folders only. A closed stdout or stderr (`psgn ... >&-`) takes
-    everything, and characters that the encoding of stdout lacks are escaped, as on stderr. A reader
-    keeps its shards open, and some systems allow only 256 open files, so we raise this limit.
+    - Child processes import from absolute folders only.
+    - A closed stdout or stderr (`psgn ... >&-`) is replaced by the null device. Characters that the
+      encoding of stdout lacks are escaped, as on stderr.
+    - The limit of open files is raised, because readers keep their shards open, and some systems
+      allow only 256.
     """
     os.environ.update(environment())
-    # After a kill, the process that removes what our workers shared would warn that it does so.
+    # After a kill, the resource tracker would warn when it removes the workers' shared memory.
     warned = [os.environ.get("PYTHONWARNINGS", ""), "ignore:resource_tracker:UserWarning"]
     os.environ["PYTHONWARNINGS"] = ",".join(dict.fromkeys(filter(None, warned)))
-    # Before jaxlib is imported: XLA and CUDA log only fatal errors. When XLA loads a program from
-    # the compilation cache on a CPU, it wrongly warns that the processor lacks two features. Jax
-    # sets 1 for itself and, unasked, for the commands that its process starts.
+    # XLA and CUDA log only fatal errors; this must be set before jaxlib is imported. When XLA loads
+    # a program from the compilation cache on a CPU, it wrongly warns that the processor lacks two
+    # features. The value 1 may come from JAX in a parent process.
     if os.environ.get("TF_CPP_MIN_LOG_LEVEL", "1") == "1":
         os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
     quiet_orbax()
@@ -44,21 +46,21 @@ def start_command() -> None:
 
 
 def nothing_reads_output() -> bool:
-    """Whether stdout is a pipe whose reader has ended, as of `psgn ... | head -1`."""
+    """Whether stdout is a pipe whose reader has ended, as in `psgn ... | head -1`."""
     asked = select.poll()
-    with contextlib.suppress(OSError, ValueError):  # it has no descriptor
+    with contextlib.suppress(OSError, ValueError):  # stdout has no descriptor
         asked.register(sys.stdout.fileno(), 0)
         return bool(asked.poll(0))
     return False
 
 
 def quiet_orbax() -> None:
-    """Suppresses messages about errors that are raised as well; only commands call this.
+    """Suppresses orbax's messages about errors that are raised as well; only commands call this.
 
     If a checkpoint cannot be read or written, `weights.checkpoint` raises an error, and orbax's
-    threads log it too, with a stack trace. If one array fails, orbax closes its event loop: Python
-    then prints "Event loop is closed" for the operations that are still pending, and asyncio logs
-    that exceptions of others were never retrieved.
+    threads also log it with a stack trace. If one array fails, orbax closes its event loop. Python
+    then prints "Event loop is closed" for pending operations, and asyncio logs that exceptions were
+    never retrieved.
     """
     for logger in (absl_logging.get_absl_logger(), logging.getLogger("asyncio")):
         logger.addFilter(_is_news)  # adding it again has no effect

@@ -1,4 +1,4 @@
-"""Handling of untrusted files: JSON and arrays in bounded memory, one-line messages."""
+"""Untrusted files: JSON and arrays in bounded memory, and one-line messages."""
 
 import contextlib
 import errno
@@ -35,8 +35,8 @@ _KINDS = (
 def parse_json(text: str | bytes, *, max_depth: int = MAX_DEPTH) -> Any:
     """The value of a JSON text; bytes are UTF-8.
 
-    ValueError if it is not JSON (which has no NaN and Infinity), or has more than `max_depth`
-    nested brackets: a `RecursionError` could follow where the value is shown or compared.
+    ValueError if it is not JSON (NaN and Infinity are not), or if brackets are nested more than
+    `max_depth` deep: printing or comparing the value could then raise RecursionError.
     """
     deep = ValueError(f"brackets nested more than {max_depth} deep")
     try:
@@ -57,7 +57,7 @@ def parse_json(text: str | bytes, *, max_depth: int = MAX_DEPTH) -> Any:
 
 
 def read_json(path: str | os.PathLike[str], *, max_bytes: int = MAX_JSON_BYTES) -> Any:
-    """`parse_json` for a file; ValueError if it is too large, OSError if it is no regular file."""
+    """`parse_json` of a file; ValueError if it is too large, OSError if it is no regular file."""
     size = size_of(path)
     if size > max_bytes:
         raise ValueError(f"{size} bytes, expected at most {max_bytes}")
@@ -70,10 +70,10 @@ def read_npz(path: str | os.PathLike[str], limits: Mapping[str, int]) -> dict[st
     The size of an array is checked before it is inflated, so a small file cannot take much memory.
 
     Args:
-      limits: names of the arrays that are read if they are there, with their largest sizes.
+      limits: name of an array -> largest number of elements. Missing arrays are left out.
 
     Raises:
-      ValueError: the file is damaged, or an array is not of numbers or is too large.
+      ValueError: the file is damaged, or an array is too large or has no numbers.
       OSError: the file cannot be read, or is not a regular file.
     """
     size_of(path)
@@ -86,7 +86,7 @@ def read_npz(path: str | os.PathLike[str], limits: Mapping[str, int]) -> dict[st
                 size = archive.getinfo(f"{key}.npy").file_size
                 if size > largest:
                     raise ValueError(f"{key} takes {size} bytes, expected at most {largest}")
-                # `read` without a length would inflate everything, even beyond the stated size.
+                # Without a length, `read` would inflate beyond the stated size.
                 with archive.open(f"{key}.npy") as member:
                     data = io.BytesIO(member.read(size))
                 # NumPy would allocate the stated shape before it reads the data.
@@ -106,19 +106,19 @@ def read_npz(path: str | os.PathLike[str], limits: Mapping[str, int]) -> dict[st
                 arrays[key] = np.lib.format.read_array(data, allow_pickle=False)
     except OSError:
         raise
-    except Exception as error:  # the readers of both formats raise any type for damaged files
+    except Exception as error:  # damaged files raise errors of any type
         raise ValueError(brief(error) or type(error).__name__) from None
     return arrays
 
 
 def with_checksum(entry: Mapping[str, Any] | Mapping[int, Any]) -> dict[str, Any]:
-    """An object of JSON that begins with the key `crc32`, the checksum of the rest of it."""
+    """A JSON object whose first key `crc32` is the checksum of the other entries."""
     plain = json.loads(json.dumps(entry))
     return {"crc32": _crc32(plain), **plain}
 
 
 def without_checksum(entry: Any) -> dict[str, Any]:
-    """The object that was given to `with_checksum`; if you edit a file, remove its checksum.
+    """The inverse of `with_checksum`; an object without `crc32`, edited by hand, is accepted.
 
     ValueError if it is no object, or its checksum does not match.
     """
@@ -135,7 +135,7 @@ def _crc32(entry: Mapping[str, Any]) -> int:
 
 
 def refuse_special_files(*paths: str | os.PathLike[str]) -> None:
-    """Raises `OSError` if a path, or anything below it, is a named pipe, a socket or a device."""
+    """Raises `OSError` if a path or anything below it is a named pipe, a socket or a device."""
     for path in paths:
         below = (os.path.join(top, name) for top, _, names in os.walk(path) for name in names)
         for each in itertools.chain([os.fspath(path)], below):
@@ -146,7 +146,7 @@ def refuse_special_files(*paths: str | os.PathLike[str]) -> None:
 
 
 def kind_of(path: str | os.PathLike[str]) -> str | None:
-    """The kind of a path that is not a regular file, such as "a named pipe"; None for a file."""
+    """What a path is, such as "a named pipe"; None for a regular file."""
     mode = os.stat(path).st_mode
     return next((name for test, name in _KINDS if test(mode)), None)
 
@@ -162,7 +162,7 @@ def size_of(path: str | os.PathLike[str]) -> int:
 def one_line(text: object) -> str:
     r"""A text in one line: line breaks (`\n`) and unprintable characters are escaped.
 
-    Addresses, which lose a slash as paths, get it back.
+    URLs, which lose a slash when they are treated as paths, get it back.
     """
     shown = re.sub(r"\b(https?|ftp|s3|gs):/(?!/)", r"\1://", str(text))
     return "".join(
@@ -171,7 +171,7 @@ def one_line(text: object) -> str:
 
 
 def message_line(error: object) -> str:
-    """An error's message as one line; for errors of the operating system, file and reason."""
+    """An error's message in one line; for an error of the operating system, file and reason."""
     text = str(error)
     if isinstance(error, MemoryError):
         text = f"not enough memory; {text}".rstrip("; ")
@@ -182,7 +182,7 @@ def message_line(error: object) -> str:
 
 
 def brief(error: object) -> str:
-    """The message of an error of another library in one line of at most 200 characters."""
+    """The message of another library's error, in one line of at most 200 characters."""
     return " ".join(str(error).split())[:200]
 
 
