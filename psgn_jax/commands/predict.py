@@ -54,8 +54,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                "Crop to the object (place), or use the image as it is (keep).")  # fmt: skip
     flags.bool("refine", True, "Average the cloud with the mirror image's, and fit it to the mask.")
     flags.integer("samples", 1, "Number of clouds per image.")
-    flags.enum("first", "medoid", list(FIRST), "The first cloud of a network with a random input: "
-               "the most typical draw, or the mean of all draws.")  # fmt: skip
+    flags.enum("first", "zero", list(FIRST), "The first cloud of a network with a random input r: "
+               "that of r = 0, or the mean of all draws.")  # fmt: skip
     flags.integer("seed", 0, "Seed of the random input.")
     flags.list("formats", list(DEFAULT_FORMATS), "Formats of the clouds: ply, xyz, obj, npz, glb.")
     return flags.run(_main, argv)

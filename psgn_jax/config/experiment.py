@@ -163,7 +163,7 @@ class EvalConfig:
     # (`evaluation.aligned`, about 35 ms of a CPU core per sample). `psgn evaluate` always does.
     aligned: bool = False
     # Whether to measure the clouds of `psgn predict`: averaged with the mirror image's cloud and
-    # fitted to the mask (`prediction.refine`); with a random input, the most typical of 16 draws
+    # fitted to the mask (`prediction.refine`); with a random input, the cloud of r = 0
     # (`prediction.draws`). Only for the task "points".
     refine: bool = False
 

@@ -76,8 +76,8 @@ class Prediction:
       scale, shift: the network's points are `scale * points + shift` (`data.framing.normal_form`);
         1 and 0 without normal form.
       seconds: duration of each step.
-      draws: float32 [d, n, 3], what the clouds were chosen from, as the network predicted it; the
-        first k became `points`. None without a random input.
+      draws: float32 [d, n, 3], the clouds of r = 0 and of all draws, as the network predicted them;
+        the first k became `points`. None without a random input.
     """
 
     points: NDArray[np.float32]

@@ -6,6 +6,7 @@ place of training objects (`data.framing`), unless the image is framed like a tr
 """
 
 import dataclasses
+import functools
 import time
 from typing import Any, Unpack
 
@@ -19,8 +20,7 @@ from psgn_jax.models.cpu_convolution import convolutions_for
 from psgn_jax.prediction import draws, masks, sampling
 from psgn_jax.prediction.cloud import DECONV, FC, Prediction, colours_from_view, find_outliers
 from psgn_jax.prediction.formats import MOST_CLOUDS
-from psgn_jax.prediction.refine import refined
-from psgn_jax.prediction.silhouette import Fit
+from psgn_jax.prediction.refine import predicted
 from psgn_jax.weights.leaves import checksum, named_leaves
 from psgn_jax.weights.run_folder import Trained
 
@@ -51,23 +51,9 @@ class Predictor:
         model = networks.build(config.model)
         self._deconv = list(model.branches.deconv)
 
-        @convolutions_for("storing")
-        def network(
-            params: Any, batch: Any, r: Any, refine: bool, placed: bool, **choice: Any
-        ) -> tuple[Fit, Any]:
-            """The clouds [1, samples, n, 3], and the draws from which they were chosen."""
-
-            def predict(batch: Any) -> Any:
-                points = networks.predict(config, model, params, batch, r)
-                return draws.chosen_clouds(points, **choice)
-
-            drawn = predict(batch)
-            clouds = drawn[:, : choice["samples"]]
-            if refine:
-                return refined(predict, batch, clouds, placed=placed), drawn
-            return Fit(clouds, batch["extrinsics"]), drawn
-
-        self._network = jax.jit(network, static_argnames=("refine", "placed", "samples", "first"))
+        network = functools.partial(predicted, config, model)
+        options = ("samples", "first", "refine", "placed")
+        self._network = jax.jit(convolutions_for("storing")(network), static_argnames=options)
 
     def __call__(
         self,
@@ -79,7 +65,7 @@ class Predictor:
         frame: str = "auto",
         normal_form: str = "auto",
         refine: bool = True,
-        first: draws.First = "medoid",
+        first: draws.First = "zero",
         **mask_options: Unpack[masks.MaskOptions],
     ) -> Prediction:
         """Predicts the points of the object in an image.
@@ -89,10 +75,10 @@ class Predictor:
             (RGBA) or [h, w] (grey), or what `photo.read_photo` has read; any size.
           mask: a path, an open file, a PIL image, or an array [h, w], bright on the object; None =
             automatic (`masks.mask_of`).
-          samples: number of clouds, up to 64; more than one needs a network with a random input. Of
-            16 draws (twice `samples` if that is more), the first cloud is the most typical one,
-            averaged with the mirror image's; the others differ most from those before, among the
-            more typical half (`draws.ranked`).
+          samples: number of clouds, up to 64; more than one needs a network with a random input r.
+            The first cloud is the prediction for r = 0, averaged with the mirror image's. The
+            others are draws: of 16 (or twice `samples`), those that differ most from the clouds
+            before them, among the more typical half (`draws.ranked`).
           seed: seed of the random input, which is the same for every image.
           frame: "place" crops and scales the object (`framing.place`); "keep" keeps the framing of
             an image of 4:3; "auto" keeps training renderings and places other images.
@@ -102,8 +88,8 @@ class Predictor:
           refine: whether to average the cloud with the mirror image's (`prediction.refine`) and to
             fit it to the mask, with a camera of another elevation if the image was placed
             (`prediction.silhouette`).
-          first: the first cloud, with a random input: "medoid" is the draw that is nearest to all
-            others, "mean" the mean of all (`draws.chosen_first`).
+          first: the first cloud, with a random input r: "zero" is the prediction for r = 0, "mean"
+            the mean of all draws (`draws.with_first`).
           mask_options: `mask_from`, `invert_mask`, `accept_mask`, `mask_label`, `box` and `point`,
             see `masks.MaskOptions`.
 
@@ -133,7 +119,7 @@ class Predictor:
         fields = ("image", "mask", "intrinsics", "extrinsics")
         batch = {name: getattr(view, name)[None] for name in fields}
         options = {"refine": refine, "placed": view.placed, "samples": samples, "first": first}
-        fitted, drawn = self._network(self._params, batch, r, **options)
+        fitted, clouds = self._network(self._params, batch, r, **options)
         points = np.asarray(fitted.points[0])
         view = dataclasses.replace(view, extrinsics=np.asarray(fitted.extrinsics[0]))
         clock.lap("network")
@@ -164,7 +150,7 @@ class Predictor:
             scale=scale,
             shift=shift,
             seconds=clock.laps,
-            draws=None if r is None else np.asarray(drawn)[0],
+            draws=None if r is None else np.asarray(clouds)[0],
         )
 
     def warm_up(self, samples: int = 1, **options: Any) -> None:
@@ -184,7 +170,7 @@ class Predictor:
             return None
         if not isinstance(seed, int | np.integer) or not -(2**31) <= seed < 2**31:
             raise ConfigError(f"seed={seed}: accepted: an integer of 32 bits")
-        return np.asarray(sampling.image_latents(self.config, 1, draws.num_draws(samples), seed))
+        return sampling.image_latents(self.config, 1, draws.num_draws(samples), int(seed))
 
 
 class Clock:

@@ -7,9 +7,10 @@ two clouds by the auction of the EMD first. `prediction.silhouette` fits the res
 """
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 
 from psgn_jax.array_types import Array, Float
@@ -30,44 +31,56 @@ def mean_of_matched(a: Float[Array, "n 3"], b: Float[Array, "n 3"]) -> Float[Arr
     return (a + b[assign(a, b, tolerance=_TOLERANCE).index]) / 2
 
 
-def refined(
-    predict: Callable[[Mapping[str, Any]], Float[Array, "b k n 3"]],
+def predicted(
+    config: Config,
+    model: Any,
+    params: Any,
     batch: Mapping[str, Any],
-    clouds: Float[Array, "b k n 3"],
+    r: Any = None,
     *,
+    samples: int = 1,
+    first: draws.First = "zero",
+    refine: bool = True,
     placed: bool = False,
-) -> Fit:
-    """Clouds [b, k, n, 3] of the network, the first one averaged, all fitted, with their cameras.
+) -> tuple[Fit, Float[Array, "b k n 3"]]:
+    """The first `samples` clouds of each image, with their cameras; and all clouds of the network.
 
-    We average the first cloud of an image with the first cloud of the mirror image. The others are
-    draws, each a shape that the network finds possible. Clouds of a network with depth are only
-    fitted, because the camera of the depth image would have to be mirrored.
+    With `refine`, the first cloud is averaged with that of the mirror image, and all are fitted.
+    Further clouds are draws, each a shape that the network finds possible. Clouds of a network with
+    depth are only fitted, because the camera of the depth image would have to be mirrored.
 
     Args:
-      predict: maps a batch to clouds, of which the first one is used.
       batch: `image`, `mask`, `intrinsics` (for images of the size of the mask) and `extrinsics`,
         each with the leading axis b; `depth` if it is an input.
-      clouds: `predict(batch)`, or the first k clouds of it.
+      r: [b, k, size], `sampling.image_latents` of a network with a random input.
+      samples, first: see `prediction.draws`.
       placed: whether the images were placed, see `silhouette.fit`.
     """
-    if "depth" not in batch:
-        mirrored = {**batch, "image": batch["image"][:, :, ::-1], "mask": batch["mask"][:, :, ::-1]}
-        other = predict(mirrored)[:, 0] * jnp.array([[[1, -1, 1]]], clouds.dtype)
+    views, mirror = batch, refine and "depth" not in batch
+    if mirror:
+        two = {name: batch[name] for name in ("image", "mask")}
+        views = {name: jnp.concatenate([x, x[:, :, ::-1]]) for name, x in two.items()}
+        r = None if r is None else jnp.concatenate([r, r])
+    points = networks.predict(config, model, params, views, r)
+    points = points[:, None] if r is None else draws.with_first(points, first)
+    of_images, of_mirrored = points[: len(batch["mask"])], points[len(batch["mask"]) :, 0]
+    if samples > 1:
+        order = jax.lax.map(functools.partial(draws.ranked, samples=samples), of_images)
+        of_images = jnp.take_along_axis(of_images, order[..., None, None], axis=1)
+    clouds = of_images[:, :samples]
+    if not refine:
+        return Fit(clouds, batch["extrinsics"]), of_images
+    if mirror:
+        other = of_mirrored * jnp.array([[[1, -1, 1]]], points.dtype)
         clouds = clouds.at[:, 0].set(map_pairs(mean_of_matched)(clouds[:, 0], other))
     camera = batch["mask"], batch["intrinsics"], batch["extrinsics"]
-    return map_pairs(functools.partial(fit, placed=placed))(clouds, *camera)
+    return map_pairs(functools.partial(fit, placed=placed))(clouds, *camera), of_images
 
 
 def first_clouds(
     config: Config, model: Any, params: Any, batch: Mapping[str, Any], *, placed: bool = False
 ) -> tuple[Float[Array, "b n 3"], Float[Array, "b n 3"]]:
     """The first cloud that a prediction shows of each image, by the network and refined."""
-    r = None
-    if config.model.random_size:
-        r = sampling.image_latents(config, len(batch["image"]), draws.num_draws(1))
-
-    def predict(batch: Mapping[str, Any]) -> Array:
-        return draws.chosen_clouds(networks.predict(config, model, params, batch, r))
-
-    clouds = predict(batch)[:, :1]
-    return clouds[:, 0], refined(predict, batch, clouds, placed=placed).points[:, 0]
+    r = sampling.image_latents(config, len(batch["mask"]), 0) if config.model.random_size else None
+    fitted, clouds = predicted(config, model, params, batch, r, placed=placed)
+    return clouds[:, 0], fitted.points[:, 0]

@@ -101,13 +101,16 @@ def sample_latents(
 
 
 def image_latents(
-    config: Config, batch_size: int, num_draws: int, seed: Array | int = 0
-) -> Float[Array, "b k size"]:
-    """Random inputs of predictions: those of sample 0 for every image.
+    config: Config, batch_size: int, num_draws: int, seed: int = 0
+) -> Float[np.ndarray, "b 1+k size"]:
+    """Random inputs of predictions: 0, then those of `num_draws` draws; the same for every image.
 
-    So the clouds of an image do not depend on the other images.
+    So the clouds of an image do not depend on the other images, nor a draw on the number of draws.
+    NumPy draws them, because a program for them would have to be compiled.
     """
-    return jnp.tile(sample_latents(config, 0, 1, num_draws, seed), (batch_size, 1, 1))
+    rng = np.random.default_rng(seed & 0xFFFFFFFF)
+    draws = rng.standard_normal((num_draws, config.model.random_size), np.float32)
+    return np.tile(np.pad(draws, ((1, 0), (0, 0))), (batch_size, 1, 1))
 
 
 @functools.lru_cache(maxsize=8)

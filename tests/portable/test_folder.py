@@ -127,7 +127,7 @@ def test_what_the_folder_says_of_itself(exported):
     for name, row in about["files"].items():
         content = (out / name).read_bytes()
         assert (len(content), hashlib.sha256(content).hexdigest()) == (row["bytes"], row["sha256"])
-    assert np.shape(about["latents"]) == (folder.LATENTS, 3)
+    assert np.shape(about["latents"]) == (1 + folder.LATENTS, 3)
     (own,) = (p.value for p in onnx.load(out / "network.onnx").metadata_props if p.key == "name")
     assert about["name"] == own == "tiny"  # without the folders of this machine
     text = (out / "README.md").read_text()

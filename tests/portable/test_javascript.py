@@ -56,7 +56,7 @@ def test_draws_have_the_same_order_and_spread():
         return [order, await draws.spread(order, 2, async () => {})];"""
     compared = own_draws.compared_points(300).tolist()
     order, spread = run_node(body, clouds=list(clouds.reshape(7, -1)), compared=compared)
-    expected = np.asarray(own_draws.chosen_first(clouds, 3))
+    expected = clouds[np.asarray(own_draws.ranked(clouds, 3))]
     np.testing.assert_array_equal(np.reshape(order, expected.shape), expected)
     # The bijections are optimal up to 5 % here and 1 % there.
     np.testing.assert_allclose(np.mean(spread[0]), own_draws.spread(expected)[0].mean(), rtol=0.05)

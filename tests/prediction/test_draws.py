@@ -44,25 +44,21 @@ def photo(colour=(200, 60, 20)):
     return image
 
 
-@pytest.mark.parametrize("samples", [1, 3, 5])
-def test_the_medoid_comes_first_then_those_that_differ_of_the_typical_half(rng, samples):
+@pytest.mark.parametrize("samples", [2, 3, 5])
+def test_the_first_cloud_stays_then_come_those_that_differ_of_the_typical_half(rng, samples):
     clouds = rng.normal(size=(7, 30, 3)).astype(np.float32)
     d = np.array([[float(chamfer_sq_mean(a, b)) for b in clouds] for a in clouds])
-    by_sum = np.argsort(d.sum(axis=1)).tolist()
-    shown, left = by_sum[:1], by_sum[1 : max(3, samples)]
+    by_sum = [i for i in np.argsort(d.sum(axis=1)).tolist() if i]
+    shown, left = [0], by_sum[: max(3, samples - 1)]
     while len(shown) < samples:
         shown.append(max(left, key=lambda i: d[i, shown].min()))
         left.remove(shown[-1])
     expected = shown + [i for i in by_sum if i not in shown]
     assert np.asarray(draws.ranked(clouds, samples)).tolist() == expected
-    np.testing.assert_array_equal(draws.chosen_first(clouds, samples), clouds[expected])
 
 
-def test_the_mean_and_the_spread_are_those_of_matched_points(shuffled):
+def test_the_spread_is_that_of_matched_points(shuffled):
     clouds, places, orders = shuffled
-    first = np.asarray(draws.ranked(clouds))[0]
-    mean = draws.chosen_first(clouds, 1, "mean")[0]
-    np.testing.assert_allclose(mean, places.mean(axis=0)[orders[first]], atol=1e-6)
     spread = np.asarray(draws.spread(clouds, 2))
     expected = np.linalg.norm(places[1:] - places[:1], axis=-1).mean(axis=0)
     np.testing.assert_allclose(spread[0], expected[orders[0]], atol=1e-6)
@@ -81,14 +77,21 @@ def test_the_first_cloud_and_its_spread_do_not_depend_on_how_many_are_asked_for(
     np.testing.assert_array_equal(one.points[0], three.points[0])
     np.testing.assert_array_equal(predictor(photo(), samples=3).points, three.points)
     assert one.spread.shape == (one.points.shape[1],)
-    # The other 15 draws are the same ones in another order.
+    # The 16 draws are the same ones in another order.
     np.testing.assert_allclose(one.spread, three.spread, rtol=1e-4)
     network = np.asarray(draws.spread(one.draws))[0]
     np.testing.assert_allclose(one.spread * one.scale, network, rtol=1e-5)
     assert three.arrays()["spread"].shape == three.points.shape[:2]
-    mean = predictor(photo(), first="mean", refine=False, normal_form="no")
-    expected = draws.chosen_first(one.draws, 1, "mean")[0]
-    np.testing.assert_allclose(mean.points[0], expected, atol=1e-5)
+
+
+def test_the_first_cloud_is_that_of_zero_or_the_mean_of_the_draws(config, predictor):
+    plain = {"refine": False, "normal_form": "no", "frame": "keep"}
+    zero, mean = (predictor(photo(), first=first, **plain) for first in draws.FIRST)
+    batch = {"image": zero.view.image[None], "mask": zero.view.mask[None]}
+    network = networks.build(config.model), random_params(config), batch
+    expected = networks.predict(config, *network, np.zeros((1, 3), np.float32))
+    np.testing.assert_allclose(zero.points, expected, atol=1e-5)
+    np.testing.assert_allclose(mean.points[0], zero.draws[1:].mean(axis=0), atol=1e-5)
 
 
 def test_an_evaluated_batch_has_the_clouds_of_single_photos():

@@ -119,7 +119,7 @@ def test_wrong_arguments(predictor, params):
         ({"samples": 65}, "samples=65: accepted: 1 to 64"),  # `psgn view` reads no more
         ({"samples": True}, "samples=True: accepted: 1 to 64"),
         ({"seed": 2**31}, "seed=2147483648: accepted: an integer of 32"),
-        ({"first": "x"}, "first='x': accepted: medoid, mean"),
+        ({"first": "x"}, "first='x': accepted: zero, mean"),
         ({"frame": "x"}, "frame='x': accepted: auto, place, keep"),
         ({"normal_form": "x"}, "normal_form='x': accepted: auto, yes, no"),
         ({"invert_mask": True}, "invert_mask: accepted only with a given mask"),

@@ -7,7 +7,8 @@ import pytest
 
 from psgn_jax.data import camera
 from psgn_jax.losses.emd import emd_exact
-from psgn_jax.prediction.refine import refined
+from psgn_jax.models import networks
+from psgn_jax.prediction.refine import predicted
 from psgn_jax.prediction.silhouette import fit
 
 SIZE = (48, 64)
@@ -28,32 +29,39 @@ def batch(rng):
     }
 
 
-@jax.jit
-def predict(batch):
+def predict(config, model, params, batch, r):
     """Three clouds of each image, which depend on where it is bright."""
     columns = batch["image"].astype(jnp.float32).mean(axis=(1, 3))[:, :40, None] / 255
     cloud = jnp.sin(columns * jnp.array([[[1.0, 2.0, 3.0]]]) * 9) * 0.3
     return jnp.stack([cloud, 0.9 * cloud, cloud + 0.1], axis=1)
 
 
-@jax.jit
-def refine(batch):
-    return refined(predict, batch, predict(batch)).points
+@pytest.fixture
+def refine(monkeypatch):
+    """The refined clouds of a batch [2, 3, 40, 3], and those of the network."""
+    monkeypatch.setattr(networks, "predict", predict)
+
+    @jax.jit
+    def run(batch):
+        fitted, clouds = predicted(None, None, None, batch, jnp.zeros((2, 3, 1)), samples=3)
+        return fitted.points, clouds
+
+    return lambda batch: map(np.asarray, run(batch))
 
 
-def test_a_mirrored_image_has_the_mirrored_cloud(batch):
+def test_a_mirrored_image_has_the_mirrored_cloud(batch, refine):
     batch["mask"][:] = False  # so that the clouds are not fitted
     flipped = {**batch, "image": batch["image"][:, :, ::-1], "mask": batch["mask"][:, :, ::-1]}
-    one, other = np.asarray(refine(batch))[:, 0], np.asarray(refine(flipped))[:, 0] * MIRROR
-    plain, back = np.asarray(predict(batch))[:, 0], np.asarray(predict(flipped))[:, 0] * MIRROR
+    one, plain = (clouds[:, 0] for clouds in refine(batch))
+    other, back = (clouds[:, 0] * MIRROR for clouds in refine(flipped))
     for i in range(2):
         assert emd_exact(one[i], other[i]).cost / 40 < 1e-3
         middle = (plain[i] + back[i][emd_exact(plain[i], back[i]).index]) / 2
         assert emd_exact(one[i], middle).cost / 40 < 1e-3
 
 
-def test_all_clouds_are_fitted_and_only_the_first_is_averaged(batch):
-    found, plain = np.asarray(refine(batch)), np.asarray(predict(batch))
+def test_all_clouds_are_fitted_and_only_the_first_is_averaged(batch, refine):
+    found, plain = refine(batch)
     for i in range(2):
         case = (batch[name][i] for name in ("mask", "intrinsics", "extrinsics"))
         want = fitted(plain[i], *case)

@@ -1,4 +1,4 @@
-// Which draws of a network with a random input are shown, and how far their points vary, as by psgn_jax.prediction.draws.
+// Which clouds of a network with a random input are shown, and how far their points vary, as by psgn_jax.prediction.draws.
 
 const sum = values => values.reduce((a, b) => a + b, 0);
 
@@ -13,16 +13,16 @@ function chamfer(a, b) {
   return sum(ofA) / ofA.length + sum(ofB) / ofB.length;
 }
 
-/** All draws: the medoid, `samples` - 1 that differ among the more typical half, then the others. */
-export function ranked(draws, samples, compared) {
-  const few = draws.map(draw => Float64Array.from({ length: 3 * compared.length }, (_, i) => draw[3 * compared[Math.floor(i / 3)] + i % 3]));
-  const distances = draws.map(() => new Float64Array(draws.length));
-  for (let i = 0; i < draws.length; i++) for (let j = 0; j < i; j++) distances[i][j] = distances[j][i] = chamfer(few[i], few[j]);
-  const sums = distances.map(sum), order = draws.map((_, i) => i).sort((a, b) => sums[a] - sums[b]);
-  const shown = [order[0]], half = order.slice(1, Math.max(draws.length >> 1, samples));
+/** The clouds: the first, `samples` - 1 draws that differ among the more typical half, then the other draws. */
+export function ranked(clouds, samples, compared) {
+  const few = clouds.map(cloud => Float64Array.from({ length: 3 * compared.length }, (_, i) => cloud[3 * compared[Math.floor(i / 3)] + i % 3]));
+  const distances = clouds.map(() => new Float64Array(clouds.length));
+  for (let i = 0; i < clouds.length; i++) for (let j = 0; j < i; j++) distances[i][j] = distances[j][i] = chamfer(few[i], few[j]);
+  const sums = distances.map(sum), order = clouds.map((_, i) => i).slice(1).sort((a, b) => sums[a] - sums[b]);
+  const shown = [0], half = order.slice(0, Math.max(order.length >> 1, samples - 1));
   const apart = i => Math.min(...shown.map(j => distances[i][j]));
   while (shown.length < samples) shown.push(half.splice(half.reduce((best, i, at) => apart(i) > apart(half[best]) ? at : best, 0), 1)[0]);
-  return [...shown, ...order.filter(i => !shown.includes(i))].map(i => draws[i]);
+  return [...shown, ...order.filter(i => !shown.includes(i))].map(i => clouds[i]);
 }
 
 /** For each point of `other`, the number of its partner in `points`: an auction as in psgn_jax.losses.auction, at most `least` (unit) for each point from the least sum of distances. 0.01 is 1 % of the sum. */
@@ -49,14 +49,14 @@ export function partners(points, other, least = 0.01) {
   return owner;
 }
 
-/** For each of the first `samples` draws, how far its points vary: for the first, the mean distance to the partners in the others; partners have the same value. `pause` is awaited between draws. */
+/** For each of the first `samples` clouds, how far its points vary: for the first, the mean distance to the partners in the others; partners have the same value. `pause` is awaited between clouds. */
 export async function spread([first, ...others], samples, pause) {
   const count = first.length / 3, mean = new Float64Array(count), owners = [];
-  for (const draw of others) {
-    const owner = partners(first, draw);
+  for (const other of others) {
+    const owner = partners(first, other);
     for (let j = 0; j < count; j++) {
       const i = owner[j];
-      mean[i] += Math.hypot(first[3 * i] - draw[3 * j], first[3 * i + 1] - draw[3 * j + 1], first[3 * i + 2] - draw[3 * j + 2]) / others.length;
+      mean[i] += Math.hypot(first[3 * i] - other[3 * j], first[3 * i + 1] - other[3 * j + 1], first[3 * i + 2] - other[3 * j + 2]) / others.length;
     }
     owners.push(owner);
     await pause();

@@ -289,18 +289,18 @@ const predict = guarded(async () => {
   say("Predicting");
   await new Promise(resolve => setTimeout(resolve)); // the message is drawn first
   const view = place(photo, mask, about), { rgb: image, mask: small } = view, [h, w] = about.image_size;
-  const count = about.random_size ? about.latents.length : 1, samples = Math.min(SAMPLES, count), length = 3 * about.num_points;
-  const run = async (rgb, inside) => { // the draws, the medoid first
+  const length = 3 * about.num_points;
+  const run = async (rgb, inside, latents) => { // a cloud for each of the latents, if there are any
     const feeds = { image: new ort.Tensor("uint8", rgb.slice(), [1, h, w, 3]), mask: new ort.Tensor("bool", inside.slice(), [1, h, w]) };
-    if (about.random_size) {
-      feeds.r = new ort.Tensor("float32", Float32Array.from(about.latents.flat()), [1, count, about.random_size]);
-    }
+    if (latents.length) feeds.r = new ort.Tensor("float32", Float32Array.from(latents.flat()), [1, latents.length, about.random_size]);
     const predicted = (await session.run(feeds)).points.data;
+    const count = latents.length || 1;
     if (predicted.length !== count * length || !predicted.every(Number.isFinite)) throw new Error("The network's weights are damaged.");
-    const draws = Array.from({ length: count }, (_, k) => predicted.slice(k * length, (k + 1) * length));
-    return count > 1 ? ranked(draws, samples, about.compared_points) : draws;
+    return Array.from({ length: count }, (_, k) => predicted.slice(k * length, (k + 1) * length));
   };
-  const draws = await run(image, small), [other] = await run(mirrored(image, w, 3), mirrored(small, w, 1));
+  const all = await run(image, small, about.latents), samples = Math.min(SAMPLES, all.length);
+  const draws = samples > 1 ? ranked(all, samples, about.compared_points) : all;
+  const [other] = await run(mirrored(image, w, 3), mirrored(small, w, 1), about.latents.slice(0, 1)); // of r = 0, as draws[0]
   const found = [meanWithMirror(draws[0], other), ...draws.slice(1, samples)];
   const { clouds: parts, camera } = fit(found, small, view.placed, about);
   if (page.photo !== photo) return;
@@ -311,7 +311,7 @@ const predict = guarded(async () => {
   }));
   Object.assign(page, { draws, scale });
   document.body.classList.add("has-cloud");
-  $("sampling").hidden = count < 2;
+  $("sampling").hidden = samples < 2;
   $("sample").max = samples - 1;
   show(Math.min(page.sample, samples - 1));
   if ($("certainty").checked) paint();
