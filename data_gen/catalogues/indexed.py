@@ -78,7 +78,7 @@ def indexed(
         name, category = row["file"], row.get("category", "")
         about = {k: v for k, v in row.items() if k not in ("file", "category") and v}
         load = functools.partial(_load, name, files, category, about)
-        find = functools.partial(files.path_of, name)
+        find = functools.partial(files.find, name)
         split = split_of(family_of(name), fractions)
         entries.append(Entry(name, category, split, load, find_file=find))
     return Catalogue("indexed", entries, fractions)

@@ -117,6 +117,6 @@ def folder(
         load = functools.partial(
             load_model, file, files, up=here, front=toward, category=category, max_faces=max_faces,
         )  # fmt: skip
-        find = functools.partial(files.path_of, file)
+        find = functools.partial(files.find, file)
         entries.append(Entry(file, category, split_of(file, fractions), load, find_file=find))
     return Catalogue("folder", entries, fractions)

@@ -60,7 +60,7 @@ def shapenet(
                 load_model, file, files, up="+y", front=front,
                 category=category, model_id=model_id, max_faces=max_faces,
             )  # fmt: skip
-            find = functools.partial(files.path_of, file)
+            find = functools.partial(files.find, file)
             entries.append(Entry(model_id, category, split, load, find_file=find))
     if not entries:
         expected = " or ".join(f"<synset>/<model>/{file}" for file, _ in _LAYOUTS)

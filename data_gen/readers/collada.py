@@ -13,11 +13,12 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from data_gen.mesh import GREY, Material, UnusableModelError
+from data_gen.mesh import GREY, UnusableModelError, unit_vectors
 from data_gen.polygons import fan, strip, with_holes
 from data_gen.readers.model_files import DamagedError, ZipFiles, check_size, numbers
-from data_gen.readers.parts import Look, Part, picked, placed, rgba
+from data_gen.readers.parts import Look, Part, material, picked, placed, rgba
 from data_gen.readers.textures import MISSING_TEXTURE, NO_COORDINATES, Assets, with_alpha
 
 MAX_XML_BYTES = 64 << 20
@@ -33,6 +34,10 @@ _TURNS = {
 _SHADERS = ("phong", "blinn", "lambert", "constant")
 
 _WRAPS = {"MIRROR": "mirror", "CLAMP": "clamp", "BORDER": "clamp", "NONE": "clamp"}
+
+_SHOWN = ("node", "geometry", "instance_node", "instance_geometry", "instance_controller")
+
+_BLACK = (0.0, 0.0, 0.0)
 
 _PLACED = ("repeatU", "repeatV", "offsetU", "offsetV", "rotateUV", "rotateFrame")  # of Maya
 
@@ -99,22 +104,19 @@ def _transform(node: Element) -> np.ndarray:
     result = np.eye(4)
     for element in node:
         matrix = np.eye(4)
-        if element.tag == "matrix":
-            matrix = _numbers(element, 16).reshape(4, 4)
-        elif element.tag == "translate":
-            matrix[:3, 3] = _numbers(element, 3)
-        elif element.tag == "scale":
-            matrix[range(3), range(3)] = _numbers(element, 3)
-        elif element.tag == "rotate":
-            *axis, degrees = _numbers(element, 4)
-            length = np.linalg.norm(axis)
-            x, y, z = np.array(axis) / (length or 1)
-            cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-            angle = np.radians(degrees)
-            turn = np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-            matrix[:3, :3] += turn
-        elif element.tag in ("skew", "lookat"):
-            raise DamagedError(f"<{element.tag}>")
+        match element.tag:
+            case "matrix":
+                matrix = _numbers(element, 16).reshape(4, 4)
+            case "translate":
+                matrix[:3, 3] = _numbers(element, 3)
+            case "scale":
+                matrix[range(3), range(3)] = _numbers(element, 3)
+            case "rotate":
+                *axis, degrees = _numbers(element, 4)
+                vector = np.radians(degrees) * unit_vectors(np.array(axis))
+                matrix[:3, :3] = Rotation.from_rotvec(vector).as_matrix()
+            case "skew" | "lookat":
+                raise DamagedError(f"<{element.tag}>")
         result = result @ matrix
     return result
 
@@ -136,60 +138,56 @@ class _Document:
         return found[0]
 
     def parts(self) -> list[Part]:
-        """All geometries of the scene, in its axes."""
+        """All geometries of the scene, turned to +y up."""
         axis = (self.root.findtext("asset/up_axis") or "").strip().upper()
         turn = np.array(_TURNS.get(axis, np.eye(4)), np.float64)
-        instance = self.root.find("scene/instance_visual_scene")
-        url = "" if instance is None else _id(instance.get("url"))
-        scenes = self.root.findall("library_visual_scenes/visual_scene")
+        roots = scenes = self.root.findall("library_visual_scenes/visual_scene")
         if len(scenes) > 1:
             self.assets.warn("scenes other than the default one not read", len(scenes) - 1)
-        scene = self.ids.get(("visual_scene", url))
-        if scene is None:
-            scene = scenes[0] if scenes else None
-            used = "all geometries are" if scene is None else "the first is"
-            self.assets.warn(f"no scene, {used} read")
+        urls = [e.get("url") for e in self.root.iterfind("scene/instance_visual_scene")]
+        try:
+            roots = [self.find(urls[0] if urls else None, "visual_scene")]
+        except DamagedError:
+            self.assets.warn("no scene, the first one or all geometries are read")
         if self.root.find("library_animations/animation") is not None:
             self.assets.warn("animations not read, the pose of the nodes is taken")
-        roots = self.root.findall("library_geometries") if scene is None else [scene]
-        stack = [(root, turn) for root in roots]
+        stack = [(e, turn) for e in roots[:1] or self.root.findall("library_geometries")]
         parts: list[Part] = []
         visited = 0
         while stack:
-            node, matrix = stack.pop()
+            element, matrix = stack.pop()
             visited += 1
             if visited > _MAX_NODES:
                 what = f"more than {_MAX_NODES} nodes, or nodes that contain themselves"
                 raise UnusableModelError(what)
-            with self.left_out("nodes", node):
-                matrix = matrix @ _transform(node)
-                for child in reversed(node):
-                    with self.left_out("parts of the scene", child):
-                        if child.tag == "node":
-                            stack.append((child, matrix))
-                        elif child.tag == "instance_node":
-                            stack.append((self.find(child.get("url"), "node"), matrix))
-                        elif child.tag == "instance_geometry":
-                            geometry = self.find(child.get("url"), "geometry")
-                            parts += self.instance(geometry, child, matrix)
-                        elif child.tag == "instance_controller":
-                            controller = self.find(child.get("url"), "controller")
-                            geometry, shape = self.controlled(controller)
-                            # Joints move a skin, the node in which it is does not.
-                            here = matrix if shape is None else turn @ shape
-                            parts += self.instance(geometry, child, here)
-                        elif child.tag == "geometry" and node.tag == "library_geometries":
-                            parts += self.instance(child, child, matrix)
+            with self.left_out(element):
+                match element.tag:
+                    case "node" | "visual_scene" | "library_geometries":
+                        matrix = matrix @ _transform(element)
+                        stack += [(e, matrix) for e in reversed(element) if e.tag in _SHOWN]
+                    case "instance_node":
+                        stack.append((self.find(element.get("url"), "node"), matrix))
+                    case "geometry":
+                        parts += self.instance(element, element, matrix)
+                    case "instance_geometry":
+                        geometry = self.find(element.get("url"), "geometry")
+                        parts += self.instance(geometry, element, matrix)
+                    case _:
+                        controller = self.find(element.get("url"), "controller")
+                        geometry, shape = self.controlled(controller)
+                        # Joints move a skin, the node in which it is does not.
+                        matrix = matrix if shape is None else turn @ shape
+                        parts += self.instance(geometry, element, matrix)
         return parts
 
     @contextlib.contextmanager
-    def left_out(self, what: str, element: Element) -> Iterator[None]:
+    def left_out(self, element: Element) -> Iterator[None]:
         """Leaves out, with a warning, what is damaged."""
         try:
             yield
         except DamagedError as error:
             name = element.get("id") or element.get("url") or element.get("name") or element.tag
-            self.assets.warn(f"{what} not readable, left out", f"{name} ({error})")
+            self.assets.warn("parts not readable, left out", f"{name} ({error})")
 
     def controlled(self, controller: Element) -> tuple[Element, np.ndarray | None]:
         """The geometry of a controller, and the matrix of a skin in bind pose."""
@@ -213,8 +211,7 @@ class _Document:
         """The polygons of a geometry with the materials of its instance."""
         mesh = geometry.find("mesh")
         if mesh is None:
-            kinds = [child.tag for child in geometry if child.tag not in ("asset", "extra")]
-            raise DamagedError(f"geometry {geometry.get('id')!r} is a {(kinds or ['void'])[0]}")
+            raise DamagedError(f"geometry {geometry.get('id')!r} has no <mesh>")
         instances = element.iterfind("bind_material/technique_common/instance_material")
         bound = {instance.get("symbol"): instance for instance in instances}
         parts = []
@@ -222,35 +219,35 @@ class _Document:
             if primitive.tag in ("lines", "linestrips"):
                 self.assets.warn("lines and points not read", geometry.get("id"))
             elif primitive.tag in ("triangles", "polylist", "polygons", "tristrips", "trifans"):
-                with self.left_out("parts of geometries", geometry):
-                    parts.append(self.part(primitive, bound, matrix))
+                with self.left_out(geometry):
+                    parts.append(placed(self.part(primitive, bound), matrix[None]))
         return parts
 
-    def part(
-        self, primitive: Element, bound: dict[str | None, Element], matrix: np.ndarray
-    ) -> Part:
+    def part(self, primitive: Element, bound: dict[str | None, Element]) -> Part:
         """The polygons of a primitive."""
-        inputs: dict[tuple[str, str], tuple[int, Element]] = {}
+        inputs: dict[tuple[str, str], tuple[int, str | None]] = {}
+        stride = 1
         for element in primitive.iterfind("input"):
-            offset = _integer(element, "offset", 0)
-            semantic, number = element.get("semantic") or "", element.get("set") or "0"
-            if semantic == "VERTEX":
-                for inner in self.find(element.get("source"), "vertices").iterfind("input"):
-                    source = self.find(inner.get("source"), "source")
-                    inputs[inner.get("semantic") or "", inner.get("set") or "0"] = offset, source
-            elif semantic in ("NORMAL", "TEXCOORD", "COLOR"):
-                inputs[semantic, number] = offset, self.find(element.get("source"), "source")
+            offset, inner = _integer(element, "offset", 0), [element]
+            stride = max(stride, offset + 1)
+            if element.get("semantic") == "VERTEX":
+                inner = self.find(element.get("source"), "vertices").findall("input")
+            for each in inner:
+                key = each.get("semantic") or "", each.get("set") or "0"
+                inputs[key] = offset, each.get("source")
         if ("POSITION", "0") not in inputs:
             raise DamagedError("no positions")
-        stride = 1 + max(_integer(e, "offset", 0) for e in primitive.iterfind("input"))
-        at, source = inputs["POSITION", "0"]
-        positions = self.source(source, 3)[:, :3]
+        at, url = inputs["POSITION", "0"]
+        positions = self.source(url, 3)[:, :3]
         counts, rows = _polygons(primitive, stride, at, positions)
         self.assets.add_faces(int(np.maximum(counts - 2, 0).sum()))
 
-        def of_corners(semantic: str, number: str, least: int) -> np.ndarray | None:
-            at, source = inputs.get((semantic, number), (0, None))
-            return None if source is None else picked(self.source(source, least), rows[:, at])
+        def of_corners(semantic: str, number: str, width: int) -> np.ndarray | None:
+            if (semantic, number) not in inputs:
+                return None
+            at, url = inputs[semantic, number]
+            columns = 4 if semantic == "COLOR" else width
+            return picked(self.source(url, width)[:, :columns], rows[:, at])
 
         look, chosen = self.bound_look(primitive.get("material"), bound)
         sets = [number for semantic, number in inputs if semantic == "TEXCOORD"]
@@ -261,17 +258,14 @@ class _Document:
         if uv is None and look is not None and look.material.texture is not None:
             self.assets.warn(NO_COORDINATES, primitive.get("material"))
         colours = of_corners("COLOR", min((n for s, n in inputs if s == "COLOR"), default="0"), 3)
-        normals = of_corners("NORMAL", "0", 3)
-        part = Part(
-            positions, counts, rows[:, at], (look,),
-            uv=None if uv is None else uv[:, :2],
-            normals=None if normals is None else normals[:, :3],
+        return Part(
+            positions, counts, rows[:, at], (look,), uv=uv, normals=of_corners("NORMAL", "0", 3),
             colours=None if colours is None else rgba(colours, self.assets),
         )  # fmt: skip
-        return placed(part, matrix[None])
 
-    def source(self, element: Element, least: int) -> np.ndarray:
-        """The numbers [n, c] of a source, at least `least` of them in a row."""
+    def source(self, url: str | None, least: int) -> np.ndarray:
+        """The numbers [n, c] of the source at a URL, at least `least` of them in a row."""
+        element = self.find(url, "source")
         accessor = element.find("technique_common/accessor")
         accessor = Element("accessor") if accessor is None else accessor
         array = element.find("float_array")
@@ -279,17 +273,14 @@ class _Document:
             array = self.find(accessor.get("source"), "float_array")
         if array not in self.numbers:
             self.numbers[array] = _numbers(array)
-        values = self.numbers[array]
-        stride, skipped = _integer(accessor, "stride", 1), _integer(accessor, "offset", 0)
-        rest = max(len(values) - skipped, 0)
-        count = _integer(accessor, "count", rest // (stride or 1))
-        if not stride or skipped + count * stride > len(values):
-            raise DamagedError(f"{len(values)} numbers, expected {count} x {stride}")
+        values = self.numbers[array][_integer(accessor, "offset", 0) :]
+        stride = _integer(accessor, "stride", 1)
+        count = _integer(accessor, "count", len(values) // (stride or 1))
+        if count * stride > len(values) or stride < least:
+            raise DamagedError(f"{len(values)} numbers, expected {count} x {max(stride, least)}")
+        table = values[: count * stride].reshape(count, stride)
         params = accessor.findall("param")
         named = [k for k, param in enumerate(params[:stride]) if param.get("name")]
-        table = values[skipped : skipped + count * stride].reshape(count, stride)
-        if stride < least:
-            raise DamagedError(f"{stride} numbers, expected {least}")
         return table[:, named] if len(named) >= least else table
 
     def bound_look(
@@ -311,45 +302,36 @@ class _Document:
 
     def look(self, element: Element) -> tuple[Look, str]:
         """A material, and the name of the texture coordinates of its texture."""
-        instance = element.find("instance_effect")
-        effect = self.find(None if instance is None else instance.get("url"), "effect")
-        profile = effect.find("profile_COMMON")
-        technique = None if profile is None else profile.find("technique")
-        if profile is None or technique is None:
-            raise DamagedError("an effect without profile_COMMON")
-        shader = next((e for e in technique if e.tag in _SHADERS), None)
+        urls = [instance.get("url") for instance in element.iterfind("instance_effect")]
+        effect = self.find(urls[0] if urls else None, "effect")
+        inside = effect.iterfind("profile_COMMON/technique/*")
+        shader = next((e for e in inside if e.tag in _SHADERS), None)
         if shader is None:
-            raise DamagedError(f"an effect with none of {', '.join(_SHADERS)}")
-        parents = (effect, profile, technique)
-        params = {e.get("sid"): e for parent in parents for e in parent.iterfind("newparam")}
+            raise DamagedError(f"its effect has no <profile_COMMON> with {', '.join(_SHADERS)}")
+        paths = ("newparam", "profile_COMMON//newparam")
+        params = {e.get("sid"): e for path in paths for e in effect.iterfind(path)}
         title = element.get("id")
-        if instance is not None and instance.find("setparam") is not None:
+        if element.find("instance_effect/setparam") is not None:
             self.assets.warn("parameters that a material sets not read", title)
 
         def values(name: str, default: tuple[float, ...] = ()) -> tuple[float, ...]:
             """The numbers of a colour or of a factor, if there are as many as in the default."""
-            value = shader.find(name)
-            if value is None or not len(value) or value[0].tag == "texture":
+            inner = shader.find(f"{name}/*")
+            if inner is None or inner.tag == "texture":
                 return default
-            inner = value[0]
             if inner.tag == "param" and len(params.get(inner.get("ref"), ())):
                 inner = params[inner.get("ref")][0]
             found = _numbers(inner).tolist()
             return tuple(found) if len(found) >= len(default) else default
 
-        def rgb(name: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
-            red, green, blue, *_ = np.clip(values(name, default), 0, 1).tolist()
-            return red, green, blue
-
         source = "emission" if shader.tag == "constant" else "diffuse"
         texture, wraps, name = self.texture(shader.find(f"{source}/texture"), params)
-        diffuse = rgb(source, GREY if texture is None else (1.0, 1.0, 1.0))
-        if source == "diffuse" and max(rgb("emission", (0.0, 0.0, 0.0))) > 0.02:
+        diffuse = values(source, GREY if texture is None else (1.0, 1.0, 1.0))
+        if source == "diffuse" and max(values("emission", _BLACK)[:3]) > 0.02:
             self.assets.warn("emission not read", title)
-        glossy = shader.tag in ("phong", "blinn")
-        specular = rgb("specular", (0.0, 0.0, 0.0)) if glossy else (0.0, 0.0, 0.0)
+        specular = values("specular", _BLACK) if shader.tag in ("phong", "blinn") else _BLACK
         shininess = values("shininess", (20.0,))[0]
-        shininess = min(max(shininess, 1.0), 1000.0) if shininess >= 1 else 20.0  # some: 0 to 1
+        shininess = shininess if shininess >= 1 else 20.0  # some write 0 to 1
 
         transparent, opacity = shader.find("transparent"), 1.0
         mode = ("" if transparent is None else transparent.get("opaque")) or "A_ONE"
@@ -366,41 +348,37 @@ class _Document:
                 # Several writers mean that nothing is transparent.
                 self.assets.warn("transparency 0, opaque is used", title)
                 level = 1.0
-            opacity = min(max(1 - level if mode.endswith("ZERO") else level, 0.0), 1.0)
+            opacity = 1 - level if mode.endswith("ZERO") else level
         elif texture is not None and (texture[..., 3] < 255).any():
             self.assets.warn("alpha of textures without <transparent> not used", title)
             texture = with_alpha(texture, np.full(texture.shape[:2], 255, np.uint8))
         title = element.get("name") or title or ""
-        material = Material(diffuse, specular, shininess, opacity, texture, title)
-        return Look(material, wraps=wraps), name
+        made = material(diffuse[:3], specular[:3], shininess, opacity, texture, title)
+        return Look(made, wraps=wraps), name
 
     def texture(
         self, element: Element | None, params: dict[str | None, Element]
     ) -> tuple[np.ndarray | None, tuple[str, str], str]:
         """A <texture>, how it wraps, and the name of its coordinates; None if it is missing."""
-        wraps = ["repeat", "repeat"]
         if element is None:
             return None, ("repeat", "repeat"), ""
-        image = element.get("texture") or ""
-        sampler = params[image].find("sampler2D") if image in params else None
-        if sampler is not None:
-            wraps = [_WRAPS.get((sampler.findtext(f"wrap_{k}") or "").strip(), "repeat")
-                     for k in "st"]  # fmt: skip
-            instance = sampler.find("instance_image")
-            surface = params.get((sampler.findtext("source") or "").strip())
-            if instance is not None:
-                image = instance.get("url") or ""
-            elif surface is not None:
-                image = surface.findtext("surface/init_from") or ""
+        image, nothing = element.get("texture") or "", Element("none")
+        sampler = params.get(image, nothing)
+        along, up = (_WRAPS.get(sampler.findtext(f"sampler2D/wrap_{k}", "").strip(), "repeat")
+                     for k in "st")  # fmt: skip
+        surface = params.get(sampler.findtext("sampler2D/source", "").strip(), nothing)
+        image = surface.findtext("surface/init_from", image)
+        for instance in sampler.iterfind("sampler2D/instance_image"):
+            image = instance.get("url") or ""
         for inner in element.iter():
             if inner.tag in _PLACED and _numbers(inner, 1)[0] != inner.tag.startswith("repeat"):
                 self.assets.warn("placement of textures not read", inner.tag)
-        found = self.ids.get(("image", _id(image)), Element("image"))
+        found = self.ids.get(("image", _id(image)), nothing)
         file = (found.findtext("init_from/ref") or found.findtext("init_from") or "").strip()
         picture = self.assets.texture(re.sub(r"^file:/*", "", file)) if file else None
         if not file:
             self.assets.warn(MISSING_TEXTURE, repr(image))
-        return picture, (wraps[0], wraps[1]), element.get("texcoord") or ""
+        return picture, (along, up), element.get("texcoord") or ""
 
 
 def _polygons(
@@ -414,25 +392,22 @@ def _polygons(
             raise DamagedError(f"{len(values)} indices, expected {stride} whole ones a corner")
         return values.astype(np.int64).reshape(-1, stride)
 
-    blocks = [rows(element) for element in primitive.findall("p")]
-    empty = np.zeros((0, stride), np.int64)
+    blocks = [rows(element) for element in primitive.iterfind("p")]
     if primitive.tag in ("tristrips", "trifans"):
         order = strip if primitive.tag == "tristrips" else fan
         blocks = [block[order(len(block)).ravel()] for block in blocks]
-    if primitive.tag == "polygons":
-        for element in primitive.iterfind("ph"):
-            loops = [rows(child) for child in element if child.tag in ("p", "h")]
-            corners = np.concatenate([empty, *loops])
-            where = np.clip(corners[:, at], 0, len(positions) - 1)
-            blocks.append(corners[with_holes(positions[where], [len(loop) for loop in loops])])
-        sizes = np.array([len(block) for block in blocks], np.int64)
-        return sizes, np.concatenate([empty, *blocks])
-    corners = np.concatenate([empty, *blocks])
+    for element in primitive.iterfind("ph"):
+        loops = [rows(child) for child in element if child.tag in ("p", "h")]
+        corners = np.concatenate(loops)
+        where = np.clip(corners[:, at], 0, len(positions) - 1)
+        blocks.append(corners[with_holes(positions[where], [len(loop) for loop in loops])])
+    corners = np.concatenate([np.zeros((0, stride), np.int64), *blocks])
     if primitive.tag == "polylist":
         counts = _numbers(primitive.find("vcount")).astype(np.int64)
-        if (counts < 0).any() or counts.sum() != len(corners):
-            raise DamagedError(f"{len(corners)} corners, expected {counts.sum()}")
-        return counts, corners
-    if len(corners) % 3:
-        raise DamagedError(f"{len(corners)} corners of triangles")
-    return np.full(len(corners) // 3, 3), corners
+    elif primitive.tag == "polygons":
+        counts = np.array([len(block) for block in blocks], np.int64)
+    else:
+        counts = np.full(-(-len(corners) // 3), 3)
+    if (counts < 0).any() or counts.sum() != len(corners):
+        raise DamagedError(f"{len(corners)} corners, expected {counts.sum()}")
+    return counts, corners

@@ -9,25 +9,28 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from data_gen.mesh import Material
 from data_gen.polygons import fan, strip
 from data_gen.readers.gltf_file import DRACO, MESHOPT, Document, Object, as_floats, by_draco
 from data_gen.readers.model_files import DamagedError
-from data_gen.readers.parts import Look, Part, of_normals, placed
+from data_gen.readers.parts import Look, Part, material, placed
 from data_gen.readers.textures import BROKEN_TEXTURE, NO_COORDINATES, Assets
 
 _INSTANCES = "EXT_mesh_gpu_instancing"
 
 _READ = {
     DRACO, *MESHOPT, _INSTANCES, "EXT_texture_webp", "KHR_materials_pbrSpecularGlossiness",
-    "KHR_materials_unlit", "KHR_mesh_quantization", "KHR_texture_transform", "MSFT_texture_dds",
+    "KHR_materials_unlit", "KHR_mesh_quantization", "KHR_texture_transform",
 }  # fmt: skip
 
 # Without these extensions, a model has the right surface in plainer colours.
 _APPEARANCE = re.compile(r"KHR_materials_|[A-Z]+_texture_")
 
 _POSE = {"translation": [0.0, 0, 0], "rotation": [0.0, 0, 0, 1], "scale": [1.0, 1, 1]}
+
+_UNREAD = ("normalTexture", "occlusionTexture", "emissiveTexture", "emissiveFactor",
+           "metallicRoughnessTexture", "specularGlossinessTexture")  # fmt: skip
 
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 
@@ -51,7 +54,7 @@ class _Surface(NamedTuple):
     least: float | None
 
     def colours(self, linear: np.ndarray) -> np.ndarray:
-        """Display RGBA of the linear colours [n, 3 or 4] of faces."""
+        """Display RGBA of linear colours [n, 3 or 4] of faces."""
         result = np.ones((len(linear), 4))
         result[:, : linear.shape[1]] = linear
         result[:, :3] **= 1 / 2.2
@@ -62,15 +65,11 @@ class _Surface(NamedTuple):
 
 def _matrices(move: np.ndarray, turn: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Matrices [n, 4, 4] of translations, rotations (quaternions x, y, z, w) and scales."""
-    length = np.linalg.norm(turn, axis=1, keepdims=True)
-    x, y, z, w = (turn / np.where(length == 0, 1, length)).T
+    still = ~turn.any(axis=1, keepdims=True)
     result = np.tile(np.eye(4), (len(move), 1, 1))
+    result[:, :3, :3] = Rotation.from_quat(turn + still * np.array([0, 0, 0, 1])).as_matrix()
+    result[:, :3, :3] *= scale[:, None]
     result[:, :3, 3] = move
-    result[:, :3, :3] = scale[:, None] * np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]).transpose(2, 0, 1)  # fmt: skip
     return result
 
 
@@ -83,32 +82,18 @@ def _triangles(mode: int, corners: np.ndarray) -> np.ndarray:
     return faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
 
 
-def _skinned(part: Part, joints: np.ndarray, index: np.ndarray, share: np.ndarray) -> Part:
-    """Triangles whose vertices [v] move with the joints `index` [v, k], by shares [v, k].
-
-    `joints` [j, 4, 4] are the matrices of all joints.
-    """
+def _skinning(joints: np.ndarray, index: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """The matrices [v, 4, 4] of vertices that move with the joints `index`, by shares [v, k]."""
     share = np.nan_to_num(share).clip(0)
     share[share.sum(axis=1) == 0, 0] = 1
     index = np.where(share > 0, index, 0).astype(np.int64)
     if index.min() < 0 or index.max() >= len(joints):
         raise DamagedError(f"vertices have joints beyond the {len(joints)} of their skin")
     share /= share.sum(axis=1, keepdims=True)
-    matrices = np.zeros((len(index), 4, 4))
+    result = np.zeros((len(index), 4, 4))
     for k in range(index.shape[1]):
-        matrices += share[:, k, None, None] * joints[index[:, k]]
-    linear = matrices[:, :3, :3]
-    vertices = np.einsum("vij,vj->vi", linear, part.vertices) + matrices[:, :3, 3]
-    normals = part.normals
-    if normals is not None:
-        normals = np.einsum("vij,vj->vi", of_normals(linear)[part.corners], normals)
-    mirrored = (np.linalg.det(linear) < 0)[part.corners.reshape(-1, 3)].all(axis=1)
-    rows = np.arange(len(part.corners)).reshape(-1, 3)
-    order = np.where(mirrored[:, None], rows[:, ::-1], rows).ravel()
-    uv, normals, colours = (
-        None if values is None else values[order] for values in (part.uv, normals, part.colours)
-    )
-    return Part(vertices, part.counts, part.corners[order], part.looks, None, uv, normals, colours)
+        result += share[:, k, None, None] * joints[index[:, k]]
+    return result
 
 
 class _Scene:
@@ -118,8 +103,8 @@ class _Scene:
         self.file, self.root, self.assets = file, file.root, file.assets
         self.surfaces: dict[int, _Surface] = {}
         self.pictures: dict[tuple[int, float], np.ndarray] = {}
-        required = self.root.texts("extensionsRequired")
-        for name in dict.fromkeys(required + self.root.texts("extensionsUsed")):
+        required = self.root.values("extensionsRequired", str)
+        for name in dict.fromkeys(required + self.root.values("extensionsUsed", str)):
             if name not in _READ:
                 if name in required and not _APPEARANCE.match(name):
                     raise DamagedError(f"it needs the extension {name!r}, which is not read")
@@ -133,22 +118,22 @@ class _Scene:
     def nodes(self) -> tuple[list[Object], np.ndarray, np.ndarray]:
         """The nodes, their matrices [n, 4, 4] in the scene, and which of them are in it [n]."""
         nodes = self.root.items("nodes")
-        children = [node.wholes("children") for node in nodes]
+        children = [node.values("children", int) for node in nodes]
         world = np.tile(np.eye(4), (len(nodes), 1, 1))
         parent = np.full(len(nodes), -1)
         for number, node in enumerate(nodes):
             if "matrix" in node:
                 world[number] = node.numbers("matrix", [0] * 16).reshape(4, 4).T
             elif any(key in node for key in _POSE):
-                values = [node.numbers(key, plain)[None] for key, plain in _POSE.items()]
-                world[number] = _matrices(*values)[0]
+                pose = (node.numbers(key, default)[None] for key, default in _POSE.items())
+                world[number] = _matrices(*pose)[0]
             for child in children[number]:
                 if parent[self.root.item("nodes", child).index] >= 0:
                     raise DamagedError(f"nodes[{child}] has several parents")
                 parent[child] = number
         shown = order = np.flatnonzero(parent < 0).tolist()
         if scenes := self.root.items("scenes"):
-            shown = self.root.item("scenes", self.root.whole("scene", 0)).wholes("nodes")
+            shown = self.root.item("scenes", self.root.get("scene", 0)).values("nodes", int)
             if len(scenes) > 1:
                 self.assets.warn("scenes other than the default one not read", len(scenes) - 1)
         inside = np.zeros(len(nodes), bool)
@@ -167,39 +152,40 @@ class _Scene:
         nodes, world, inside = self.nodes()
         uses: dict[tuple[int, int, tuple[float, ...]], list[np.ndarray]] = {}
         for number in np.flatnonzero(inside).tolist():
-            node, own = nodes[number], world[number, None]
+            node, matrices = nodes[number], world[number, None]
             if "mesh" not in node:
                 continue
             if instances := node.extension(_INSTANCES):
-                own = own @ self.instances(instances.object("attributes"))
-            mesh = self.root.item("meshes", node.whole("mesh"))
-            weights = (node if "weights" in node else mesh).numbers("weights").tolist()
-            key = mesh.index, node.index_of("skin"), tuple(weights)
-            uses.setdefault(key, []).append(own)
-        for (index, skin, weights), matrices in uses.items():
+                matrices = matrices @ self.instances(instances.object("attributes"))
+            mesh = self.root.item("meshes", node.get("mesh", int))
+            weights = (node if "weights" in node else mesh).values("weights", float)
+            key = mesh.index, node.get("skin", -1), tuple(weights)
+            uses.setdefault(key, []).append(matrices)
+        for (index, skin, morph), places in uses.items():
             joints = None if skin < 0 else self.joints(skin, world)
             for primitive in self.root.item("meshes", index).items("primitives"):
-                yield from self.primitive(primitive, weights, np.concatenate(matrices), joints)
+                yield from self.primitive(primitive, morph, np.concatenate(places), joints)
 
     def instances(self, attributes: Object) -> np.ndarray:
         """The matrices [n, 4, 4] of EXT_mesh_gpu_instancing."""
-        values = []
-        for key, plain in _POSE.items():
-            index = attributes.index_of(key.upper())
-            found = None if index < 0 else as_floats(*self.file.accessor(index, len(plain)))
-            values.append(np.array([plain]) if found is None else found)
-        count = max(map(len, values))
+        pose = []
+        for key, default in _POSE.items():
+            index = attributes.get(key.upper(), -1)
+            found = None if index < 0 else as_floats(*self.file.accessor(index, len(default)))
+            pose.append(np.array([default]) if found is None else found)
+        count = max(map(len, pose))
         self.assets.add_faces(count)  # of at least one
-        if any(len(value) not in (1, count) for value in values):
+        if any(len(values) not in (1, count) for values in pose):
             raise DamagedError(f"{attributes.path} have different counts")
-        return _matrices(*(np.broadcast_to(v, (count, v.shape[1])) for v in values))
+        return _matrices(*(np.broadcast_to(v, (count, v.shape[1])) for v in pose))
 
     def joints(self, index: int, world: np.ndarray) -> np.ndarray:
         """The matrices [j, 4, 4] of a skin's joints, from the bind pose to the nodes' pose."""
         skin = self.root.item("skins", index)
-        result = world[[self.root.item("nodes", joint).index for joint in skin.wholes("joints")]]
+        numbers = skin.values("joints", int)
+        result = world[[self.root.item("nodes", number).index for number in numbers]]
         if "inverseBindMatrices" in skin:
-            bind = as_floats(*self.file.accessor(skin.whole("inverseBindMatrices"), 16))
+            bind = as_floats(*self.file.accessor(skin.get("inverseBindMatrices", int), 16))
             if len(bind) < len(result):
                 raise DamagedError(f"{skin.path} has {len(bind)} matrices for {len(result)} joints")
             result = result @ bind[: len(result)].reshape(-1, 4, 4).transpose(0, 2, 1)
@@ -212,12 +198,12 @@ class _Scene:
         joints: np.ndarray | None,
     ) -> Iterator[Part]:  # fmt: skip
         """The faces of a primitive, once for each of the matrices [n, 4, 4], or with joints."""
-        mode, attributes = part.whole("mode", 4), part.object("attributes")
+        mode, attributes = part.get("mode", 4), part.object("attributes")
         if mode < 4 or mode > 6 or "POSITION" not in attributes:
             what = "without positions" if 4 <= mode <= 6 else f"of mode {mode}"
             self.assets.warn("lines, points and primitives without positions dropped", what)
             return
-        surface = self.surface(part.index_of("material"))
+        surface = self.surface(part.get("material", -1))
         widths = {"POSITION": (3,), "NORMAL": (3,), "COLOR_0": (3, 4)}
         skinned = [k for k in "01" if joints is not None and f"JOINTS_{k}" in attributes]
         widths |= {f"{name}_{k}": (4,) for k in skinned for name in ("JOINTS", "WEIGHTS")}
@@ -226,22 +212,23 @@ class _Scene:
             widths[coordinates] = (2,)
             if coordinates not in attributes:
                 self.assets.warn(NO_COORDINATES, coordinates)
-        given = {name: self.file.accessor(attributes.whole(name), *width)
-                 for name, width in widths.items() if name in attributes}  # fmt: skip
+        arrays = {name: self.file.accessor(attributes.get(name, int), *width)
+                  for name, width in widths.items() if name in attributes}  # fmt: skip
         corners: np.ndarray | None = None
         packed = part.extension(DRACO)
-        if packed and "bufferView" not in self.root.item("accessors", attributes.whole("POSITION")):
-            corners, found = by_draco(packed, self.file.view(packed.whole("bufferView")))
+        position = self.root.item("accessors", attributes.get("POSITION", int))
+        if packed and "bufferView" not in position:
+            corners, found = by_draco(packed, self.file.view(packed.get("bufferView", int)))
             mode = 4
-            for name in given.keys() & found.keys():
+            for name in arrays.keys() & found.keys():
                 if found[name].shape[1:] not in [(width,) for width in widths[name]]:
                     raise DamagedError(f"{packed.path}.attributes.{name} has the wrong type")
-                given[name] = found[name], given[name][1]
+                arrays[name] = found[name], arrays[name][1]
         elif "indices" in part:
-            corners = self.file.accessor(part.whole("indices"), 1)[0][:, 0]
+            corners = self.file.accessor(part.get("indices", int), 1)[0][:, 0]
             if corners.dtype.kind != "u":
                 raise DamagedError(f"{part.path}.indices have the wrong componentType")
-        total = len(given["POSITION"][0])
+        total = len(arrays["POSITION"][0])
         count = total if corners is None else len(corners)
         copies = 1 if skinned else len(matrices)
         self.assets.add_faces((count // 3 if mode == 4 else max(count - 2, 0)) * copies)
@@ -260,34 +247,31 @@ class _Scene:
 
         def values(name: str, *, fractions: bool = False) -> np.ndarray:
             """An attribute of the vertices, with its morph targets."""
-            if name not in given:
+            if name not in arrays:
                 raise DamagedError(f"{part.path} has no {name}")
-            width = given[name][0].shape[1]
-            layers = [(1.0, *given[name])]
-            layers += [
-                (w, *self.file.accessor(t.whole(name), width)) for t, w in targets if name in t
-            ]
+            width = arrays[name][0].shape[1]
+            layers = [(1.0, *arrays[name])]
+            layers += [(weight, *self.file.accessor(target.get(name, int), width))
+                       for target, weight in targets if name in target]  # fmt: skip
             if any(len(numbers) != total for _, numbers, _ in layers):
                 raise DamagedError(f"{part.path}: {name} and POSITION have different counts")
             changes = [w * as_floats(n[rows], normal or fractions) for w, n, normal in layers]
             return np.sum(changes, axis=0)
 
         colours, corners = None, faces.ravel()
-        if "COLOR_0" in given:
+        if "COLOR_0" in arrays:
             linear = np.nan_to_num(values("COLOR_0", fractions=True)).clip(0, 1)
             colours = np.repeat(surface.colours(linear[faces].mean(axis=1)), 3, axis=0)
-        uv = values(coordinates) * [1, -1] + [0, 1] if coordinates in given else None
-        normals = values("NORMAL")[corners] if "NORMAL" in given else None
-        result = Part(
-            values("POSITION"), np.full(len(faces), 3), corners, (surface.look,),
-            uv=None if uv is None else uv[corners], normals=normals, colours=colours,
-        )  # fmt: skip
+        uv = (values(coordinates) * [1, -1] + [0, 1])[corners] if coordinates in arrays else None
+        normals = values("NORMAL")[corners] if "NORMAL" in arrays else None
+        result = Part(values("POSITION"), np.full(len(faces), 3), corners, (surface.look,),
+                      uv=uv, normals=normals, colours=colours)  # fmt: skip
         if joints is not None and skinned:
             index = np.concatenate([values(f"JOINTS_{k}") for k in skinned], axis=1)
             share = [values(f"WEIGHTS_{k}", fractions=True) for k in skinned]
-            yield _skinned(result, joints, index, np.concatenate(share, axis=1))
+            yield placed(result, _skinning(joints, index, np.concatenate(share, axis=1)))
         else:
-            yield placed(result, matrices)
+            yield from (placed(result, matrix[None]) for matrix in matrices)
 
     # --- Materials ------------------------------------------------------------------------------
 
@@ -296,87 +280,73 @@ class _Scene:
         if index in self.surfaces:
             return self.surfaces[index]
         fields = Object({}) if index < 0 else self.root.item("materials", index)
-        physical = fields.object("pbrMetallicRoughness")
         glossy = fields.extension("KHR_materials_pbrSpecularGlossiness")
-        unread = [key for key in ("normalTexture", "occlusionTexture", "emissiveTexture")
-                  if key in fields]  # fmt: skip
-        unread += ["emissiveFactor"] * bool(fields.numbers("emissiveFactor", [0, 0, 0]).any())
+        source = glossy or fields.object("pbrMetallicRoughness")
+        glows = fields.numbers("emissiveFactor", [0, 0, 0]).any()
+        for key in _UNREAD:
+            if (key in fields or key in source) and (key != "emissiveFactor" or glows):
+                self.assets.warn("parts of materials not read", key)
+        slot = "diffuse" if glossy else "baseColor"
+        colour = source.numbers(f"{slot}Factor", [1, 1, 1, 1]).clip(0, 1)
+        diffuse = colour[:3] ** (1 / 2.2)  # factors of glTF are linear
 
-        def fraction(of: Object, key: str) -> float:
-            return min(max(of.number(key, 1.0), 0.0), 1.0)
+        def fraction(key: str) -> float:
+            return min(max(source.get(key, 1.0), 0.0), 1.0)
 
-        if glossy is None:
-            source, slot = physical, "baseColorTexture"
-            colour = physical.numbers("baseColorFactor", [1, 1, 1, 1]).clip(0, 1)
-            rough, metal = (
-                fraction(physical, "roughnessFactor"),
-                fraction(physical, "metallicFactor"),
-            )
-            if "metallicRoughnessTexture" in physical:
-                unread.append("metallicRoughnessTexture")
-                metal = min(metal, 0.5)
-            high = (1 - rough) * ((1 - metal) * 0.2 + metal * colour[:3] ** (1 / 2.2))
+        if glossy:
+            rough = 1 - fraction("glossinessFactor")
+            specular = source.numbers("specularFactor", [1, 1, 1]).clip(0, 1) ** (1 / 2.2)
+            if "specularGlossinessTexture" in source:
+                rough, specular = 0.5, np.full(3, 0.2)  # as plastic
         else:
-            source, slot = glossy, "diffuseTexture"
-            colour = glossy.numbers("diffuseFactor", [1, 1, 1, 1]).clip(0, 1)
-            rough = 1 - fraction(glossy, "glossinessFactor")
-            high = (1 - rough) * glossy.numbers("specularFactor", [1, 1, 1]).clip(0, 1) ** (1 / 2.2)
-            if "specularGlossinessTexture" in glossy:
-                unread.append("specularGlossinessTexture")
-                rough, high = 0.5, np.full(3, 0.1)  # as plastic
-        if fields.extension("KHR_materials_unlit") is not None:
-            high = np.zeros(3)
-        for name in unread:
-            self.assets.warn("parts of materials not read", name)
-        mode, alpha = fields.text("alphaMode", "OPAQUE").upper(), float(colour[3])
+            rough, metal = fraction("roughnessFactor"), fraction("metallicFactor")
+            if "metallicRoughnessTexture" in source:
+                metal = min(metal, 0.5)
+            specular = (1 - metal) * 0.2 + metal * diffuse
+        shine = 0 if fields.extension("KHR_materials_unlit") else 1 - rough
+        mode, alpha = fields.get("alphaMode", "OPAQUE").upper(), float(colour[3])
         least = None if mode == "BLEND" else 0.0
         if mode == "MASK":
-            least = fields.number("alphaCutoff", 0.5) / max(alpha, 1e-3)
-        red, green, blue = (colour[:3] ** (1 / 2.2)).tolist()  # factors of glTF are linear
-        texture, uv_matrix, wraps, uv_set = self.texture(source, slot, least)
-        material = Material(
-            (red, green, blue), (float(high[0]), float(high[1]), float(high[2])),
-            # The exponent whose lobe is as wide as the microfacet lobe with this roughness.
-            min(max(2 / max(rough, 0.05) ** 4 - 2, 1.0), 1000.0),
-            alpha if least is None else float(least <= 1), texture, fields.text("name", ""),
-        )  # fmt: skip
-        look = Look(material, uv_matrix, wraps, tinted=True)
+            least = fields.get("alphaCutoff", 0.5) / max(alpha, 1e-3)
+        opacity = alpha if least is None else float(least <= 1)
+        # The exponent whose lobe is as wide as the microfacet lobe with this roughness.
+        shininess = 2 / max(rough, 0.05) ** 4 - 2
+        texture, uv_matrix, wraps, uv_set = self.texture(source, f"{slot}Texture", least)
+        name = fields.get("name", "")
+        made = material(diffuse, shine * specular, shininess, opacity, texture, name)
+        look = Look(made, uv_matrix, wraps, tinted=True)
         return self.surfaces.setdefault(index, _Surface(look, uv_set, least))
 
     def texture(
-        self, material: Object, slot: str, least: float | None
+        self, of_material: Object, slot: str, least: float | None
     ) -> tuple[np.ndarray | None, np.ndarray | None, tuple[str, str], int]:
         """A texture, its matrix and wraps, and the number of its coordinates."""
         nothing = None, None, ("repeat", "repeat"), 0
-        if slot not in material:
+        if slot not in of_material:
             return nothing
-        fields = material.object(slot)
-        texture = self.root.item("textures", fields.whole("index"))
-        found = [texture.extension(f"{name}_texture_{kind}")
-                 for name, kind in (("EXT", "webp"), ("MSFT", "dds"))]  # fmt: skip
-        source = next((x for x in [*found, texture] if x is not None and "source" in x), None)
-        if source is None:
+        fields = of_material.object(slot)
+        texture = self.root.item("textures", fields.get("index", int))
+        source = texture.extension("EXT_texture_webp") or texture
+        if "source" not in source:
             what = ", ".join(texture.object("extensions").fields) or "no source"
             self.assets.warn(BROKEN_TEXTURE, f"{texture.path} ({what})")
             return nothing
         sampler = Object({})
         if "sampler" in texture:
-            sampler = self.root.item("samplers", texture.whole("sampler"))
-        wraps = [_WRAPS.get(sampler.whole(key, 10497)) for key in ("wrapS", "wrapT")]
+            sampler = self.root.item("samplers", texture.get("sampler", int))
+        wraps = [_WRAPS.get(sampler.get(key, 10497)) for key in ("wrapS", "wrapT")]
         if wraps[0] is None or wraps[1] is None:
             raise DamagedError(f"{sampler.path} has an unknown way to wrap")
         moved, matrix = fields.extension("KHR_texture_transform"), None
-        uv_set = fields.whole("texCoord", 0)
+        uv_set = fields.get("texCoord", 0)
         if moved is not None:
-            uv_set = moved.whole("texCoord", uv_set)
-            turn, scale = moved.number("rotation", 0.0), moved.numbers("scale", [1, 1])
-            sine, cosine = np.sin(turn), np.cos(turn)
-            matrix = np.eye(3)
-            matrix[:2, :2] = np.array([[cosine, sine], [-sine, cosine]]) * scale
-            matrix[:2, 2] = moved.numbers("offset", [0, 0])
-            upside_down = np.array([[1, 0, 0], [0, -1, 1], [0, 0, 1]])  # images begin at v = 0
-            matrix = (upside_down @ matrix @ upside_down)[:2]
-        return self.picture(source.whole("source"), least), matrix, (wraps[0], wraps[1]), uv_set
+            uv_set = moved.get("texCoord", uv_set)
+            (a, b), (x, y) = moved.numbers("scale", [1, 1]), moved.numbers("offset", [0, 0])
+            sine, cosine = np.sin(turn := moved.get("rotation", 0.0)), np.cos(turn)
+            # Of (u, 1 - v), because images of glTF begin at v = 0.
+            matrix = np.array([[cosine * a, -sine * b, sine * b + x],
+                               [sine * a, cosine * b, 1 - cosine * b - y]])  # fmt: skip
+        return self.picture(source.get("source", int), least), matrix, (wraps[0], wraps[1]), uv_set
 
     def picture(self, index: int, least: float | None) -> np.ndarray | None:
         """An image, whose alpha is 0 or 1 unless `least` is None; see `_Surface`."""

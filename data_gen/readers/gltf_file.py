@@ -1,16 +1,15 @@
 """The JSON, buffers, images and accessors of a glTF file."""
 
 import binascii
+import functools
 import json
-import re
 import struct
 import urllib.parse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from data_gen.mesh import UnreadableModelError
 from data_gen.readers.model_files import DamagedError, check_size
 from data_gen.readers.textures import Assets
 from psgn_jax.system.untrusted import parse_json
@@ -25,81 +24,63 @@ _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 _MAX_BYTES = 512 << 20  # of all buffers of a file, and of an array that the file need not contain
 
-
-def _is_number(value: Any) -> bool:
-    return type(value) in (int, float) and -1e38 <= value <= 1e38
+_EXPECTED = {int: "a whole number from 0", float: "a number", str: "a text", list: "a list"}
 
 
-def _is_whole(value: Any) -> bool:
-    return _is_number(value) and 0 <= value < 1 << 53 and value == int(value)
+def _is(value: Any, kind: type) -> bool:
+    """Whether a value of the JSON has a type of `_EXPECTED`."""
+    if kind in (str, list):
+        return isinstance(value, kind)
+    number = type(value) in (int, float) and -1e38 <= value <= 1e38
+    return number and (kind is float or (0 <= value < 1 << 53 and value == int(value)))
 
 
 class Object:
-    """An object of the JSON at a path such as `nodes[3]`. A wrong field is refused by its path."""
+    """An object of the JSON at a path such as `nodes[3]`. Errors name the path of a wrong field."""
 
     def __init__(self, fields: Any, path: str = "", index: int = -1) -> None:
         if not isinstance(fields, dict):
             raise DamagedError(f"{path or 'its JSON'} is not an object")
-        self.fields: dict[str, Any] = fields
-        self.path, self.index = path, index
+        self.fields, self.path, self.index = fields, path, index
 
     def __contains__(self, key: str) -> bool:
         return key in self.fields
 
-    def at(self, key: str) -> str:
-        """The path of a field."""
+    def _at(self, key: str) -> str:
         return f"{self.path}.{key}".lstrip(".")
 
-    def _get(self, key: str, default: Any, right: Callable[[Any], bool], expected: str) -> Any:
-        value = self.fields.get(key, default)
-        if value is None or not right(value):
-            got = "nothing" if value is None else repr(value)[:40]
-            raise DamagedError(f"{self.at(key)}: got {got}, expected {expected}")
-        return value
+    def _wrong(self, key: str, value: Any, expected: str) -> DamagedError:
+        got = "nothing" if value is None else repr(value)[:40]
+        return DamagedError(f"{self._at(key)}: got {got}, expected {expected}")
 
-    def _list(
-        self, key: str, right: Callable[[Any], bool] | None = None, of_what: str = ""
-    ) -> list[Any]:
-        """A list; empty if it is missing."""
+    def get(self, key: str, default: Any) -> Any:
+        """A field of the type of the default. A type as the default means a required field."""
+        kind = default if isinstance(default, type) else type(default)
+        if key not in self and kind is not default:
+            return default
+        value = self.fields.get(key)
+        if not _is(value, kind):
+            raise self._wrong(key, value, _EXPECTED[kind])
+        return value if isinstance(value, kind) else kind(value)
 
-        def is_right(value: Any) -> bool:
-            return isinstance(value, list) and (right is None or all(map(right, value)))
+    def values(self, key: str, kind: type) -> list[Any]:
+        """A list of values of one type, empty if it is missing."""
+        found = self.get(key, [])
+        if not all(_is(value, kind) for value in found):
+            raise self._wrong(key, found, f"a list, each item {_EXPECTED[kind]}")
+        return [kind(value) for value in found]
 
-        value: list[Any] = self._get(key, [], is_right, f"a list{of_what}")
-        return value
-
-    def whole(self, key: str, default: int | None = None) -> int:
-        return int(self._get(key, default, _is_whole, "a whole number from 0"))
-
-    def index_of(self, key: str) -> int:
-        """A whole number; -1 if it is missing."""
-        return self.whole(key) if key in self else -1
-
-    def number(self, key: str, default: float) -> float:
-        return float(self._get(key, default, _is_number, "a number"))
-
-    def text(self, key: str, default: str | None = None) -> str:
-        value: str = self._get(key, default, lambda v: isinstance(v, str), "a text")
-        return value
-
-    def wholes(self, key: str) -> list[int]:
-        return [int(v) for v in self._list(key, _is_whole, " of whole numbers from 0")]
-
-    def texts(self, key: str) -> list[str]:
-        return self._list(key, lambda v: isinstance(v, str), " of texts")
-
-    def numbers(self, key: str, default: Sequence[float] = ()) -> np.ndarray:
-        """As many numbers as the default has; any number if that is empty."""
-        values = self._list(key, _is_number, " of numbers") if key in self else default
-        if len(default) not in (0, len(values)):
-            raise DamagedError(
-                f"{self.at(key)}: got {len(values)} numbers, expected {len(default)}"
-            )
-        return np.array(values, np.float64)
+    def numbers(self, key: str, default: Sequence[float]) -> np.ndarray:
+        """A list of as many numbers as the default has."""
+        found = self.fields.get(key, default)
+        right = isinstance(found, list) and len(found) == len(default)
+        if not (right and all(_is(value, float) for value in found)):
+            raise self._wrong(key, found, f"{len(default)} numbers")
+        return np.array(found, np.float64)
 
     def object(self, key: str) -> "Object":
         """The object in a field, without fields if it is missing."""
-        return Object(self.fields.get(key, {}), self.at(key))
+        return Object(self.fields.get(key, {}), self._at(key))
 
     def extension(self, name: str) -> "Object | None":
         found = self.object("extensions")
@@ -107,31 +88,28 @@ class Object:
 
     def item(self, key: str, index: int) -> "Object":
         """An object of a list, which knows its index."""
-        values = self._list(key)
-        if index >= len(values):
-            raise DamagedError(f"{self.at(key)}[{index}] does not exist, there are {len(values)}")
-        return Object(values[index], f"{self.at(key)}[{index}]", index)
+        found = self.get(key, [])
+        path = f"{self._at(key)}[{index}]"
+        if index >= len(found):
+            raise DamagedError(f"{path} does not exist, there are {len(found)}")
+        return Object(found[index], path, index)
 
     def items(self, key: str) -> list["Object"]:
-        return [self.item(key, index) for index in range(len(self._list(key)))]
+        return [self.item(key, index) for index in range(len(self.get(key, [])))]
 
 
 def _json_and_chunk(data: bytes) -> tuple[Any, memoryview | None]:
     """The JSON of a file, and the binary chunk of a GLB. What follows them is ignored."""
     text, chunk = memoryview(data), None
     if data[:4] == b"glTF":
-        version, length, kind = struct.unpack("<4xI4xI4s", data[:20].ljust(20))
+        version, length = struct.unpack("<4xI4xI", data[:16].ljust(16))
         if version != 2:
             raise DamagedError(f"glTF {version}, expected 2.0")
-        if kind != b"JSON":
-            raise DamagedError("its first chunk is not JSON")
         text, rest = text[20 : 20 + length], text[20 + length :]
-        cut = len(text) < length
+        size = int.from_bytes(rest[:4], "little")
         if rest[4:8] == b"BIN\0":
-            (length,) = struct.unpack("<I", rest[:4])
-            chunk = rest[8 : 8 + length]
-            cut = len(chunk) < length
-        if cut:
+            chunk = rest[8 : 8 + size]
+        if len(text) < length or (chunk is not None and len(chunk) < size):
             what = f"a chunk ends after the last of its {len(data)} bytes"
             raise DamagedError(f"the file is cut: {what}")
     try:
@@ -159,12 +137,12 @@ class Document:
         tree, self._chunk = _json_and_chunk(data)
         self.root, self.assets = Object(tree), assets
         self._buffers: dict[int, memoryview] = {}
-        version = self.root.object("asset").text("version", "without asset.version")
+        version = self.root.object("asset").get("version", "without asset.version")
         if version.split(".")[0] != "2":
             raise DamagedError(f"glTF {version}, expected 2.0")
 
     def _contents(self, uri: str) -> bytes:
-        """What a URI stands for: data in the URI, or a file."""
+        """The data in a URI, or the content of the file that it names."""
         head, comma, text = uri.partition(",")
         if comma and head[:5].lower() == "data:":
             raw = urllib.parse.unquote_to_bytes(text)
@@ -172,10 +150,7 @@ class Document:
                 return binascii.a2b_base64(raw + b"==") if head.lower().endswith(";base64") else raw
             except binascii.Error:
                 raise DamagedError("the base64 text of a data URI is damaged") from None
-        try:
-            return self.assets.files.open(self.assets.base, uri)
-        except FileNotFoundError:  # with a query, as in addresses of web pages
-            return self.assets.files.open(self.assets.base, re.split("[?#]", uri)[0])
+        return self.assets.open(uri)
 
     def _buffer(self, index: int) -> memoryview:
         fields = self.root.item("buffers", index)
@@ -185,15 +160,7 @@ class Document:
             if index or self._chunk is None:
                 raise DamagedError(f"{fields.path} has neither a uri nor a binary chunk")
             return self._chunk
-        uri = fields.text("uri")
-        try:
-            self._buffers[index] = memoryview(self._contents(uri))
-        except FileNotFoundError:
-            what = f"not readable as glTF: its file {uri[:100]!r} is missing"
-            raise self.assets.files.refusal(what) from None
-        except OSError as error:
-            what = f"its file {uri[:100]!r} is not readable: {error.strerror}"
-            raise UnreadableModelError(what) from error
+        self._buffers[index] = memoryview(self._contents(fields.get("uri", str)))
         check_size("all its buffers", sum(map(len, self._buffers.values())), _MAX_BYTES)
         return self._buffers[index]
 
@@ -201,26 +168,25 @@ class Document:
         """The bytes of a buffer view, decompressed."""
         fields = self.root.item("bufferViews", index)
         packed = next((x for x in map(fields.extension, MESHOPT) if x), None)
-        number = fields.whole("buffer")
+        number = fields.get("buffer", int)
         if "uri" in self.root.item("buffers", number) or (number == 0 and self._chunk is not None):
             packed = None  # there is an uncompressed copy
         span = packed or fields
-        data, start = self._buffer(span.whole("buffer")), span.whole("byteOffset", 0)
-        stop = start + span.whole("byteLength")
+        data, start = self._buffer(span.get("buffer", int)), span.get("byteOffset", 0)
+        stop = start + span.get("byteLength", int)
         if stop > len(data):
             raise DamagedError(f"{span.path} ends at byte {stop} of a buffer of {len(data)}")
-        found = data[start:stop]
-        return memoryview(_by_meshopt(packed, found)) if packed else found
+        return _by_meshopt(packed, data[start:stop]) if packed else data[start:stop]
 
     def image(self, fields: Object) -> bytes:
         """The file of an image."""
         if "bufferView" in fields:
-            return bytes(self.view(fields.whole("bufferView")))
-        return self._contents(fields.text("uri"))
+            return bytes(self.view(fields.get("bufferView", int)))
+        return self._contents(fields.get("uri", str))
 
     def _rows(self, start: Object, kind: Object, shape: tuple[int, int], stride: int) -> np.ndarray:
         """Rows of numbers of a component type, from an offset in a buffer view."""
-        code = _COMPONENTS.get(kind.whole("componentType"))
+        code = _COMPONENTS.get(kind.get("componentType", int))
         if code is None:
             raise DamagedError(f"{kind.path} has an unknown componentType")
         dtype, (count, columns) = np.dtype(code), shape
@@ -229,7 +195,7 @@ class Document:
             if count * size > _MAX_BYTES:
                 raise DamagedError(f"{start.path} has {count} rows without data")
             return np.zeros(shape, dtype)
-        data, first = self.view(start.whole("bufferView")), start.whole("byteOffset", 0)
+        data, first = self.view(start.get("bufferView", int)), start.get("byteOffset", 0)
         stride = stride or size
         if count and (stride < size or first + stride * (count - 1) + size > len(data)):
             raise DamagedError(f"{start.path} has more numbers than its buffer view")
@@ -238,17 +204,17 @@ class Document:
     def accessor(self, index: int, *widths: int) -> tuple[np.ndarray, bool]:
         """The numbers [count, columns] of an accessor, and whether they are normalised."""
         fields = self.root.item("accessors", index)
-        columns, count = _COLUMNS.get(fields.text("type"), 0), fields.whole("count")
+        columns, count = _COLUMNS.get(fields.get("type", str), 0), fields.get("count", int)
         if columns not in widths:
-            raise DamagedError(f"{fields.path} has the wrong type {fields.text('type')[:20]!r}")
+            raise DamagedError(f"{fields.path} has the wrong type {fields.get('type', str)[:20]!r}")
         stride = 0
         if "bufferView" in fields:
-            view = self.root.item("bufferViews", fields.whole("bufferView"))
-            stride = view.whole("byteStride", 0)
+            view = self.root.item("bufferViews", fields.get("bufferView", int))
+            stride = view.get("byteStride", 0)
         values = self._rows(fields, fields, (count, columns), stride)
         if "sparse" in fields:
             sparse = fields.object("sparse")
-            rows, number = sparse.object("indices"), sparse.whole("count")
+            rows, number = sparse.object("indices"), sparse.get("count", int)
             changed = self._rows(rows, rows, (number, 1), 0)[:, 0]
             if changed.dtype.kind != "u" or (number and changed.max() >= count):
                 raise DamagedError(f"{rows.path} has rows that the accessor lacks")
@@ -259,9 +225,7 @@ class Document:
 
 # --- Compression: each package is optional ------------------------------------------------------
 
-
-def _absent(extension: str) -> DamagedError:
-    return DamagedError(f"it needs {extension}: `pip install 'psgn-jax[gltf]'`")
+_NEEDED = "it needs {}: `pip install 'psgn-jax[gltf]'`"
 
 
 def by_draco(packed: Object, data: memoryview) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -269,9 +233,9 @@ def by_draco(packed: Object, data: memoryview) -> tuple[np.ndarray, dict[str, np
     try:
         import DracoPy
     except ImportError:
-        raise _absent(DRACO) from None
+        raise DamagedError(_NEEDED.format(DRACO)) from None
     attributes = packed.object("attributes")
-    names = {name: attributes.whole(name) for name in attributes.fields}
+    names = {name: attributes.get(name, int) for name in attributes.fields}
     try:
         found: Any = DracoPy.decode(bytes(data))
         own = {k: np.asarray(found.get_attribute_by_unique_id(n)["data"]) for k, n in names.items()}
@@ -289,33 +253,27 @@ _FILTERS = {
 """Name in the package and possible strides."""
 
 
-def _by_meshopt(packed: Object, data: memoryview) -> bytes:
+def _by_meshopt(packed: Object, data: memoryview) -> memoryview:
     """The bytes of a buffer view."""
     try:
         import meshoptimizer
     except ImportError:
-        raise _absent(MESHOPT[0]) from None
-    count, stride = packed.whole("count"), packed.whole("byteStride")
-    mode = packed.text("mode")
-    modes = {
-        "ATTRIBUTES": stride % 4 == 0 and 0 < stride <= 256,
-        "TRIANGLES": stride in (2, 4) and count % 3 == 0,
-        "INDICES": stride in (2, 4),
+        raise DamagedError(_NEEDED.format(MESHOPT[0])) from None
+    count, stride = packed.get("count", int), packed.get("byteStride", int)
+    mode = packed.get("mode", str)
+    decoders = {
+        "ATTRIBUTES": functools.partial(meshoptimizer.decode_vertex_buffer, dtype=f"V{stride}"),
+        "TRIANGLES": meshoptimizer.decode_index_buffer,
+        "INDICES": meshoptimizer.decode_index_sequence,
     }
-    name, strides = _FILTERS.get(packed.text("filter", "NONE"), ("", ()))
-    if not modes.get(mode) or stride not in strides or count * stride > _MAX_BYTES:
+    name, strides = _FILTERS.get(packed.get("filter", "NONE"), ("", ()))
+    # The package checks the rest.
+    if mode not in decoders or stride not in strides or (mode == "TRIANGLES" and count % 3):
         raise DamagedError(f"{packed.path}: this mode, filter, stride or count cannot be read")
     try:
-        if mode == "ATTRIBUTES":
-            rows = np.dtype(f"V{stride}")
-            found = meshoptimizer.decode_vertex_buffer(count, stride, bytes(data), rows)
-        elif mode == "TRIANGLES":
-            found = meshoptimizer.decode_index_buffer(count, stride, bytes(data))
-        else:
-            found = meshoptimizer.decode_index_sequence(count, stride, bytes(data))
-        plain = found.view(np.uint8)[: count * stride]
+        plain = decoders[mode](count, stride, bytes(data)).view(np.uint8)[: count * stride]
         if name:
             plain = getattr(meshoptimizer, f"decode_filter_{name}")(plain, count, stride)
     except (RuntimeError, ValueError):
         raise DamagedError(f"{packed.path} is damaged") from None
-    return bytes(plain)
+    return memoryview(plain)

@@ -63,28 +63,28 @@ def load_model(
     Raises:
       UnusableModelError: the file is missing, damaged, empty or too large; the message says which.
     """
+    name = os.fspath(name)
     if files is None:
         path = pathlib.Path(name)
         model_id = model_id or path.name
         if path.is_symlink():  # named by the caller: it may lead anywhere
             path = path.resolve()
         files, name = FolderFiles(path.parent), path.name
-    name = str(name)
-    assets = Assets(files, posixpath.dirname(name), max_faces)
-    stored = files.find(name)
-    if stored is None:
+    place = files.find(name)
+    if place is None:
         raise files.refusal(f"file {name!r} {files.why_not(name)}")
+    assets = Assets(files, posixpath.dirname(name), max_faces)
+    about["model_id"] = model_id or name
     try:
-        data = files.read(stored)
+        with np.errstate(over="ignore", invalid="ignore"):  # `normalize` refuses what overflows
+            arrays = _read(name, files.read(place), assets)
+            model = build_model(**arrays, **about, warnings=assets.warnings)
+            return normalize(orient(turn(model), up, front))
+    except FileNotFoundError as error:
+        raise files.refusal(f"its file {str(error)[:100]!r} is missing") from None
     except OSError as error:
-        why = error.strerror or "the system gives no reason"
-        raise UnreadableModelError(f"file {name!r} is not readable: {why}") from error
-    with np.errstate(over="ignore", invalid="ignore"):  # `normalize` refuses what overflows
-        arrays = _read(name, data, assets)
-        del data
-        about["model_id"] = model_id or name
-        model = build_model(**arrays, **about, warnings=assets.warnings)
-        return normalize(orient(turn(model), up, front))
+        file, why = os.path.basename(error.filename or name), error.strerror or error
+        raise UnreadableModelError(f"file {file!r} is not readable: {why}") from error
 
 
 def _read(name: str, data: bytes, assets: Assets) -> dict[str, Any]:
@@ -102,7 +102,7 @@ def _read(name: str, data: bytes, assets: Assets) -> dict[str, Any]:
         if (why := reason(data)) and not is_archive:
             raise DamagedError(why)
         return joined(READERS[kind](data, assets), assets)
-    except (UnusableModelError, MemoryError):
+    except (UnusableModelError, MemoryError, OSError):
         raise
     except Exception as error:  # another one is of a parser that does not expect the damage
         why = one_line(error) if isinstance(error, DamagedError) else "the file is damaged"

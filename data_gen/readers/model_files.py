@@ -1,7 +1,9 @@
 """The files of a model in a folder or a zip archive; files outside are never opened."""
 
 import abc
+import contextlib
 import functools
+import itertools
 import os
 import pathlib
 import posixpath
@@ -89,40 +91,41 @@ class Files(abc.ABC):
     refusal = UnusableModelError  # if a file is missing
 
     @abc.abstractmethod
-    def find(self, name: str) -> str | None:
-        """The stored name of a file, which may differ in case; or None."""
+    def find(self, name: str) -> Any:
+        """The place of a file, whose stored name may differ in case; or None."""
 
     def why_not(self, name: str) -> str:
         """Why `find` returns None for a name."""
         return "is missing"
 
     @abc.abstractmethod
-    def read(self, name: str) -> bytes:
-        """The contents of a file, by a name that `find` returned."""
+    def read(self, place: Any) -> bytes:
+        """The content of a file. UnusableModelError if it is larger than `MAX_FILE_BYTES`."""
 
-    def open(self, base: str, name: str) -> bytes:
-        """The contents of the file that a file in the folder `base` calls `name`.
+    def open(self, name: str, *folders: str) -> bytes:
+        """The content of the file that a file in one of the `folders` calls `name`.
 
-        Backslashes, quotes, wrong case, escapes of URLs, names in Latin-1 or GBK and comments after
-        names are accepted. If the file does not exist or is outside of the root, we take a file of
-        the same name directly in `base`, because references often contain folders of the author's
-        computer.
+        Backslashes, quotes, wrong case, escapes and queries of URLs, names in Latin-1 or GBK and
+        comments after names are accepted. If the file does not exist or is outside of the root, we
+        take a file of the same name directly in the folder, because references often contain
+        folders of the author's computer.
 
         Raises:
           FileNotFoundError: there is no such file.
         """
         clean = name.strip().strip('"').replace("\\", "/")
-        texts = [clean, urllib.parse.unquote(clean), re.split(r"\s#", clean)[0].rstrip()]
+        short = re.split("[#?]", clean)[0].rstrip()
+        texts = [clean, short, *map(urllib.parse.unquote, (clean, short))]
         if not clean.isprintable():
-            raw = [text.encode("utf-8", "surrogateescape") for text in (clean, texts[2])]
+            raw = [text.encode("utf-8", "surrogateescape") for text in (clean, short)]
             texts += [r.decode(coding, "replace") for r in raw for coding in ("latin-1", "gb18030")]
-        for tried in dict.fromkeys(x for text in texts for x in (text, posixpath.basename(text))):
-            path = posixpath.normpath(posixpath.join(base, tried))
+        names = dict.fromkeys(x for text in texts for x in (text, posixpath.basename(text)))
+        for folder, tried in itertools.product(dict.fromkeys(folders), names):
+            path = posixpath.normpath(posixpath.join(folder, tried))
             if path.startswith(("/", "../")) or path in ("", ".", "..") or ":" in path:
                 continue
-            stored = self.find(path)
-            if stored is not None:
-                return self.read(stored)
+            if (place := self.find(path)) is not None:
+                return self.read(place)
         raise FileNotFoundError(name)
 
 
@@ -145,55 +148,35 @@ class FolderFiles(Files):
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_names": {}}  # every process makes its own listings
 
-    def find(self, name: str) -> str | None:
-        """See `Files`."""
+    def find(self, name: str) -> pathlib.Path | None:
         path = self.root
         for part in posixpath.normpath(name).split("/"):
-            if part == "..":
-                return None
             alike = part if os.path.exists(path / part) else self._alike(path, part)
-            if alike is None:
+            if alike is None or part == "..":
                 return None
             path = path / alike
-        if not os.path.isfile(path) or self._leads_out(path):
-            return None
-        return str(path.relative_to(self.root))
-
-    def path_of(self, name: str) -> pathlib.Path | None:
-        """The path of the file that `find` finds."""
-        stored = self.find(name)
-        return None if stored is None else self.root / stored
+        real = path.resolve()
+        inside = any(real.is_relative_to(home) for home in self._homes)
+        return path if inside and path.is_file() else None
 
     def why_not(self, name: str) -> str:
-        """See `Files`."""
-        path = self.root / name
-        try:
-            kind = kind_of(path)
-        except (OSError, ValueError):
-            return "is missing"
-        if kind is not None:
-            return f"is {kind}, expected a file"
-        return "is a link that leads out of the folder" if self._leads_out(path) else "is missing"
+        with contextlib.suppress(OSError, ValueError):
+            kind = kind_of(self.root / name)
+            return f"is {kind or 'a link that leads out of the folder'}, expected a file"
+        return "is missing"
 
     def _alike(self, folder: pathlib.Path, name: str) -> str | None:
         """The first name in a folder that differs only in case; the folder is listed once."""
         if folder not in self._names:
-            try:
+            entries: list[str] = []
+            with contextlib.suppress(OSError):
                 entries = sorted(os.listdir(folder), reverse=True)
-            except OSError:
-                entries = []
             self._names[folder] = {entry.casefold(): entry for entry in entries}
         return self._names[folder].get(name.casefold())
 
-    def _leads_out(self, path: pathlib.Path) -> bool:
-        real = path.resolve()
-        return not any(real.is_relative_to(home) for home in self._homes)
-
-    def read(self, name: str) -> bytes:
-        """See `Files`; UnusableModelError if the file is larger than `MAX_FILE_BYTES`."""
-        path = self.root / name
-        check_size(path.name, path.stat().st_size, MAX_FILE_BYTES)
-        return path.read_bytes()
+    def read(self, place: pathlib.Path) -> bytes:
+        check_size(place.name, place.stat().st_size, MAX_FILE_BYTES)
+        return place.read_bytes()
 
 
 _MAX_MEMBERS = 200_000
@@ -219,25 +202,22 @@ class ZipFiles(Files):
         return list(self._members)
 
     def find(self, name: str) -> str | None:
-        """See `Files`."""
         return name if name in self._members else self._folded.get(name.casefold())
 
-    def read(self, name: str, limit: int = MAX_FILE_BYTES) -> bytes:
-        """See `Files`; UnusableModelError if the member is too large, damaged or a zip bomb."""
-        member = self._members[name]
-        check_size(repr(name), member.file_size, limit)
+    def read(self, place: str, limit: int = MAX_FILE_BYTES) -> bytes:
+        """UnusableModelError if the member is larger than `limit`, damaged or a zip bomb."""
+        member = self._members[place]
+        check_size(repr(place), member.file_size, limit)
         ratio = member.file_size / max(member.compress_size, 1)
         if member.file_size > _RATIO_FROM and ratio > _MAX_RATIO:
-            what = f"{name!r} may be a zip bomb: its compression ratio is {ratio:.0f}"
+            what = f"{place!r} may be a zip bomb: its compression ratio is {ratio:.0f}"
             raise UnusableModelError(f"{what}, expected at most {_MAX_RATIO}")
-        try:  # the header may state a smaller size
+        try:  # with a size, because the content may be larger than stated
             with self._archive.open(member) as stream:
-                data = stream.read(limit + 1)
+                return stream.read(member.file_size)
         except (zipfile.BadZipFile, zlib.error, OSError, RuntimeError, EOFError,
                 NotImplementedError) as error:  # fmt: skip
-            raise UnusableModelError(f"{name!r} in the archive is damaged") from error
-        check_size(repr(name), len(data), limit)
-        return data
+            raise UnusableModelError(f"{place!r} in the archive is damaged") from error
 
 
 @functools.lru_cache(maxsize=8)

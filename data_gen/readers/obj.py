@@ -7,6 +7,7 @@ images, concave polygons.
 
 import collections
 import contextlib
+import itertools
 import posixpath
 import re
 import warnings as python_warnings
@@ -16,8 +17,8 @@ import numpy as np
 
 from data_gen.mesh import GREY, Material, UnusableModelError
 from data_gen.readers.model_files import DamagedError, numbers, reason, whole_lines
-from data_gen.readers.parts import Look, Part, picked, rgba
-from data_gen.readers.textures import NO_COORDINATES, Assets, levels, with_alpha
+from data_gen.readers.parts import Look, Part, material, picked, rgba
+from data_gen.readers.textures import NO_COORDINATES, Assets, with_alpha
 from psgn_jax.system.untrusted import one_line
 
 
@@ -82,7 +83,7 @@ def _read_libraries(line: str, assets: Assets, seen: set[str]) -> dict[str, Look
             continue
         seen.add(name)
         try:
-            library = assets.files.open(assets.base, name)
+            library = assets.open(name)
             if why := reason(library):
                 assets.warn("material files not readable", f"{name!r} ({why})")
             looks |= read_mtl(library, assets, posixpath.dirname(name))
@@ -185,39 +186,21 @@ def floats(words: Sequence[str], count: int) -> list[float] | None:
     return values if len(values) == count and np.isfinite(values).all() else None
 
 
-def _colour(words: Sequence[str]) -> tuple[float, float, float] | None:
-    values = floats(words, 3) or floats(list(words[:1]) * 3, 3)
-    if values is None:
-        return None
-    red, green, blue = (min(max(v, 0.0), 1.0) for v in values)
-    return red, green, blue
-
-
-# Options of a map statement and their number of arguments, from the MTL specification. Options
-# in `_MAP_VECTORS` have one to three arguments.
+# Options of a map statement and their number of arguments, from the MTL specification. 0 means one
+# to three numbers.
 _MAP_OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-texres": 1, "-imfchan": 1,
-                "-type": 1, "-bm": 1, "-boost": 1, "-mm": 2}  # fmt: skip
-
-_MAP_VECTORS = ("-o", "-s", "-t")
+                "-type": 1, "-bm": 1, "-boost": 1, "-mm": 2, "-o": 0, "-s": 0, "-t": 0}  # fmt: skip
 
 
 def _map_name(rest: str) -> tuple[str, dict[str, list[str]]]:
     """The file name of a map statement, which may contain spaces, and the options before it."""
     words = rest.split()
     options: dict[str, list[str]] = {}
-    start = 0
-    while start < len(words) and words[start].lower() in {*_MAP_OPTIONS, *_MAP_VECTORS}:
-        option = words[start].lower()
-        start += 1
-        taken = _MAP_OPTIONS.get(option, 0)
-        if option in _MAP_VECTORS:
-            while (
-                start + taken < len(words) - 1 and taken < 3 and floats([words[start + taken]], 1)
-            ):
-                taken += 1
-        options[option] = words[start : start + taken]
-        start += taken
-    return (rest.strip() if start == 0 else " ".join(words[start:])), options
+    while words and (option := words[0].lower()) in _MAP_OPTIONS:
+        numbers = itertools.takewhile(lambda word: floats([word], 1), words[1:-1][:3])
+        count = _MAP_OPTIONS[option] or len(list(numbers))
+        options[option], words = words[1 : 1 + count], words[1 + count :]
+    return (" ".join(words) if options else rest), options
 
 
 def read_mtl(data: bytes, assets: Assets, folder: str = "") -> dict[str, Look]:
@@ -243,13 +226,23 @@ def read_mtl(data: bytes, assets: Assets, folder: str = "") -> dict[str, Look]:
 
 
 def _look(name: str, lines: dict[str, str], assets: Assets, folder: str) -> Look:
+    """The material of the statements `lines`."""
+
+    def number(key: str, default: float) -> float:
+        values = floats(lines.get(key, "").replace("-halo", "").split(), 1)
+        return values[0] if values else default
+
+    def colour(key: str) -> list[float] | None:
+        words = lines.get(key, "").split()
+        return floats(words, 3) or floats(words[:1] * 3, 3)
+
     if "map_kd" not in lines and "map_ka" in lines:
         lines = {**lines, "map_kd": lines["map_ka"]}
     for key, rest in lines.items():
         others = key.startswith("map_") and key not in ("map_kd", "map_ka", "map_d")
         if rest and (others or key in ("bump", "disp", "norm", "refl", "decal")):
             assets.warn("maps of MTL not read", key)
-    if max(_colour(lines.get("ke", "").split()) or (0,)) > 0.02:
+    if max(colour("ke") or (0,)) > 0.02:
         assets.warn("emission not read", repr(name))
     (file, options), (alpha_file, of_alpha) = (
         _map_name(lines.get(key, "")) for key in ("map_kd", "map_d")
@@ -262,25 +255,22 @@ def _look(name: str, lines: dict[str, str], assets: Assets, folder: str) -> Look
     alpha_map = assets.texture(alpha_file, folder) if alpha_file else None
     if alpha_map is not None:
         channel = "rgbm".find("".join(of_alpha.get("-imfchan", ())).lower() or "none")
-        alpha = alpha_map[..., channel] if channel >= 0 else levels(alpha_map)
+        alpha = alpha_map[..., channel]
+        if channel < 0 and (alpha == 255).all():
+            alpha = alpha_map[..., :3].mean(axis=2).round().astype(np.uint8)
         texture = with_alpha(texture, alpha)
-    diffuse = _colour(lines.get("kd", "").split())
-    if diffuse is None and lines.get("kd", "").split():
+    diffuse = colour("kd")
+    if diffuse is None and lines.get("kd"):
         assets.warn("colours of MTL that are not RGB not read", lines["kd"])
     if diffuse is None or ("map_kd" in lines and max(diffuse) < 0.02):
-        diffuse = (1.0, 1.0, 1.0) if texture is not None else GREY
-    opacity = floats(lines.get("d", "").replace("-halo", "").split(), 1)
-    if opacity is None:
-        clear = floats(lines.get("tr", "").split(), 1)
-        opacity = [1.0] if clear is None else [1 - clear[0]]
-    specular = _colour(lines.get("ks", "").split()) or (0.0, 0.0, 0.0)
+        diffuse = [1.0] * 3 if texture is not None else list(GREY)
+    opacity = number("d", 1 - number("tr", 0.0))
+    specular = colour("ks") or [0.0] * 3
     if lines.get("illum", "2").split()[:1] in (["0"], ["1"]):
-        specular = (0.0, 0.0, 0.0)
-    shininess = (floats(lines.get("ns", "").split(), 1) or [20.0])[0]
-    gloss, opaque = min(max(shininess, 1.0), 1000.0), min(max(opacity[0], 0.0), 1.0)
-    material = Material(diffuse, specular, gloss, opaque, texture, one_line(name))
+        specular = [0.0] * 3
+    made = material(diffuse, specular, number("ns", 20.0), opacity, texture, name)
     if texture is None:
-        return Look(material)
+        return Look(made)
     if any(float(word) for word in options.get("-t", ())):
         assets.warn("turbulence (-t) of textures not read", file)
     used = options if file else of_alpha
@@ -289,4 +279,4 @@ def _look(name: str, lines: dict[str, str], assets: Assets, folder: str) -> Look
         for key, default in (("-s", 1.0), ("-o", 0.0))
     )
     wrap = "clamp" if used.get("-clamp") == ["on"] else "repeat"
-    return Look(material, np.column_stack([np.diag(scale), offset]), (wrap, wrap))
+    return Look(made, np.column_stack([np.diag(scale), offset]), (wrap, wrap))

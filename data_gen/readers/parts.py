@@ -9,10 +9,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from data_gen.mesh import GREY, Material, UnusableModelError
 from data_gen.polygons import MOST_CORNERS, triangles
 from data_gen.readers.textures import Assets, repeated
+from psgn_jax.system.untrusted import one_line
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -60,43 +62,50 @@ class Part:
     normals: np.ndarray | None = None
     colours: np.ndarray | None = None
 
+    def polygons(self) -> np.ndarray:
+        """The number [C] of the polygon of each corner."""
+        return np.repeat(np.arange(len(self.counts)), self.counts)
+
+
+def material(
+    diffuse: ArrayLike, specular: ArrayLike, shininess: float, opacity: float,
+    texture: np.ndarray | None, name: str,
+) -> Material:  # fmt: skip
+    """The material of these values, each clipped to its range."""
+    (r, g, b), (x, y, z) = (np.clip(rgb, 0, 1).tolist() for rgb in (diffuse, specular))
+    shininess, opacity = min(max(shininess, 1.0), 1000.0), min(max(opacity, 0.0), 1.0)
+    return Material((r, g, b), (x, y, z), shininess, opacity, texture, one_line(name))
+
 
 def placed(part: Part, matrices: np.ndarray) -> Part:
-    """Copies of a part under matrices [n, 4, 4]. If a matrix mirrors, the polygons are reversed."""
-    linear, copies = matrices[:, :3, :3], len(matrices)
-    there = (part.corners >= 0) & (part.corners < len(part.vertices))
-    corners, vertices = np.where(there, part.corners, -1), part.vertices
-    if len(vertices) > len(corners):  # of an array that many parts share
-        used, corners[there] = np.unique(corners[there], return_inverse=True)
-        vertices = vertices[used]
-    # The corner in the part of each corner of each copy.
-    order, first = np.arange(len(corners)), np.cumsum(part.counts) - part.counts
-    backward = np.repeat(2 * first + part.counts - 1, part.counts) - order
-    order = np.where(np.linalg.det(linear)[:, None] < 0, backward, order).ravel()
-    copy = np.repeat(np.arange(copies), len(corners))
+    """A part with each vertex under its matrix, [V, 4, 4], or all under one, [1, 4, 4].
 
-    def taken(values: np.ndarray | None) -> np.ndarray | None:
-        return None if values is None else values[order]
+    Polygons are reversed if the matrices of all their corners mirror.
+    """
+    linear = matrices[:, :3, :3]
+    determinants = np.linalg.det(linear)
 
-    normals = part.normals
-    if normals is not None:
-        normals = np.einsum("nij,vj->nvi", of_normals(linear), normals)[copy, order]
-    return Part(
-        (np.einsum("nij,vj->nvi", linear, vertices) + matrices[:, None, :3, 3]).reshape(-1, 3),
-        np.tile(part.counts, copies),
-        np.where(there[order], corners[order] + len(vertices) * copy, -1),
-        part.looks,
-        None if part.owner is None else np.tile(part.owner, copies),
-        uv=taken(part.uv), normals=normals, colours=taken(part.colours),
-    )  # fmt: skip
+    def of_corners(values: np.ndarray) -> np.ndarray:
+        return values if len(values) == 1 else values[part.corners]
 
-
-def of_normals(linear: np.ndarray) -> np.ndarray:
-    """Matrices [n, 3, 3] for normals, whose length they change; `linear` may be singular."""
-    a, b, c = np.moveaxis(linear, 2, 0)
-    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=2)
-    result: np.ndarray = cofactors * np.where(np.linalg.det(linear) < 0, -1, 1)[:, None, None]
-    return result
+    vertices = np.einsum("vij,vj->vi", linear, part.vertices) + matrices[:, :3, 3]
+    part = dataclasses.replace(part, vertices=vertices)
+    if part.normals is not None:
+        # The matrix of cofactors, because the linear part may be singular.
+        a, b, c = np.moveaxis(linear, 2, 0)
+        turn = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=2)
+        turn *= np.where(determinants < 0, -1, 1)[:, None, None]
+        part.normals = np.einsum("cij,cj->ci", of_corners(turn), part.normals)
+    if (determinants < 0).any():
+        first, polygon = np.cumsum(part.counts) - part.counts, part.polygons()
+        kept = np.bincount(polygon, np.broadcast_to(of_corners(determinants >= 0), polygon.shape))
+        order = np.arange(len(polygon))
+        backward = (2 * first + part.counts - 1)[polygon] - order
+        order = np.where(kept[polygon] > 0, order, backward)
+        for name in ("corners", "uv", "normals", "colours"):
+            if (values := getattr(part, name)) is not None:
+                setattr(part, name, values[order])
+    return part
 
 
 def joined(parts: Sequence[Part], assets: Assets) -> dict[str, Any]:
@@ -108,7 +117,7 @@ def joined(parts: Sequence[Part], assets: Assets) -> dict[str, Any]:
       UnusableModelError: nothing is left, or there are too many triangles.
     """
     blocks: dict[str, list[np.ndarray]] = collections.defaultdict(list)
-    looks: list[Look] = []
+    numbers: dict[Look, int] = {}
     fields = {"uv": (2, 0.0), "normals": (3, 0.0), "colours": (4, 1.0)}  # columns and default
     for name in ("normals", "colours"):
         if all(getattr(part, name) is None for part in parts):
@@ -118,7 +127,7 @@ def joined(parts: Sequence[Part], assets: Assets) -> dict[str, Any]:
     assets.add_faces(total - assets.faces)  # the rest, if the reader has counted some
     for part in parts:
         counts, corners = part.counts, part.corners
-        polygon = np.repeat(np.arange(len(counts)), counts)
+        polygon = part.polygons()
         outside = (corners < 0) | (corners >= len(part.vertices))
         broken = np.bincount(polygon[outside], minlength=len(counts)) > 0
         few, lost = few + int((counts < 3).sum()), lost + int(broken[counts > 2].sum())
@@ -139,9 +148,10 @@ def joined(parts: Sequence[Part], assets: Assets) -> dict[str, Any]:
             blocks[name].append(plain if values is None else values[kept[triangle]])
         owner = np.zeros(len(keep), np.int64) if part.owner is None else part.owner
         used, owner = np.unique(owner[keep][polygon], return_inverse=True)
-        blocks["owner"].append(owner + len(looks))
         default_look = PLAIN if part.colours is None else WHITE
-        looks += [part.looks[index] or default_look for index in used]
+        own = [part.looks[index] or default_look for index in used]
+        own_numbers = [numbers.setdefault(look, len(numbers)) for look in own]
+        blocks["owner"].append(np.array(own_numbers)[owner])
         offset += len(part.vertices)
     for number, what in ((few, "less than three corners"), (lost, "missing vertices")):
         if number:
@@ -151,7 +161,7 @@ def joined(parts: Sequence[Part], assets: Assets) -> dict[str, Any]:
         raise UnusableModelError(f"the mesh is empty: {why}")
     arrays = {name: np.concatenate(arrays) for name, arrays in blocks.items()}
     colours = arrays.pop("colours").mean(axis=1) if "colours" in arrays else None
-    materials, owner = _dressed(looks, arrays.pop("owner"), arrays["uv"], colours, assets)
+    materials, owner = _dressed(list(numbers), arrays.pop("owner"), arrays["uv"], colours, assets)
     return {**arrays, "materials": materials, "face_material": owner}
 
 
@@ -166,12 +176,9 @@ def _dressed(
 
     Colours of faces multiply the diffuse colour and the opacity.
     """
-    distinct = list(dict.fromkeys(looks))
-    number = {look: index for index, look in enumerate(distinct)}
-    owner = np.array([number[look] for look in looks])[owner]
     result, table = np.empty_like(owner), list[Material]()
     faces = np.split(np.argsort(owner, kind="stable"), np.cumsum(np.bincount(owner))[:-1])
-    for look, own in zip(distinct, faces, strict=True):
+    for look, own in zip(looks, faces, strict=True):
         material, groups = look.material, np.zeros(len(own), np.int64)
         colour = np.ones((1, 4)) if colours is None else colours[own]
         if material.texture is not None:
@@ -200,8 +207,10 @@ def _dressed(
     return assets.bounded(table), result
 
 
-def picked(values: np.ndarray, index: np.ndarray) -> np.ndarray | None:
+def picked(values: np.ndarray | None, index: np.ndarray) -> np.ndarray | None:
     """The rows of values at indices, 0 where there is no such row; None if there is none at all."""
+    if values is None:
+        return None
     good = (index >= 0) & (index < len(values))
     if not good.any():
         return None

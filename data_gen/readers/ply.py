@@ -10,7 +10,7 @@ import numpy as np
 from data_gen.mesh import Material, UnusableModelError
 from data_gen.polygons import strip
 from data_gen.readers.model_files import DamagedError, check_announced, numbers
-from data_gen.readers.parts import Look, Part, rgba
+from data_gen.readers.parts import Look, Part, picked, rgba
 from data_gen.readers.textures import TRAILING, TWO_COLOURS, Assets
 
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
@@ -47,50 +47,47 @@ def read_ply(data: bytes, assets: Assets) -> list[Part]:
     triangles = _from_strips(_lists(strips, "vertex_indices", "vertex_index")[1].astype(np.int64))
     if not len(counts) + len(triangles):
         raise UnusableModelError(f"it has {len(vertices)} points, but no faces")
-    own, counts = counts, np.append(counts, np.full(len(triangles) // 3, 3))
-    corners = np.append(corners.astype(np.int64), triangles)
-    index = np.where((corners >= 0) & (corners < len(vertices)), corners, -1)
-
-    uv = next((c[index] for names in _UV if (c := _columns(vertex, names)) is not None), None)
+    uv = next((c for names in _UV if (c := _columns(vertex, names)) is not None), None)
     sizes, wedges = _lists(faces, "texcoord")
-    placed = np.ones(len(counts), bool)  # the polygons with texture coordinates
-    if len(wedges):
-        placed = np.append(sizes == 2 * own, np.zeros(len(counts) - len(own), bool))
-        if (sizes[~placed[: len(own)]] > 0).any():
-            assets.warn("texcoord without two numbers for each corner not read")
-        uv = np.zeros((len(corners), 2))
-        uv[np.repeat(placed, counts)] = wedges[np.repeat(placed[: len(own)], sizes)].reshape(-1, 2)
-    if uv is None and images:
+    looks: list[Look | None] = []
+    if images and uv is None and not len(wedges):
         assets.warn("textures without texture coordinates not read", len(images))
-    looks: list[Look | None] = [None]
-    owner = np.zeros(len(counts), np.int64)
-    if uv is not None and images:
+    elif images:
         textures = [assets.texture(name) for name in images]
         looks = [
             None if t is None else Look(Material((1.0, 1.0, 1.0), texture=t)) for t in textures
         ]
-        number = _columns(faces, ("texnumber",))
-        if number is not None:
-            inside = (number[:, 0] >= 0) & (number[:, 0] < len(images))
-            owner[: len(own)] = np.where(inside, number[:, 0], -1)
-            if (number[~inside, 0] != -1).any():  # which means none
-                assets.warn("texnumber of missing textures, the plain colour is used")
-        elif len(images) > 1:
-            assets.warn("no texnumber, only the first texture is used", len(images))
-        owner[~placed] = -1
-        looks.append(None)
-
-    normals = _columns(vertex, ("nx", "ny", "nz"))
     colours, painted = _colours(vertex, assets), _colours(faces, assets)
-    if colours is not None:
-        colours = colours[index]
-        if painted is not None:
-            assets.warn(TWO_COLOURS)
-    elif painted is not None:  # strips have no colours
-        grey = rgba(np.full((len(triangles), 4), np.nan), assets)
-        colours = np.append(np.repeat(painted, own, axis=0), grey, axis=0)
-    normals = None if normals is None else normals[index]
-    return [Part(vertices, counts, corners, looks, owner, uv, normals, colours)]
+    normals = _columns(vertex, ("nx", "ny", "nz"))
+
+    def part(counts: np.ndarray, corners: np.ndarray, owner: np.ndarray) -> Part:
+        """Polygons with the values of their vertices, and with the texture `owner` [P], or -1."""
+        of_corners = (picked(values, corners) for values in (uv, normals, colours))
+        return Part(vertices, counts, corners, [*looks, None], owner, *of_corners)
+
+    owner = np.zeros(len(counts), np.int64)
+    if (number := _columns(faces, ("texnumber",))) is not None:
+        owner = number[:, 0].astype(np.int64)
+        missing = (owner < 0) | (owner >= len(looks))
+        if looks and (owner[missing] != -1).any():  # which means none
+            assets.warn("texnumber of missing textures, the plain colour is used")
+        owner[missing] = -1
+    elif len(looks) > 1:
+        assets.warn("no texnumber, only the first texture is used", len(images))
+    polygons = part(counts, corners.astype(np.int64), owner)
+    if len(wedges):
+        whole = sizes == 2 * counts
+        if (sizes[~whole] > 0).any():
+            assets.warn("texcoord without two numbers for each corner not read")
+        polygons.uv = np.zeros((len(corners), 2))
+        polygons.uv[np.repeat(whole, counts)] = wedges[np.repeat(whole, sizes)].reshape(-1, 2)
+        owner[~whole] = -1
+    if colours is None and painted is not None:
+        polygons.colours = np.repeat(painted, counts, axis=0)
+    elif painted is not None:
+        assets.warn(TWO_COLOURS)
+    count = len(triangles) // 3
+    return [polygons, part(np.full(count, 3), triangles, np.zeros(count, np.int64))]
 
 
 def _elements(data: bytes, assets: Assets) -> tuple[dict[str, _Rows], list[str]]:

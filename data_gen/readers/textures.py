@@ -51,49 +51,28 @@ def decode_texture(data: bytes, side: int = TEXTURE_SIDE) -> np.ndarray:
         # Pillow warns about sizes, which are checked below, and about palettes and metadata.
         python_warnings.simplefilter("ignore")
         try:
-            # Pillow refuses large images, even JPEGs that `draft` reduces by a factor of up to 8.
-            before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
-            try:
-                picture: Image.Image = Image.open(io.BytesIO(data), formats=_PICTURE_FORMATS)
-            finally:
-                Image.MAX_IMAGE_PIXELS = before
-            full = picture.size
-            reduce_to = side / max(full)
-            picture.draft(None, (round(full[0] * reduce_to) or 1, round(full[1] * reduce_to) or 1))
+            picture: Image.Image = Image.open(io.BytesIO(data), formats=_PICTURE_FORMATS)
+            width, height = picture.size
+            factor = side / max(width, height)
+            # The decoder of JPEG reduces by a factor of up to 8.
+            picture.draft(None, (round(width * factor) or 1, round(height * factor) or 1))
             if picture.width * picture.height > MAX_DECODED_PIXELS:
-                size = f"{full[0]} x {full[1]} pixels"
-                raise ValueError(f"{size} are more than the limit of {MAX_DECODED_PIXELS}")
-            if max(picture.size) > side:
-                picture = _small(picture, side)
-            if picture.mode in ("I;16", "I", "F"):
-                values = np.asarray(picture, np.float64)
-                top = 65535 if picture.mode != "F" else max(values.max(), 1e-30)
-                picture = Image.fromarray((255 * np.clip(values / top, 0, 1)).astype(np.uint8))
+                raise Image.DecompressionBombError
+            # What follows needs colours. The copy is bounded, because a pixel has 1 to 4 bytes.
+            if picture.mode in ("P", "1"):
+                picture = picture.convert("RGBA" if "transparency" in picture.info else "RGB")
+            elif picture.mode in ("I;16", "I", "F"):
+                values = np.asarray(picture, np.float32)
+                values /= 65535 if picture.mode != "F" else max(values.max(), 1e-30)
+                picture = Image.fromarray((255 * values.clip(0, 1)).astype(np.uint8))
+            picture.thumbnail((side, side), Image.Resampling.BOX, reducing_gap=None)
             return np.asarray(picture.convert("RGBA"))
+        except Image.DecompressionBombError:
+            raise ValueError(f"more pixels than the limit of {MAX_DECODED_PIXELS}") from None
         except UnidentifiedImageError as error:
             raise ValueError(reason(data) or "not an image of a known format") from error
         except (OSError, SyntaxError, struct.error, EOFError) as error:
             raise ValueError("the image is damaged or cut off") from error
-
-
-def _small(picture: Image.Image, side: int) -> Image.Image:
-    """The image with `side` pixels on its longer side, reduced without a full-size copy."""
-    if picture.mode in ("P", "1"):
-        # A palette cannot be averaged. Its pixels have one byte, so the copy is bounded.
-        picture = picture.convert("RGBA" if "transparency" in picture.info else "RGB")
-    factor = side / max(picture.size)
-    size = tuple(max(1, round(factor * n)) for n in picture.size)
-    if picture.mode.startswith("I;16"):
-        return picture.resize((size[0], size[1]), Image.Resampling.NEAREST)
-    return picture.resize((size[0], size[1]), Image.Resampling.BOX)
-
-
-def levels(alpha_map: np.ndarray) -> np.ndarray:
-    """The alpha [H, W] of an alpha map or, if that is opaque, its brightness."""
-    if (alpha_map[..., 3] < 255).any():
-        return alpha_map[..., 3]
-    result: np.ndarray = alpha_map[..., :3].mean(axis=2).round().astype(np.uint8)
-    return result
 
 
 def with_alpha(texture: np.ndarray | None, alpha: np.ndarray) -> np.ndarray:
@@ -145,6 +124,11 @@ class Assets:
         self._textures: dict[tuple[object, object], np.ndarray | None] = {}
         self._texels = 0
 
+    def open(self, name: str, folder: str = "") -> bytes:
+        """The content of a file in a `folder` below `base`, or in `base`; see `Files.open`."""
+        folders = [posixpath.join(self.base, folder)] * bool(folder)
+        return self.files.open(name, *folders, self.base)
+
     def add_faces(self, count: int) -> None:
         """Raises UnusableModelError if the file has more than `max_faces` faces so far."""
         self.faces += count
@@ -174,18 +158,8 @@ class Assets:
         return lines
 
     def texture(self, name: str, folder: str = "") -> np.ndarray | None:
-        """The texture in a file, or None and a warning. Each file is decoded once.
-
-        We look for it in a `folder` below `base` first.
-        """
-
-        def load() -> bytes:
-            try:
-                return self.files.open(posixpath.join(self.base, folder), name)
-            except FileNotFoundError:
-                return self.files.open(self.base, name)
-
-        return self.decoded((folder, name), repr(name), load)
+        """The texture in a file of `open`, or None and a warning. Each file is decoded once."""
+        return self.decoded((folder, name), repr(name), lambda: self.open(name, folder))
 
     def decoded(
         self, key: tuple[object, object], label: str, load: Callable[[], bytes]

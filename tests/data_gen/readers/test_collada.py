@@ -285,7 +285,7 @@ def test_collada_refusals(write, monkeypatch):
         "the XML file: 50001 bytes are more than": dae().ljust(50_001),
         "nodes that contain themselves": dae(nodes="<node id='n'><instance_node url='#n'/></node>"),
         "no faces": dae(nodes="<node/>"),
-        r"empty: nodes not readable, left out: n \(a word in <translate> that is not": dae(
+        r"empty: parts not readable, left out: n \(a word in <translate> that is not": dae(
             nodes="<node id='n'><translate>1,5 0 0</translate><instance_geometry url='#g'/></node>"
         ),
         "all faces are transparent": dae(

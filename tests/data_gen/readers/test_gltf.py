@@ -670,9 +670,9 @@ REFUSED = {
     "faces have missing vertices": changed(accessors=[{"count": 3}]),
     "nodes form a cycle": changed(nodes=[{"children": [0]}], scenes=[{"nodes": [0]}]),
     r"nodes\[0\] has several parents": changed(nodes=[{"mesh": 0}, *[{"children": [0]}] * 2]),
-    r"nodes\[0\].scale: got 2 numbers, expected 3": changed(nodes=[{"scale": [1, 1]}]),
+    r"nodes\[0\].scale: got \[1, 1\], expected 3 numbers": changed(nodes=[{"scale": [1, 1]}]),
     r"nodes\[0\].mesh: got 'a', expected a whole": changed(nodes=[{"mesh": "a"}]),
-    r"nodes\[0\].scale: got .*expected a list of numbers": changed(nodes=[{"scale": "1"}]),
+    r"nodes\[0\].scale: got '1', expected 3 numbers": changed(nodes=[{"scale": "1"}]),
     r"meshes\[4\] does not exist, there are 1": changed(nodes=[{"mesh": 4}]),
     "extensions.EXT_mesh_gpu_instancing is not an object": changed(
         nodes=[{"extensions": {"EXT_mesh_gpu_instancing": 3}}]),
@@ -703,12 +703,8 @@ def test_cut_files_are_refused(write):
     for length in [*range(0, len(whole) - 1, 17), len(whole) - 2]:
         with pytest.raises(UnusableModelError, match="not readable as glTF"):
             load_model(write("a.glb", whole[:length]))
-    for start, other, why in (
-        (4, b"\1", "glTF 1, expected"),
-        (16, b"BIN\0", "first chunk is not JSON"),
-    ):
-        with pytest.raises(UnusableModelError, match=why):
-            load_model(write("a.glb", whole[:start] + other + whole[start + len(other) :]))
+    with pytest.raises(UnusableModelError, match="glTF 1, expected"):
+        load_model(write("a.glb", whole[:4] + b"\1" + whole[5:]))
 
 
 def test_a_missing_buffer_is_unreadable_in_a_folder_and_refused_in_an_archive(write):

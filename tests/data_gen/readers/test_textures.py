@@ -25,7 +25,7 @@ def test_large_textures_are_not_decoded_or_reduced(write, monkeypatch):
     model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}"))
     assert model.materials[0].texture is None
     assert model.materials[0].diffuse == (0.2, 0.4, 0.6)
-    assert "30000 x 30000 pixels" in model.warnings[0]
+    assert "more pixels than the limit" in model.warnings[0]
     stream = io.BytesIO()
     Image.new("RGB", (4000, 2000), (200, 100, 50)).save(stream, "JPEG")
     monkeypatch.setattr(textures, "MAX_DECODED_PIXELS", 1_000_000)
