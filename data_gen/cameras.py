@@ -1,7 +1,7 @@
 """Random cameras, placed so that the whole object is in the image.
 
-The object, in the project's frame (`psgn_jax.data.schema`), is rotated about the vertical axis by
-minus the azimuth, so that the camera looks at it from +x: in the view-aligned frame.
+We rotate the object from the project's frame (`psgn_jax.data.schema`) about the vertical axis by
+minus the azimuth, into the view-aligned frame: the camera looks at it from +x.
 """
 
 import dataclasses
@@ -17,14 +17,14 @@ _MARGIN_PIXELS = 1.0  # the object may not touch this border of the image
 _STEP = 1.02  # factor of the distance until the object fits
 
 Range = tuple[float, float]
-"""(low, high); a value is drawn from it uniformly."""
+"""(low, high) of a uniform distribution."""
 
 Side = Annotated[int, Bounds(8, 4096)]
 
 
 @dataclasses.dataclass(frozen=True)
 class CameraSettings:
-    """Ranges from which cameras are drawn uniformly; a range (a, a) is a fixed value.
+    """Ranges of uniformly drawn cameras; (a, a) is a fixed value.
 
     The defaults are the authors' camera, fitted to their silhouettes, with any azimuth.
 
@@ -32,13 +32,13 @@ class CameraSettings:
       image_size: (H, W) in pixels.
       azimuth: degrees from the object's front (+x) toward +y.
       elevation: degrees of the camera above the horizon, under 90.
-      distance: of the origin from the camera along the optical axis, in units of the frame.
-      focal: focal length in pixels of an image with 192 rows; scaled with the image height. The
-        vertical field of view is 2 atan(96 / focal): 27 degrees for 400.
+      distance: from the camera to the origin along the optical axis, in units of the frame.
+      focal: focal length in pixels for an image with 192 rows; proportional to the image height.
+        The vertical field of view is 2 atan(96 / focal): 27 degrees for 400.
       roll: degrees about the optical axis; positive values turn the object clockwise.
       aim: height above the origin of the point that the camera looks at.
-      keep_size: whether `distance` is multiplied by focal / 400, so that the object has the same
-        size in the image for every focal length.
+      keep_size: whether we multiply `distance` by focal / 400, so that the size of the object in
+        the image does not depend on the focal length.
       off_centre: largest shift of the object along rows and columns of the image, as a fraction of
         the free space beside it.
     """
@@ -57,10 +57,10 @@ class CameraSettings:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Camera:
-    """The matrices of a camera, and the parameters of `CameraSettings` that they come from.
+    """The matrices of a camera, and their parameters, as in `CameraSettings`.
 
-    `extrinsics` leads from the view-aligned frame to the camera's (OpenCV), `rotation` from the
-    model's frame to the view-aligned one.
+    `extrinsics` maps the view-aligned frame to the camera's frame (OpenCV), `rotation` the model's
+    frame to the view-aligned frame.
     """
 
     intrinsics: Float[np.ndarray, "3 3"]
@@ -79,7 +79,7 @@ class Camera:
         return -self.extrinsics[:, :3].T @ self.extrinsics[:, 3]
 
     def parameters(self) -> dict[str, float]:
-        """The parameters that the record of a sample has."""
+        """The parameters for the record of a sample."""
         names = ("azimuth", "elevation", "distance", "focal", "roll")
         return {name: round(float(getattr(self, name)), 6) for name in names}
 
@@ -101,9 +101,9 @@ def make(
     aim: float,
     pan: tuple[float, float] = (0.0, 0.0),
 ) -> Camera:
-    """The camera with these parameters of `CameraSettings`.
+    """The camera with parameters of `CameraSettings`.
 
-    `pan` are rotations of the camera in radians that move the object right and down in the image.
+    `pan` are rotations of the camera in radians. They move the object right and down in the image.
     """
     sine, cosine = np.sin(np.deg2rad(elevation)), np.cos(np.deg2rad(elevation))
     rows = [[0, 1, 0, 0], [sine, 0, -cosine, aim * cosine], [-cosine, 0, -sine, distance]]
@@ -117,7 +117,7 @@ def make(
     pixels = focal * height / 192
     return Camera(
         intrinsics=np.array([[pixels, 0, width / 2], [0, pixels, height / 2], [0, 0, 1]]),
-        # In camera coordinates y points down, so this rotation is clockwise in the image.
+        # Clockwise in the image, because y points down in camera coordinates.
         extrinsics=turn_about_vertical(roll) @ upright,
         rotation=turn_about_vertical(-azimuth),
         image_size=image_size, azimuth=azimuth, elevation=elevation, distance=distance,
@@ -128,7 +128,7 @@ def make(
 def project(
     points: Float[np.ndarray, "n 3"], camera: Camera
 ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, " n"]]:
-    """Continuous (column, row) of points in the view-aligned frame, and their depth z."""
+    """Column and row (not rounded) of points in the view-aligned frame, and their depth z."""
     inside = points @ camera.extrinsics[:, :3].T + camera.extrinsics[:, 3]
     z = inside[:, 2]
     safe = np.where(z > 0, z, np.nan)
@@ -148,8 +148,8 @@ def draw(
 ) -> Camera:
     """Draws a camera for an object with these vertices in the model's frame.
 
-    We move it back until the object fits into the image. We draw as many values from `rng` with all
-    settings; `off_centre` uses a child generator.
+    We move the camera back until the object fits into the image. The number of values drawn from
+    `rng` does not depend on the settings: `off_centre` uses a child generator.
 
     Raises:
       ValueError: the object does not fit into the image at any distance up to 1000.
@@ -186,7 +186,7 @@ def _moved(
     low, high = pixels.min(axis=0), pixels.max(axis=0)
     size = np.array(settings.image_size[::-1], float)
     want = rng.uniform(-settings.off_centre, settings.off_centre, 2)
-    # Shifts in pixels, rotated by minus the roll, because the pan comes before it.
+    # Shifts in pixels, rotated by minus the roll, because the pan precedes the roll.
     room = np.where(want > 0, size - _MARGIN_PIXELS - high, low - _MARGIN_PIXELS)
     shift = turn_about_vertical(-camera.roll)[:2, :2] @ (want * np.maximum(room, 0))
     for _ in range(12):

@@ -1,10 +1,10 @@
 """Rendering on a Dask cluster. Only this module imports Dask.
 
-The cluster's workers need this package with its `render` extra, and the catalogue's files under the
-same path, but not the output folder: the process that runs the job writes the samples. Each thread
-of a Dask worker keeps one rendering process, so start workers with one thread per processor. If a
-Dask worker dies, Dask gives its models to other workers. If a model kills more workers than the
-scheduler's `allowed-failures`, we report it as crashed.
+The workers need this package with the extra `render`, and the catalogue's files under the same
+path. They do not need the output folder: the process that runs the job writes the samples. Each
+thread of a Dask worker keeps a rendering process, so start workers with a thread per processor. If
+a Dask worker dies, Dask gives its models to other workers. If a model kills more workers than the
+scheduler's `allowed-failures`, its status is "crashed".
 """
 
 import contextlib
@@ -26,12 +26,12 @@ from psgn_jax.data.shards import Result
 
 _SECONDS_TO_WAIT = 600  # for the first worker
 
-# On a worker: the renderer of each job and thread.
+# On a worker: the renderers by job and thread.
 _kept: dict[tuple[str, int], pool.Renderer] = {}
 
 
 def _render(job: str, number: int, entry: Entry, context: Context) -> Result:
-    """Renders a model in the process of this thread of a worker."""
+    """Renders a model on a worker, in the process that belongs to this thread."""
     key = job, threading.get_ident()
     if key not in _kept:
         if context.variant.libllvm and not os.path.exists(context.variant.libllvm):
@@ -41,24 +41,24 @@ def _render(job: str, number: int, entry: Entry, context: Context) -> Result:
 
 
 def _release(job: str) -> None:
-    """Kills the rendering processes of a job on a worker."""
+    """Kills a job's rendering processes on a worker."""
     for key in [key for key in list(_kept) if key[0] == job]:
         _kept.pop(key).kill()
 
 
 def is_no_traceback(record: logging.LogRecord) -> bool:
-    """False for Dask's traceback of a lost connection, which `render_on` raises as an error."""
+    """False for Dask's traceback of a lost connection; `render_on` raises an error instead."""
     return not (record.exc_info and record.name.startswith("distributed."))
 
 
 def render_on(
     address: str, tasks: Sequence[tuple[int, Entry]], context: Context
 ) -> Generator[Result]:
-    """Renders models on the cluster of the scheduler with this address; see `pool.Pool`.
+    """Renders models on the cluster of the scheduler at `address`; see `pool.Pool`.
 
     Raises:
       RuntimeError: Dask is not installed, the scheduler does not answer, the cluster has no
-        workers, or there is an error on a worker that does not come from a model.
+        workers, or a worker fails for another reason than a model.
     """
     try:
         import distributed
@@ -76,13 +76,13 @@ def render_on(
         except TimeoutError as error:
             raise RuntimeError(f"scheduler={address}: it has no workers: {error}") from error
         todo = iter(tasks)
-        # A task, because scattered data are lost with the workers that have them.
+        # As a task, because scattered data are lost with their workers.
         shared = client.submit(copy.copy, context, pure=False)
         running: dict[Any, tuple[int, Entry]] = {}
         done = distributed.as_completed(loop=client.loop)
 
         def submit() -> None:
-            """Submits only enough for all threads, so that memory is bounded."""
+            """Submits enough for all threads, not more, to bound the memory."""
             free = 2 * sum(client.nthreads().values()) - len(running)
             for number, entry in itertools.islice(todo, max(free, not running)):
                 future = client.submit(_render, job, number, entry, shared, pure=False)
@@ -110,6 +110,6 @@ def render_on(
             what = "the connection was lost; run the command again, which continues"
             raise RuntimeError(f"scheduler={address}: {what}") from error
         finally:
-            # An error here must not hide the error that ended the job.
+            # An error here must not hide the error that has ended the job.
             with contextlib.suppress(Exception):
                 client.run(_release, job, on_error="ignore")

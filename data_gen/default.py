@@ -15,7 +15,7 @@ NUM_PER_CATEGORY = 40
 NUM_MODELS = NUM_PER_CATEGORY * len(FAMILIES)
 
 CORE_SECONDS = 0.4 * NUM_MODELS
-"""Rough seconds of a core for rendering."""
+"""Estimated time of rendering, in seconds of a core."""
 
 SETTINGS = settings.Settings(views=1, models_per_shard=64)
 
@@ -26,20 +26,20 @@ def build(
     models_per_category: int = NUM_PER_CATEGORY,
     options: settings.Settings = SETTINGS,
 ) -> str:
-    """Renders the default data set or completes it, and returns its folder.
+    """Renders or completes the default data set, and returns its folder.
 
-    A complete data set does not change, unless models of it failed and now succeed.
+    A complete data set changes only if models that failed now succeed.
 
     Raises:
       RuntimeError: Mitsuba is missing or does not run, or no model could be rendered.
-      ValueError: the folder contains a different, complete data set.
+      ValueError: the folder contains another complete data set.
     """
     folder = pathlib.Path(folder)
     source = open_catalogue("procedural", str(models_per_category))
     try:
         progress = job.render_catalogue(source, folder, options)
     except OtherSettingsError:
-        # We render an incomplete data set of the other variant of Mitsuba again.
+        # An incomplete data set of another variant of Mitsuba: we begin again.
         if load_manifest(folder, allow_incomplete=True).complete:
             raise
         shutil.rmtree(folder)

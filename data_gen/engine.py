@@ -1,8 +1,8 @@
-"""The only module that imports Mitsuba, and the choice of a variant that works on this machine.
+"""Imports Mitsuba (no other module does), in a variant that works on this machine.
 
 A process calls `start` once with a variant: `llvm_ad_rgb` is fast, `scalar_rgb` works without LLVM.
-After that, `mi` and `dr` are the packages mitsuba and drjit. LLVM may abort the process that loads
-it, so `choose_variant` tests it in separate processes, `python -m data_gen.engine VARIANT`.
+Then `mi` and `dr` are the packages mitsuba and drjit. Loading LLVM may abort the process, so
+`choose_variant` tests it in separate processes, `python -m data_gen.engine VARIANT`.
 """
 
 import contextlib
@@ -43,20 +43,20 @@ NO_LLVM = (
 
 
 class Variant(NamedTuple):
-    """Name of the variant of Mitsuba, and path of the LLVM library or ""."""
+    """A variant of Mitsuba: its name, and the path of the LLVM library or ""."""
 
     name: str
     libllvm: str = ""
 
     def environment(self) -> dict[str, str]:
-        """The environment of a child process that renders with this variant."""
+        """The environment variables of a child process with this variant."""
         return processes.environment(DRJIT_LIBLLVM_PATH=self.libllvm)
 
 
 def start(variant: str, *, shrink_threads: bool = True) -> None:
-    """Loads Mitsuba in one variant, with the LLVM of DRJIT_LIBLLVM_PATH; once a process.
+    """Loads a variant of Mitsuba with the LLVM of DRJIT_LIBLLVM_PATH, once per process.
 
-    `shrink_threads` means one thread only; reading environment maps needs more.
+    `shrink_threads`: use a single thread. Reading environment maps needs more.
     """
     global mi, dr
     if mi is not None:
@@ -79,7 +79,7 @@ def mesh(
     normals: np.ndarray | None = None,
     bsdf: Mapping[str, Any] | None = None,
 ) -> Any:
-    """A mesh of Mitsuba from values at the corners of faces: [f, 3, 3], [f, 3, 2] and [f, 3, 3]."""
+    """A mesh of Mitsuba from values of face corners: [f, 3, 3], [f, 3, 2] and [f, 3, 3]."""
     count, properties = 3 * len(corners), mi.Properties()
     if bsdf is not None:
         properties["mesh_bsdf"] = mi.load_dict(bsdf)
@@ -103,12 +103,12 @@ def release() -> None:
 
 
 def has_mitsuba() -> bool:
-    """Whether Mitsuba is installed. This does not import it."""
+    """Whether Mitsuba is installed; we do not import it."""
     return importlib.util.find_spec("mitsuba") is not None
 
 
 def llvm_candidates() -> list[str]:
-    """Suitable LLVM libraries, best first: from the wheel, then from this machine."""
+    """Suitable LLVM libraries, best first: of the wheel, then of this machine."""
     named = os.environ.get("DRJIT_LIBLLVM_PATH", "")
     paths = _llvm_of_wheel()
     for folder in _LLVM_FOLDERS:
@@ -126,7 +126,7 @@ def llvm_candidates() -> list[str]:
 
 
 def _llvm_of_wheel() -> list[pathlib.Path]:
-    """The libraries of karellen-llvm-core, which pip puts in the environment's `lib` folder."""
+    """The libraries of karellen-llvm-core; pip puts them in the environment's `lib` folder."""
     try:
         files = importlib.metadata.files("karellen-llvm-core") or []
     except importlib.metadata.PackageNotFoundError:
@@ -137,7 +137,7 @@ def _llvm_of_wheel() -> list[pathlib.Path]:
 
 @functools.cache
 def _smoke(variant: Variant) -> bool:
-    """Whether a separate process can render with this variant."""
+    """Whether a separate process renders with this variant."""
     try:
         done = subprocess.run(
             processes.python("data_gen.engine", variant.name), env=variant.environment(),
@@ -149,13 +149,13 @@ def _smoke(variant: Variant) -> bool:
 
 
 def choose_variant(wanted: str = "auto") -> tuple[Variant, str]:
-    """The variant to render with, and a message or "".
+    """The variant for rendering, and a message or "".
 
     Args:
       wanted: "llvm", "scalar", or "auto" = LLVM if it works.
 
     Raises:
-      RuntimeError: Mitsuba is not installed or does not run, or LLVM is wanted and does not work.
+      RuntimeError: Mitsuba is not installed or does not run, or "llvm" does not work.
     """
     if not has_mitsuba():
         raise RuntimeError("Mitsuba is not installed: `pip install 'psgn-jax[render]'`")

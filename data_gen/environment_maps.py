@@ -1,4 +1,4 @@
-"""Environment maps: files of a folder, and Mitsuba's model of sun and sky."""
+"""Environment maps from files, and from Mitsuba's model of sun and sky."""
 
 import functools
 import hashlib
@@ -18,7 +18,7 @@ NUM_SUNSKY = 24
 
 
 def _paths(folder: str) -> list[pathlib.Path]:
-    """The maps of a folder, sorted; ValueError if there are none."""
+    """The map files in a folder, sorted; ValueError if there are none."""
     paths = [p for p in pathlib.Path(folder).rglob("[!.]*") if p.suffix.lower() in (".hdr", ".exr")]
     if not paths:
         raise ValueError(f"light.folder: got {folder!r}, expected a folder of .hdr and .exr files")
@@ -26,15 +26,15 @@ def _paths(folder: str) -> list[pathlib.Path]:
 
 
 def fingerprint(folder: str) -> str:
-    """A hash of the maps of a folder; ValueError if there are none."""
+    """A hash of the map files in a folder; ValueError if there are none."""
     contents = [hashlib.sha256(path.read_bytes()).hexdigest() for path in _paths(folder)]
     return hashlib.sha256("".join(contents).encode()).hexdigest()[:16]
 
 
 def load_maps(folder: str, variant: Variant, size: tuple[int, int]) -> Float[np.ndarray, "m h w 3"]:
-    """The environment maps of a folder, reduced to a size.
+    """The environment maps in a folder, reduced to a size.
 
-    A separate process reads them, because reading EXR files hangs with a single thread.
+    A separate process reads them, because Mitsuba hangs at EXR files if it has a single thread.
 
     Raises:
       ValueError: the folder has no map, or a map cannot be read.
@@ -52,7 +52,7 @@ def load_maps(folder: str, variant: Variant, size: tuple[int, int]) -> Float[np.
 
 
 def _kind(size: tuple[int, int]) -> type:
-    """The type of a map's values; large maps are also the background of images."""
+    """The type of a map's values: less precise for large maps."""
     return np.float64 if tuple(size) == lights.MAP_SIZE else np.float32
 
 
@@ -73,7 +73,7 @@ def load_map(path: str, size: tuple[int, int]) -> np.ndarray:
         raise ValueError(f"environment map {path!r}: {error}"[:300]) from error
     pixels = np.array(bitmap)
     height, width = pixels.shape[:2]
-    # Folders of maps often contain images of lit spheres as well. Their aspect ratio differs.
+    # Such folders often contain images of lit spheres, too. Their aspect ratio differs.
     if not 1.8 < width / height < 2.2:
         what = f"{width} x {height} pixels, expected a width of twice the height"
         raise ValueError(f"environment map {path!r}: {what}")
@@ -92,7 +92,7 @@ def sunsky(number: int, size: tuple[int, int]) -> Float[np.ndarray, "h w 3"]:
         "turbidity": turbidity, "albedo": albedo, "sun_scale": 0.0, "complex_sun": False,
     }  # fmt: skip
     sky = mi.load_dict({"type": "scene", "sky": emitter}).emitters()[0]
-    coarse = max(1, size[0] // 64)  # large maps have a quarter of the resolution
+    coarse = max(1, size[0] // 64)  # a quarter of the resolution in large maps
     small = size[0] // coarse, size[1] // coarse
     toward = lights.directions_of(small)
     above = toward[..., 2] > 0
@@ -109,8 +109,8 @@ def sunsky(number: int, size: tuple[int, int]) -> Float[np.ndarray, "h w 3"]:
         columns = (-toward[above]).T.astype(np.float32)
         grid[above] = evaluate([mi.Float(np.ascontiguousarray(c)) for c in columns]).T
     angles = lights.solid_angles(small)[..., None]
-    # The sun has a diameter of half a degree, less than a pixel of the map. We add it with about
-    # four times the irradiance of the sky on a clear day, less in haze.
+    # The sun, half a degree wide, is smaller than a pixel of the map. On a clear day its irradiance
+    # is about four times the irradiance of the sky, in haze it is less.
     energy = (grid * angles).sum(axis=(0, 1))
     row = int((90 - elevation) / 180 * small[0])
     warm = np.array([1.0, 0.95, 0.85])

@@ -3,8 +3,8 @@
 +z is up, +x is the front, and the origin is on the ground under the object. The unit is the radius
 of the bounding hemisphere.
 
-Parts of a surface may be transparent. A texel or a point of the surface *exists* if its opacity is
-at least `mesh.EXISTS`.
+Surfaces may be transparent in part. A texel or a point *exists* if its opacity is at least
+`mesh.EXISTS`.
 """
 
 import dataclasses
@@ -29,9 +29,9 @@ def axis_vector(name: str) -> Float[np.ndarray, " 3"]:
 
 
 def orient(model: Model, up: str = "+y", front: str = "+z") -> Model:
-    """Rotates a model so that its `up` becomes +z and its `front` becomes +x.
+    """Rotates a model: its axis `up` becomes +z, its axis `front` +x.
 
-    Both are perpendicular directions of `AXES` in the model's file; +y is up in OBJ and glTF files.
+    Both are names in `AXES`, perpendicular to each other. In OBJ and glTF files, +y is up.
     """
     upward, forward = axis_vector(up), axis_vector(front)
     if upward @ forward != 0:
@@ -39,7 +39,7 @@ def orient(model: Model, up: str = "+y", front: str = "+z") -> Model:
     return model.transformed(np.stack([forward, np.cross(upward, forward), upward]))
 
 
-# Parts of faces smaller than this fraction of the extent are not divided further.
+# We do not divide parts of faces that are smaller than this fraction of the extent.
 _SMALL = 0.001
 
 
@@ -53,7 +53,7 @@ def _texel_sums(material: Material) -> Int[np.ndarray, "h w"]:
 def _existing_share(
     sums: Int[np.ndarray, "h w"], uv: Float[np.ndarray, "n 3 2"]
 ) -> Float[np.ndarray, " n"]:
-    """For the bounding box of each triangle in the texture, the fraction of existing texels."""
+    """The fraction of existing texels in the bounding box of each triangle in the texture."""
     size = np.array(sums.shape[::-1]) - 1
     texels = uv * [1, -1] * size
     first = np.floor(texels.min(axis=1) + 1e-4).astype(np.int64)
@@ -82,14 +82,14 @@ def _existing_extremes(
 ) -> Float[np.ndarray, "m 3"]:
     """For each convex measure, the existing point of the faces with the largest value above `best`.
 
-    We divide faces that exist only in part and may contain a larger value into four, recursively.
-    Of a part smaller than `_SMALL` times the extent, we examine only the corners.
+    We divide a face into four parts, recursively, if it exists in part and may contain a larger
+    value. Of parts smaller than `_SMALL` times the extent, we examine the corners alone.
     """
     extent = float(np.ptp(model.vertices, axis=0).max())
     best, chosen = best.copy(), np.full((len(best), 3), np.nan)
     weights = np.tile(np.eye(3), (len(faces), 1, 1))
     sums: dict[tuple[int, float], np.ndarray] = {}
-    # Maps the corners of a triangle to the corners of its four parts.
+    # From the corners of a triangle to the corners of its four parts.
     corner = np.eye(3)
     middle = (corner + np.roll(corner, -1, axis=0)) / 2  # of the edges 0-1, 1-2, 2-0
     halves = np.array([
@@ -138,10 +138,10 @@ def outline(
 ) -> Float[np.ndarray, "n 3"]:
     """Points with the same extent as the visible surface.
 
-    Without alpha textures, they are all vertices. Otherwise they are the vertices of the faces
-    without alpha and, for each measure that is larger on a face with alpha, the existing point that
-    maximises it. Measures are convex functions of points, [n, 3] to [n, k]; None = the extent in
-    260 directions, including the axes.
+    Without alpha textures, these are all vertices. With them, these are the vertices of the faces
+    without alpha, and for each measure that is larger on a face with alpha, the existing point with
+    the largest value. Measures are k convex functions of points, [n, 3] to [n, k]; None = the
+    extent in 260 directions, including the axes.
     """
     faces = faces_with_alpha(model)
     if not len(faces):
@@ -162,15 +162,14 @@ def outline(
     return np.concatenate([points, _existing_extremes(model, faces, measure, best)])
 
 
-# We refuse a model with an empty gap along an axis larger than `_STRAY_GAP`, if both parts beside
-# the gap are at most as large as `_STRAY_SIZE`. Both numbers are fractions of the model's extent.
-# Of 82 models of Sweet Home 3D, none has a gap above 0.12; of 494 game models, one has a gap above
-# 0.45 (0.93).
+# We refuse a model with a gap above `_STRAY_GAP` along an axis, if both parts beside the gap are at
+# most `_STRAY_SIZE` large. Both numbers are fractions of the extent. Of 82 models of Sweet Home 3D,
+# none has a gap above 0.12; of 494 game models, a single one has a gap above 0.45: 0.93.
 _STRAY_GAP, _STRAY_SIZE = 0.6, 0.15
 
 
 def _check_strays(model: Model) -> None:
-    """Refuses models whose parts are far from each other; the message names the smaller one."""
+    """Refuses models whose parts are far apart; the message names the smaller part."""
     corners = model.corners()
     low, high = corners.min(axis=1), corners.max(axis=1)
     extent = float((high.max(axis=0) - low.min(axis=0)).max())
@@ -196,15 +195,15 @@ def _check_strays(model: Model) -> None:
 
 
 def normalize(model: Model) -> Model:
-    """Moves and scales a model to the project's frame. Its axes must be correct (`orient`).
+    """Moves and scales a model, whose axes are correct (`orient`), to the project's frame.
 
-    We move the lowest point to z = 0 and the centre of the bounding box to x = y = 0, and scale the
-    farthest point to distance 1 from the origin. Only visible surface counts. With alpha textures,
+    The lowest point of the visible surface moves to z = 0, the centre of its bounding box to
+    x = y = 0, and we scale the farthest point to distance 1 from the origin. With alpha textures,
     the bounds are exact to 0.002 of the extent.
 
     Raises:
-      UnusableModelError: the extent is zero or overflows, or a part is so far away that the object
-        itself would be tiny.
+      UnusableModelError: the extent is zero or infinite, or a part is so far away that the object
+        would be tiny.
     """
     _check_strays(model)
     points = outline(model, lambda points: np.concatenate([points, -points], axis=1))
@@ -218,13 +217,13 @@ def recentre(model: Model, centre: str) -> Model:
     """A model of `normalize` with another point at x = y = 0, scaled to radius 1 again.
 
     "bounds" is the centre of the bounding box, as in `model`. "vertices" is the mean of the
-    vertices, which lies where the mesh is dense: near the back of a chair. The authors' objects are
-    centred on their vertices: in 26 % of the samples, the centre of the bounding box is more than
-    0.1 away from the origin. For furniture and procedural models, it is in 18 to 23 % of the
-    samples with "vertices", 1 to 6 % with "bounds".
+    vertices, which is near dense parts of the mesh, such as the back of a chair. It seems to be the
+    authors' centre: the centre of the bounding box is more than 0.1 away from the origin in 26 % of
+    their samples. Of furniture and procedural models, it is in 18 to 23 % with "vertices", in 1 to
+    6 % with "bounds".
 
     Raises:
-      UnusableModelError: the extent is zero or overflows.
+      UnusableModelError: the extent is zero or infinite.
     """
     if centre == "bounds":
         return model
@@ -233,7 +232,7 @@ def recentre(model: Model, centre: str) -> Model:
 
 
 def _with_origin(model: Model, origin: Float[np.ndarray, " 3"]) -> Model:
-    """Moves `origin` to (0, 0, 0) and scales the drawn surface to radius 1."""
+    """Moves `origin` to (0, 0, 0) and scales the visible surface to radius 1."""
 
     def distance(points: np.ndarray) -> np.ndarray:
         return np.linalg.norm(points - origin, axis=1, keepdims=True)

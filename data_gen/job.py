@@ -1,7 +1,7 @@
-"""The rendering job: renders the models of a catalogue to a data set, in several processes.
+"""The rendering job: a data set of the models of a catalogue, from several processes.
 
-The samples of a model file depend only on the settings and the model's name. So the data set is
-identical, byte for byte, for any number of workers, restarts and parts, on a cluster too.
+The samples of a model depend only on its file and name and on the settings. So the data set is the
+same, byte for byte, for any number of workers, restarts and parts, on a cluster, too.
 `psgn_jax.data.shards` describes the folder of a job.
 """
 
@@ -29,20 +29,20 @@ from psgn_jax.data import shards
 from psgn_jax.data.shards import REPORT
 from psgn_jax.system.untrusted import one_line
 
-_FORMAT = 2  # raised when the same settings give other samples
+_FORMAT = 2  # raise it if the same settings give other samples
 
 _RETRIED = ("crashed", "error", "memory", "timeout", "unreadable")
-"""Statuses that may depend on the machine or the limits. If a data set is complete, the next call
-for the whole of it tries these models again."""
+"""Statuses that may depend on the machine or the limits. If a data set is complete, a call for the
+whole set tries models with these statuses again."""
 
 FEW_MODELS = 20
-"""We warn of smaller sets."""
+"""A warning names smaller sets."""
 
-_SHOWN = 40  # models whose warnings of a kind are logged, and reasons of refusals in a summary
+_SHOWN = 40  # largest number of logged warnings of a kind, and of refusals in a summary
 
 
 def _with_samples(lines: Sequence[shards.Line]) -> dict[str, str]:
-    """The splits of the objects that have samples, by name."""
+    """The splits of the objects with samples, by name."""
     return {original_name(x["model_id"]): x["split"] for x in lines if x["samples"]}
 
 
@@ -59,7 +59,7 @@ def _warn_of_few(lines: Sequence[shards.Line], wanted: Sequence[str]) -> None:
 
 
 def _logged(results: Generator[shards.Result]) -> Generator[shards.Result]:
-    """The results. The warnings of their models are logged, each kind for the first models."""
+    """The results. It logs warnings of their models, up to `_SHOWN` of each kind."""
     kinds: Counter[str] = Counter()
     with contextlib.closing(results):
         for result in results:
@@ -73,7 +73,7 @@ def _logged(results: Generator[shards.Result]) -> Generator[shards.Result]:
 
 
 def text_of(progress: shards.Progress) -> str:
-    """What a call has done: counts, at most 40 reasons of refusals, models with each warning."""
+    """A summary of a call: numbers of models, reasons of refusals, numbers of warnings."""
     counts = ", ".join(f"{n} {status}" for status, n in sorted(progress.statuses.items()))
     later = "" if progress.complete else "; other parts of the job are not finished"
     out = [f"{progress.inputs} models: {counts}", f"{progress.samples} samples{later}"]
@@ -101,19 +101,18 @@ def render_catalogue(
     limit: int = 0,
     render: pool.Pool = pool.render_local,
 ) -> shards.Progress:
-    """Renders a catalogue to a data set, or continues one.
+    """Renders a catalogue to a data set, or continues a data set.
 
-    If models of a complete one are tried again, readers see the old state until the new one is
-    complete. If the catalogue divides its models by `split_of` and a split would be empty, we move
-    a model.
+    If it tries models of a complete data set again, readers see the old state until the new state
+    is complete. If `split_of` leaves a split of the catalogue empty, we move a model to it.
 
     Args:
-      catalogue: source of the models.
-      out: folder of the data set, created if missing.
+      catalogue: the models.
+      out: folder of the data set; created if missing.
       options: all settings.
       part: (i, n): the i-th of n parts of the work, i from 0.
-      choice: which models of the catalogue are used; None = all.
-      limit: number of the chosen models that are used, from the first; 0 = all.
+      choice: chooses models of the catalogue; None = all.
+      limit: number of the chosen models, from the first; 0 = all.
       render: `pool.render_local`, or `cluster.render_on` with an address.
 
     Raises:
@@ -137,7 +136,7 @@ def render_catalogue(
     del values["job"]
     if options.light.folder:
         values["light"]["folder"] = f"maps {fingerprint(options.light.folder)}"
-    # All that determines the bytes of the data set, except the contents of model files.
+    # What determines the bytes of the data set, except the content of model files.
     statement = {
         "format": _FORMAT, "source": catalogue.name, "settings": values, "variant": variant.name,
     }  # fmt: skip
@@ -147,7 +146,7 @@ def render_catalogue(
     checksum_now = functools.cache(checksum)
 
     def tries_again(line: shards.Line) -> bool:
-        if part != (0, 1):  # the parts of a job array do not wait for it
+        if part != (0, 1):  # parts of a job array do not wait for each other
             return False
         if line["status"] != "refused" or "file_crc32" not in line:
             return line["status"] in _RETRIED
@@ -156,7 +155,7 @@ def render_catalogue(
     job = shards.Job(statement, inputs, options.models_per_shard, about, tries_again=tries_again)
     maps = None
     if options.light.folder and not shards.is_complete(out, job):
-        # Read before anything is written, so that an error here leaves the folder unchanged.
+        # Before anything is written, so that an error leaves the folder unchanged.
         detail = options.image.shading == "photo" or options.light.source == "mixed"
         size = lights.DETAIL if detail else lights.MAP_SIZE
         maps = load_maps(options.light.folder, variant, size)

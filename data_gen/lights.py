@@ -1,8 +1,8 @@
 """Environment maps, and directional lights that approximate them.
 
-An environment map is a float array [H, W, 3] of radiance: its first row is the zenith, its last row
-the nadir, its columns go around the horizon. `reduce` computes directional lights and ambient light
-from it for local shading. Path tracing uses the map itself.
+An environment map is a float array [H, W, 3] of radiance: the first row is the zenith, the last row
+the nadir, and the columns go around the horizon. For local shading, `reduce` computes directional
+lights and ambient light from a map. Path tracing uses the map.
 """
 
 import dataclasses
@@ -16,10 +16,10 @@ from data_gen.cameras import Range
 from psgn_jax.config.structured import Bounds, Fraction, Within
 
 MAP_SIZE = (32, 64)
-"""Size to which maps are reduced before lights are computed."""
+"""Size of maps for `reduce`."""
 
 DETAIL = (256, 512)
-"""Size of maps that are visible in the image."""
+"""Size of maps that are the background of images."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,11 +29,11 @@ class LightSettings:
     Attributes:
       source: "procedural" skies, Mitsuba's "sunsky", a "folder", or "mixed": for each view an
         outdoor scene, a room, a studio or, if `folder` is given, one of its maps.
-      folder: folder of .hdr and .exr files, for "folder" and "mixed". The job depends on their
-        contents, not on its path.
-      count: number of directional lights to which a map is reduced.
-      ambient: range of the ambient fraction of the light. Without it, surfaces that face away from
-        the lights would be black.
+      folder: folder of .hdr and .exr files, for "folder" and "mixed". The content of the files
+        counts, not the path.
+      count: number of directional lights.
+      ambient: range of the ambient fraction of the light. Without ambient light, surfaces that face
+        away from the lights would be black.
       exposure: range of the brightness of a white surface that faces the light; above 1, the image
         saturates.
       saturation: saturation of the lights' colours, 0 to 1. The authors' light is nearly white.
@@ -53,10 +53,10 @@ class LightSettings:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Lights:
-    """Directional lights and ambient light; a white surface under light of strength 1 is white.
+    """Directional lights and ambient light. Under light of strength 1, white surfaces are white.
 
-    `directions` lead toward the lights in the view-aligned frame. `sky` and `ground` are the
-    ambient light on surfaces that face up and down.
+    `directions` point to the lights in the view-aligned frame. `sky` and `ground` are the ambient
+    light on surfaces that face up and down.
     """
 
     directions: Float[np.ndarray, "k 3"]
@@ -77,7 +77,7 @@ def directions_of(size: tuple[int, int]) -> Float[np.ndarray, "h w 3"]:
 
 
 def direction(azimuth: float, elevation: float) -> Float[np.ndarray, " 3"]:
-    """The unit vector with these angles in radians."""
+    """The unit vector with these angles [rad]."""
     level = np.cos(elevation)
     return np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
 
@@ -89,7 +89,7 @@ def solid_angles(size: tuple[int, int]) -> Float[np.ndarray, "h w"]:
 
 
 def shrink(radiance: np.ndarray, size: tuple[int, int] = MAP_SIZE) -> Float[np.ndarray, "h w 3"]:
-    """A map reduced by averaging; values that are negative or not finite become 0."""
+    """A smaller map of mean values; values that are negative or not finite count as 0."""
     full = np.asarray(radiance, np.float64)[..., :3]
     full = np.clip(np.nan_to_num(full, nan=0.0, posinf=1e6, neginf=0.0), 0, 1e6)
     for axis, wanted in enumerate(size):
@@ -121,7 +121,7 @@ def procedural_sky(rng: np.random.Generator) -> Float[np.ndarray, "h w 3"]:
     up = np.clip(height, 0, 1)[..., None] ** rng.uniform(0.4, 1.0)
     result = np.where(height[..., None] > 0, horizon * (1 - up) + zenith * up, ground)
     for number in range(int(rng.integers(2, 5))):
-        # The first spot is the sun or a lamp overhead; the others are windows and bright walls.
+        # The first spot is the sun or a lamp above, the others are windows and bright walls.
         low, high = (35, 75) if number == 0 else (-5, 60)
         elevation, azimuth = np.deg2rad(rng.uniform(low, high)), rng.uniform(0, 2 * np.pi)
         warmth = rng.uniform(-0.12, 0.12)
@@ -136,7 +136,7 @@ def procedural_sky(rng: np.random.Generator) -> Float[np.ndarray, "h w 3"]:
 
 @functools.lru_cache(maxsize=2)
 def _neighbours(size: tuple[int, int]) -> Float[np.ndarray, "n n"]:
-    """For all pairs of pixels of a map: 1 if they are within 35 degrees of each other, else 0."""
+    """1 for pairs of pixels of a map within 35 degrees of each other, else 0."""
     toward = directions_of(size).reshape(-1, 3)
     return (toward @ toward.T > np.cos(np.deg2rad(35.0))).astype(np.float32)
 
@@ -146,16 +146,16 @@ def reduce(
 ) -> Lights:
     """Directional lights and ambient light that approximate a map of size `MAP_SIZE`.
 
-    We choose the brightest directions one after the other; each collects the light within 35
-    degrees. Ambient light has the mean colour of the map's upper half on surfaces that face up, and
-    of both halves on surfaces that face down. In the brightest orientation visible from above or
-    from the front, a white surface has the brightness `exposure`; the fraction `ambient` of it is
-    ambient light.
+    We choose the brightest direction, which collects the light within 35 degrees, then the
+    brightest direction of the rest, and so on. Ambient light has the mean colour of the map's upper
+    half on surfaces that face up, and of both halves on surfaces that face down. A white surface in
+    the brightest orientation visible from above or from the front has the brightness `exposure`,
+    with a fraction `ambient` from ambient light.
     """
     size = (radiance.shape[0], radiance.shape[1])
     toward = directions_of(size).reshape(-1, 3)
     energy = (radiance * solid_angles(size)[..., None]).reshape(-1, 3)
-    # The light that every direction would collect. Light from below is rare and counts 0.3 times.
+    # The light that each direction would collect. Light from below is rare and counts 0.3 times.
     weight = np.where(toward[:, 2] < 0, 0.3, 1.0)
     left = energy * weight[:, None]
     close = _neighbours(size)
@@ -180,12 +180,12 @@ def reduce(
         grey = value.mean(axis=-1, keepdims=True)
         return grey + settings.saturation * (value - grey)
 
-    # Orientations that the camera sees: up, and on its side of the object.
+    # Visible orientations: up, and on the camera's side of the object.
     seen = toward[(toward[:, 0] > -0.2) & (toward[:, 2] > -0.3)]
     strongest = (np.clip(seen @ lamp.T, 0, None) @ colour.mean(axis=1)).max()
     colour = plain(colour) * exposure * (1 - ambient) / max(strongest, 1e-9)
     sky_colour = plain(sky / sky.mean()) * exposure * ambient
-    # Light from the ground is light from the sky, reflected once.
+    # Light from the ground is reflected light from the sky.
     ground_colour = 0.7 * plain((floor / floor.mean() + sky / sky.mean()) / 2) * exposure * ambient
     arrays = (lamp, colour, sky_colour, ground_colour)
     lamp, colour, above, below = (a.astype(np.float32) for a in arrays)

@@ -1,4 +1,4 @@
-"""The mesh that all readers and catalogues produce: triangles, materials, normals.
+"""The mesh of all readers and catalogues: triangles, materials, normals.
 
 Colours are display values (sRGB) in [0, 1], as in material files.
 """
@@ -14,31 +14,31 @@ import scipy.sparse.csgraph
 from jaxtyping import Float, Int, UInt8
 
 MAX_FACES = 400_000
-"""Default limit of the number of faces. An OBJ file takes 1 kB of memory per face."""
+"""Default of the largest number of faces. Reading an OBJ file takes 1 kB of memory per face."""
 
 CREASE_DEGREES = 40.0
 
 EXISTS = 0.1
-"""Surface with a lower opacity is absent, such as the holes of an alpha map. Glass has more."""
+"""Surface with a lower opacity is absent, such as holes in an alpha map; glass exists."""
 
-# A face is degenerate (a line or a point) if its area / extent^2 is smaller than this.
+# A face with a smaller area / extent^2 is degenerate: a line or a point.
 _DEGENERATE = 1e-12
 
-# In the search for edges, vertices nearer than this fraction of the extent are one vertex.
+# Vertices nearer than this fraction of the extent are equal in the search for edges.
 _WELD = 2.0**-20
 
 
 class UnusableModelError(ValueError):
-    """A model from which no sample can be made; the message gives the reason.
+    """No sample can be made from a model; the message gives the reason.
 
-    `status` is the status of the model in `models.jsonl`.
+    `status` is the model's status in `models.jsonl`.
     """
 
     status = "refused"
 
 
 class UnreadableModelError(UnusableModelError):
-    """The file of a model is missing or not readable, perhaps only on this machine."""
+    """A model's file is missing or not readable, perhaps on this machine only."""
 
     status = "unreadable"
 
@@ -52,12 +52,12 @@ class Material:
     """The appearance of a surface (Blinn-Phong).
 
     Attributes:
-      diffuse: RGB; multiplied by the texture, if there is one.
+      diffuse: RGB, a factor of the texture.
       specular: RGB of the highlight.
       shininess: exponent of the highlight.
-      opacity: 1 = opaque; multiplied by the texture's alpha.
-      texture: uint8 [H, W, 4], RGBA, repeated outside [0, 1]^2. Its first row is at v = 1.
-      name: name of the material in its file.
+      opacity: 1 = opaque; a factor of the texture's alpha.
+      texture: RGBA, uint8 [H, W, 4], or None. It repeats; its first row is at v = 1.
+      name: of the material in its file.
     """
 
     diffuse: tuple[float, float, float] = GREY
@@ -81,12 +81,12 @@ class Model:
       vertices: float64.
       faces: int64, counter-clockwise seen from outside.
       normals: float32, a unit normal for each corner of each face.
-      uv: float32, texture coordinates of the corners; 0 if there are none.
+      uv: float32, texture coordinates of the corners; 0 if the file has none.
       face_material: int64, index into `materials`.
       materials: at least one.
       category, model_id: see `catalogues.entry.Entry`.
-      parameters: the parameters of a procedural model.
-      warnings: what was missing or wrong in the file, and what was used instead; see
+      parameters: of a procedural model, or further columns of an index.
+      warnings: what is missing or wrong in the file, and what we used instead; see
         `kind_of_warning`.
     """
 
@@ -113,7 +113,7 @@ class Model:
         return np.stack(np.divmod(key, len(self.vertices)), axis=1)
 
     def transformed(self, matrix: Float[np.ndarray, "3 3"]) -> "Model":
-        """The model under a matrix; if that mirrors, the corners of each face are reordered."""
+        """The model transformed by a matrix; we reverse its faces if the matrix mirrors."""
         determinant = np.linalg.det(matrix)
         if not np.isfinite(matrix).all() or determinant == 0:
             raise ValueError(f"matrix: got {matrix.tolist()}, expected an invertible one")
@@ -140,20 +140,19 @@ def build_model(
     warnings: Sequence[str] = (),
     **names: Any,
 ) -> Model:
-    """Cleans raw arrays and makes a `Model` from them.
+    """Makes a `Model` from raw arrays.
 
-    We remove faces with indices out of range, without area, or of fully transparent materials, and
-    unused vertices. The model's warnings count the removed faces. `crease_normals` computes corner
-    normals that are missing, zero or not finite. If a face's normals point to its back, we reverse
-    the face.
+    We drop unused vertices, and faces with indices out of range, without area or with a fully
+    transparent material; warnings count these faces. `crease_normals` replaces normals that are
+    missing, zero or not finite. We reverse a face if its normals point to its back.
 
     Args:
       vertices: [V, 3].
       faces: [F, 3].
-      materials: empty = one grey material.
-      face_material: [F], None = all 0.
-      normals: [F, 3, 3] for corners, or None.
-      uv: [F, 3, 2] for corners, or None.
+      materials: () = a grey material.
+      face_material: [F], None = 0.
+      normals: of corners [F, 3, 3], or None.
+      uv: of corners [F, 3, 2], or None.
       warnings: of the reader.
       **names: `category`, `model_id` and `parameters` of the model.
 
@@ -182,8 +181,7 @@ def build_model(
         bad = int((~np.isfinite(used)).any(axis=2).sum())
         raise UnusableModelError(f"{bad} corners of faces have coordinates that are not finite")
     if len(used):
-        # Products of edge vectors: far from the origin, products of positions would lose all
-        # precision.
+        # From edge vectors: products of positions far from the origin would lose all precision.
         extent = np.ptp(used.reshape(-1, 3), axis=0).max()
         cross = np.cross(used[:, 1] - used[:, 0], used[:, 2] - used[:, 0])
         flat = np.linalg.norm(cross, axis=1) <= _DEGENERATE * extent**2
@@ -216,7 +214,7 @@ def build_model(
 
 
 def kind_of_warning(line: str) -> str:
-    """The kind of a warning, which has no names and numbers of the file: the text before ": "."""
+    """The kind of a warning: the text before ": ", without names and numbers of the file."""
     return line.partition(": ")[0]
 
 
@@ -251,7 +249,7 @@ def face_areas(
 
 
 def weld(vertices: np.ndarray) -> np.ndarray:
-    """A number [V] for each vertex, the same for vertices within 2^-20 of the extent."""
+    """A number for each vertex [V], equal for vertices within 2^-20 of the extent."""
     low = vertices.min(axis=0)
     extent = max(float((vertices.max(axis=0) - low).max()), 1e-300)
     cells = np.rint((vertices - low) / (extent * _WELD)).astype(np.int64)
@@ -262,16 +260,16 @@ def weld(vertices: np.ndarray) -> np.ndarray:
 def crease_normals(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
 ) -> Float[np.ndarray, "f 3 3"]:
-    """Corner normals: smooth across flat edges, discontinuous at sharp ones.
+    """Corner normals, smooth across flat edges and discontinuous at sharp edges.
 
-    Two faces share a normal at the ends of a common edge if theirs differ by less than
-    `CREASE_DEGREES`: the mean of the faces' normals, weighted by their angles at the vertex. Edges
-    are common by position, whether or not the faces share vertices.
+    If the normals of two faces differ by less than `CREASE_DEGREES`, they share a normal at the
+    ends of their common edge: the mean of their normals, weighted by the faces' angles at the
+    vertex. Faces have a common edge if the positions of its ends are equal.
     """
     count = len(faces)
     corner = weld(vertices)[faces]
     normal = face_normals(vertices, faces)
-    # Each edge as its lower and its higher vertex, and the corners of the face there.
+    # For each edge, its two vertices in ascending order, and the corners of the face at them.
     ends = np.stack([corner.ravel(), np.roll(corner, -1, axis=1).ravel()])
     nodes = np.arange(3 * count).reshape(count, 3)
     nodes = np.stack([nodes.ravel(), np.roll(nodes, -1, axis=1).ravel()])
@@ -281,8 +279,8 @@ def crease_normals(
     order = np.argsort(key, kind="stable")
     links: list[np.ndarray] = []
     limit = np.cos(np.radians(CREASE_DEGREES))
-    # An edge of a manifold surface has two faces. If an edge has more, each face is compared with
-    # the next three only, so that the cost grows linearly with their number.
+    # An edge of a manifold surface has two faces. At an edge with more faces, we compare each face
+    # with the next three, so that the cost is linear in the number of faces.
     for offset in (1, 2, 3):
         one, two = order[:-offset], order[offset:]
         same = key[one] == key[two]
@@ -315,7 +313,7 @@ def faces_with_alpha(model: Model) -> Int[np.ndarray, " n"]:
 def opacity_at(
     model: Model, face: Int[np.ndarray, " n"], weights: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, " n"]:
-    """Opacity at points of faces with barycentric coordinates: material times nearest texel."""
+    """Opacity at points of faces, given by barycentric weights: material times nearest texel."""
     owner = model.face_material[face]
     result = np.array([m.opacity for m in model.materials])[owner]
     for index, material in enumerate(model.materials):

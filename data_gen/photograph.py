@@ -1,6 +1,6 @@
-"""Images that look like photographs: Mitsuba traces few paths, a filter removes their noise.
+"""Images that look like photographs: Mitsuba traces a few paths, a filter removes the noise.
 
-All colours are linear until `develop`, and all positions are in the view-aligned frame.
+Colours are linear until `develop`. Positions are in the view-aligned frame.
 """
 
 import dataclasses
@@ -17,14 +17,14 @@ from data_gen.scene import BACKGROUND, Scene
 from data_gen.settings import FilmSettings, Settings
 from data_gen.surroundings import TEXELS, Ground, Surroundings, draw_ground
 
-_BRIGHTEST = 6.0  # multiple of white, clipped before the lens blur
-_DARKEST = 0.03  # smallest reflectance by which we divide colours before the filter
+_BRIGHTEST = 6.0  # multiple of white at which we clip before the lens blur
+_DARKEST = 0.03  # smallest reflectance by which we divide colours
 
 
 def photograph(
     mesh: Mesh, scene: Scene, around: Surroundings, settings: Settings, rng: np.random.Generator
 ) -> Picture:
-    """Renders a view of `scene`, lit by its surroundings; see `picture.render`."""
+    """Renders a view of a scene, lit by its surroundings; see `picture.render`."""
     image, picture, ground = settings.image, render(mesh, scene, side=0), None
     if image.ground != "none" and scene.camera.position[2] >= 0.03:  # the camera is above it
         ground = draw_ground(rng, image.ground, around)
@@ -32,7 +32,7 @@ def photograph(
     seed, blur = int(rng.integers(1 << 31)), float(rng.uniform(0, 0.03))
     light, opacity = trace(scene, picture, around, ground, image.rays, seed)
     mask = picture.mask
-    weight = mask + 1e-6  # of the pixels in the measurement of the exposure
+    weight = mask + 1e-6  # of pixels, in the exposure
     if visible:
         weight = 0.3 + 0.6 * mask * mask.size / max(mask.sum(), 1)
         light = light + (1 - opacity) * backdrop(around.radiance, scene.camera, blur)
@@ -47,7 +47,7 @@ def photograph(
 def backdrop(
     radiance: Float[np.ndarray, "h w 3"], camera: Camera, blur: float
 ) -> Float[np.ndarray, "h w 3"]:
-    """The image of the surroundings, blurred by an angle in radians, without object and ground."""
+    """The image of the surroundings without object and ground, blurred by an angle [rad]."""
     height, width = camera.image_size
     rays = sample_rays(camera, (slice(0, height), slice(0, width)), 1).reshape(height, width, 3)
     up = rays[..., 2] / np.linalg.norm(rays, axis=-1)
@@ -65,15 +65,15 @@ def backdrop(
 def trace(
     scene: Scene, view: Picture, around: Surroundings, ground: Ground | None, rays: int, seed: int
 ) -> tuple[Float[np.ndarray, "h w 3"], Float[np.ndarray, "h w 1"]]:
-    """Radiance of object and ground, times their opacity, and the opacity.
+    """Radiance of object and ground times their opacity, and the opacity.
 
-    `view` comes from `picture.render`. All light comes from the surroundings.
-    There are `rays` paths per pixel.
+    All light comes from the surroundings. We trace `rays` paths per pixel. `view` is the result of
+    `picture.render`.
     """
     mi, camera = engine.mi, scene.camera
-    # In Mitsuba's maps +y is up, and column u shows the direction with atan2(x, -z) = 2 pi u. Our
-    # map is passed with its columns reversed. Our direction (x, y, z) is then Mitsuba's direction
-    # (-y, z, -x), and this rotation maps it back.
+    # In Mitsuba's maps +y is up, and column u shows the direction with atan2(x, -z) = 2 pi u. With
+    # reversed columns of our map, our direction (x, y, z) is Mitsuba's direction (-y, z, -x); this
+    # rotation reverts that.
     to_map, to_world = np.eye(4), np.eye(4)
     to_map[:3, :3] = [[0, 0, -1], [-1, 0, 0], [0, 1, 0]]
     to_world[:3, :3] = camera.extrinsics[:, :3].T @ np.diag([-1, -1, 1])
@@ -106,19 +106,19 @@ def trace(
     values = np.array(mi.render(mi.load_dict(parts), spp=rays, seed=seed), np.float32)
     values = np.nan_to_num(values, posinf=0, neginf=0)
     colour, opacity, albedo, normal, position = np.split(values, [3, 4, 7, 10], axis=-1)
-    # A pixel is whole if it shows one surface, and not what lies behind a hole of a texture.
+    # A pixel is whole if it shows a single surface, and nothing through a hole of a texture.
     whole = np.linalg.norm(normal, axis=-1) > 0.8
     depth = position @ camera.extrinsics[2, :3] + camera.extrinsics[2, 3]
     ours = (np.linalg.norm(position, axis=-1) < 1.05) & (position[..., 2] > 1e-3)
     hole = ours & whole & (depth < np.where(view.mask, view.depth, np.inf) - 0.02)
     hole &= not scene.surfaces.opaque
     whole &= ~hole
-    # Light instead of colours is filtered, so that textures stay sharp. Few paths find a bright
-    # reflection; each would be a white pixel.
+    # We filter light in place of colours, so that textures stay sharp. The few paths that meet a
+    # bright reflection would be white pixels.
     bounded = np.maximum(albedo, _DARKEST)
     light = colour / bounded
     light = np.minimum(light, 3 * scipy.ndimage.median_filter(light, (3, 3, 1)) + 1e-3)
-    # At edges, where a pixel shows several surfaces, their light is mixed.
+    # At edges, a pixel shows the light of several surfaces.
     edge = ~whole & ~hole & (opacity[..., 0] > 0)
     mixed = smooth(light * bounded, edge) / np.maximum(smooth(albedo, edge), 1e-3)
     off = np.full((*whole.shape, 1), 2 * camera.distance / camera.intrinsics[0, 0], np.float32)
@@ -135,9 +135,9 @@ def _bitmap(values: np.ndarray) -> dict[str, Any]:
 
 
 def _object(scene: Scene) -> Any:
-    """The object as one mesh of Mitsuba with one texture: the stack of all materials' textures.
+    """The object as a mesh of Mitsuba. Its texture is the stack of the materials' textures.
 
-    Mitsuba compiles a scene anew if it has another number of meshes.
+    For each number of meshes in a scene, Mitsuba compiles again.
     """
     surfaces = scene.surfaces
     uv = surfaces.uv.copy()
@@ -159,13 +159,13 @@ def _object(scene: Scene) -> Any:
         down = np.clip(1 - uv[own, :, 1] / repeats, 0, 1) if begin else 0.5
         uv[own, :, 1] = start + 0.01 + down * (height - 0.02)
         start += height
-        # A material whose specular colour is stronger than its diffuse colour is metal.
+        # A material is metal if its specular colour is stronger than its diffuse colour.
         specular = np.clip(surfaces.specular[number] * scene.lights.specular, 0, 1)
         bright, diffuse = specular.mean(), surfaces.diffuse[number]
         metal[own] = share = np.clip(2 * bright - 1.5 * diffuse.mean(), 0, 1)
         width = (2 / (surfaces.shininess[number] + 2)) ** 0.25
         rough[own] = np.clip(max(width, 1 - 2.5 * bright), 0.2, 1)
-        # Reflectances are bounded away from black and white.
+        # No material is black or white.
         colour = np.maximum(0.82 * (texture[..., :3] * diffuse) ** 2.2, 0.015)
         colour = (1 - share) * colour + share * 0.8 * specular
         stack.append(np.dstack([colour, texture[..., 3] * surfaces.opacity[number]]))
@@ -218,9 +218,9 @@ def smooth(
 ) -> Float[np.ndarray, "h w 3"]:
     """Weighted means over 5 x 5 pixels of the same surface, `step` apart.
 
-    `guides` are for each pixel its normal n, its position p and a tolerance: another pixel is on
-    the same surface if its normal is similar and its distance from the plane through p
-    perpendicular to n is less than `step` times the tolerance.
+    `guides` has for each pixel a normal n, a position p and a tolerance: another pixel is on the
+    same surface if its normal is similar, and its distance to the plane through p with normal n is
+    below `step` times the tolerance.
     """
     for axis in (0, 1):
         size = valid.shape[axis]
@@ -252,9 +252,9 @@ def develop(
     *,
     illuminant: Float[np.ndarray, " 3"],
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """The image that a camera records of linear radiance under light of a colour.
+    """The image that a camera takes of linear radiance; `illuminant` is the colour of the light.
 
-    `weight` tells how much each pixel counts for the exposure.
+    `weight` is the weight of each pixel in the exposure.
     """
     height, width = weight.shape
     draw = {
@@ -266,7 +266,7 @@ def develop(
     grey = values.mean(axis=-1)
     middle = np.exp((np.log(grey + 1e-4 * grey.max() + 1e-9) * weight).sum() / weight.sum())
     gain = 0.2 * 2 ** draw["exposure"] / middle
-    # Bright parts may be white, but not a large fraction of the image.
+    # A large fraction of the image must not be white.
     bright = max(float(np.quantile(grey, 0.93)), 1e-9)
     gain = min(gain, 1.4 * 2 ** max(draw["exposure"], 0) / bright)
     values = np.clip(values * np.float32(gain), 0, _BRIGHTEST)

@@ -1,7 +1,7 @@
-"""Images of scenes: intersection of rays with the mesh, and local shading.
+"""Images of scenes with local shading.
 
-Mitsuba intersects the rays with one merged mesh; models differ only in their data, so nothing is
-recompiled. `shading` computes the colours in numpy, alike for both variants of Mitsuba.
+Mitsuba intersects rays with a single mesh, so it compiles nothing for another model. `shading`
+computes the colours with numpy, equal for both variants of Mitsuba.
 """
 
 from typing import NamedTuple
@@ -13,11 +13,11 @@ from data_gen import cameras, engine, shading
 from data_gen.cameras import Camera
 from data_gen.scene import BACKGROUND, RayHits, Scene, Surfaces
 
-_MAX_LAYERS = 8  # surfaces that a ray passes through (holes and glass)
-_OPAQUE = 0.98  # a ray ends when its accumulated opacity reaches this
-_BEHIND = 2e-4  # distance behind a hit at which a ray continues
+_MAX_LAYERS = 8  # largest number of surfaces that a ray passes (holes and glass)
+_OPAQUE = 0.98  # a ray ends at this accumulated opacity
+_BEHIND = 2e-4  # a ray continues at this distance behind a hit
 
-# Samples whose normal deviates more than this from their pixel's centre are on another surface.
+# A sample is on another surface if the cosine between its normal and the centre's is smaller.
 _SAME_SURFACE = float(np.cos(np.deg2rad(30.0)))
 
 Window = tuple[slice, slice]
@@ -28,8 +28,8 @@ class Mesh:
     """A mesh for ray intersection."""
 
     def __init__(self, corners: Float[np.ndarray, "f 3 3"]) -> None:
-        """Builds the search structure of the triangles."""
-        # With these, the texture coordinates of a hit are its barycentric coordinates.
+        """Builds the search structure of triangles with these corners."""
+        # So the texture coordinates of a hit are its barycentric coordinates.
         uv = np.tile(np.array([[0, 0], [1, 0], [0, 1]], np.float32), (len(corners), 1, 1))
         self._scene = engine.mi.load_dict({"type": "scene", "model": engine.mesh(corners, uv)})
 
@@ -62,13 +62,13 @@ class Mesh:
             engine.dr.eval(hits.t, hits.prim_index, hits.prim_uv)
             t = np.array(hits.t, np.float32)
             face = np.where(np.isfinite(t), np.array(hits.prim_index).astype(np.int64), -1)
-            # The values of rays that hit nothing are arbitrary.
+            # Rays without a hit have arbitrary values.
             one, two = np.where(face >= 0, np.array(hits.prim_uv, np.float32).reshape(2, count), 0)
         return RayHits(face, np.stack([1 - one - two, one, two], axis=1), t)
 
 
 def window_of(surfaces: Surfaces, camera: Camera) -> Window:
-    """The window of all vertices, plus a border of one pixel."""
+    """The window of all vertices and a border of a pixel."""
     pixels, _ = cameras.project(surfaces.vertices @ camera.rotation.T, camera)
     height, width = camera.image_size
     low = np.floor(np.nanmin(pixels, axis=0)).astype(int) - 1
@@ -84,7 +84,7 @@ def sample_rays(
 ) -> Float[np.ndarray, "n 3"]:
     """Rays through `side` x `side` points of each chosen pixel of a window, pixel after pixel.
 
-    The directions are in the view-aligned frame; their depth along the optical axis is 1.
+    Directions in the view-aligned frame, with depth 1 along the optical axis.
     """
     rows, columns = np.mgrid[window].reshape(2, -1)[:, chosen]
     offsets = (np.arange(side) + 0.5) / side
@@ -98,7 +98,7 @@ def sample_rays(
 
 
 class _Samples(NamedTuple):
-    """Result of rays: colour, transmittance to the background, and the first surface."""
+    """Results of rays: colour, transmittance to the background, and the first surface."""
 
     colour: Float[np.ndarray, "n 3"]
     through: Float[np.ndarray, " n"]
@@ -109,7 +109,7 @@ class _Samples(NamedTuple):
 
 
 def _follow_rays(mesh: Mesh, scene: Scene, rays: np.ndarray) -> _Samples:
-    """Follows rays from the camera through holes and glass."""
+    """Casts rays from the camera, also through holes and glass."""
     surfaces, camera = scene.surfaces, scene.camera
     count = len(rays)
     colour, normals = np.zeros((2, count, 3), np.float32)
@@ -146,7 +146,6 @@ def _follow_rays(mesh: Mesh, scene: Scene, rays: np.ndarray) -> _Samples:
             break
         on = np.flatnonzero(through[index] > 1 - _OPAQUE)
         index, t = index[on], t[on] + _BEHIND
-        # Continue from behind the hit.
         start = origin + t[:, None] * (rays[index] @ turn)
         following = mesh.cast(start, rays[index] @ turn)
         met = np.flatnonzero(following.face >= 0)
@@ -158,7 +157,7 @@ def _follow_rays(mesh: Mesh, scene: Scene, rays: np.ndarray) -> _Samples:
 
 
 class Picture(NamedTuple):
-    """One rendered view.
+    """A rendered view.
 
     Attributes:
       image: uint8 [H, W, 3].
@@ -172,11 +171,11 @@ class Picture(NamedTuple):
 
 
 def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False) -> Picture:
-    """Renders a view of `scene` with local shading; `mesh` is made from `scene.surfaces.corners`.
+    """Renders a view of `scene` with local shading; `mesh` has its `surfaces.corners`.
 
-    We sample mask and depth at the centres of the pixels. The colour is a mean over `side` x `side`
-    samples, 0 = only the centre. Without soft edges, as in the authors' images, only samples with
-    the centre's material and orientation count: this smooths textures, but edges stay hard.
+    Mask and depth are those at the centres of the pixels. The colour is a mean over `side` x `side`
+    samples, 0 = the centre. Without soft edges, as in the authors' images, we use samples with the
+    material and orientation of the centre only. This smooths textures and leaves edges hard.
     """
     camera = scene.camera
     window = window_of(scene.surfaces, camera)
@@ -184,8 +183,8 @@ def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False)
     # Premultiplied colour, and opacity.
     total = np.concatenate([centre.colour, 1 - centre.through[:, None]], axis=1)
     if side > 0 and (soft_edges or scene.surfaces.texture_start.any()):
-        # Without soft edges, a pixel whose centre misses the object is background, and a pixel on
-        # an untextured surface has one colour.
+        # Without soft edges, a pixel with a centre outside the object is background, and a pixel
+        # on a surface without texture has the centre's colour.
         textured = scene.surfaces.texture_start[centre.owner] > 0
         chosen = np.flatnonzero(soft_edges | (centre.hit & textured))
         seen = _follow_rays(mesh, scene, sample_rays(camera, window, side, chosen))

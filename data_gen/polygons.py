@@ -5,23 +5,23 @@ from collections.abc import Sequence
 import numpy as np
 
 MOST_CORNERS = 4000
-"""Largest number of corners of a polygon that is triangulated by cutting ears; others use a fan."""
+"""Largest number of corners of a polygon from which we cut ears; larger ones become fans."""
 
 
 def cut_ears(outlines: np.ndarray) -> np.ndarray:
     """Triangulates simple polygons, counter-clockwise [p, n, 2], by cutting ears: [p, n - 2, 3].
 
-    An ear is a corner whose triangle is convex and contains no other corner. We cut the first ear
-    of each polygon, then the first ear of the rest, and so on. Corners at the same position do
-    not count: a bridge to a hole has its two ends twice. A polygon that intersects itself has as
-    many triangles, but they may overlap.
+    An ear is a convex corner whose triangle contains no other corner. We cut the first ear of each
+    polygon, then the first ear of the rest, and so on. Corners at the position of a corner of the
+    ear do not count, because a bridge to a hole has both ends twice. The triangles of a polygon
+    that intersects itself may overlap.
     """
     points, (count, size) = outlines, outlines.shape[:2]
     rows, left = np.arange(count), np.tile(np.arange(size), (count, 1))
     convex, inside = np.zeros((count, size), bool), np.zeros((count, size), np.int64)
 
     def measure(column: np.ndarray) -> None:
-        """Finds whether a corner of each polygon is convex, and the corners in its triangle."""
+        """For a corner of each polygon: is it convex, and how many corners are in its triangle?"""
         a, b, c = (points[rows, (column + k) % size][:, None] for k in (-1, 0, 1))
         convex[rows, column] = _cross(a, b, c)[:, 0] > 0
         inside[rows, column] = _contains(a, b, c, points).sum(axis=1)
@@ -31,7 +31,7 @@ def cut_ears(outlines: np.ndarray) -> np.ndarray:
             measure(np.full(count, column))
         result = []
         while size > 3:
-            ear = (convex & (inside == 0)).argmax(axis=1)  # the first corner if there is none
+            ear = (convex & (inside == 0)).argmax(axis=1)  # the first corner if there is no ear
             result.append(np.stack([left[rows, (ear + k) % size] for k in (-1, 0, 1)], axis=1))
             a, b, c = (np.roll(points, shift, axis=1) for shift in (1, 0, -1))
             inside -= _contains(a, b, c, points[rows, ear][:, None])
@@ -47,7 +47,7 @@ def cut_ears(outlines: np.ndarray) -> np.ndarray:
 
 
 def _contains(a: np.ndarray, b: np.ndarray, c: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Whether triangles a, b, c contain points that are not at their corners."""
+    """Whether triangles a, b, c contain points other than their corners."""
     result: np.ndarray = (_cross(a, b, points) >= 0) & (_cross(b, c, points) >= 0)
     result &= _cross(c, a, points) >= 0
     for corner in (a, b, c):
@@ -69,13 +69,13 @@ def fan(count: int) -> np.ndarray:
 
 
 def with_holes(points: np.ndarray, sizes: Sequence[int]) -> np.ndarray:
-    """The order of corners of one polygon that goes around an outline and around its holes.
+    """The corners of a polygon around an outline and its holes, as indices of `points`.
+
+    A bridge, passed twice, connects each hole to the nearest corner of what precedes it.
 
     Args:
       points: [n, 3], the corners of the outline, then of each hole.
-      sizes: their numbers.
-
-    A bridge, which is passed twice, connects each hole to the nearest corner before it.
+      sizes: number of corners of the outline and of each hole.
     """
     order, *holes = np.split(np.arange(len(points)), np.cumsum(sizes)[:-1])
 
@@ -106,17 +106,18 @@ def _cross(o: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def triangles(
     counts: np.ndarray, corners: np.ndarray, vertices: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Triangulates polygons with `counts` [P] corners, whose vertices are `corners` in order.
+    """Triangulates polygons with `counts` [P] corners. `corners` [C] are indices of vertices.
 
-    It returns positions [T, 3] in `corners`, and the polygon [T] of each triangle.
+    Returns:
+      Indices [T, 3] of `corners`, and the polygon of each triangle [T].
     """
     start, own = (np.cumsum(n) - n for n in (counts, counts - 2))
     polygon = np.repeat(np.arange(len(counts)), counts - 2)
     number = np.arange(len(polygon)) - own[polygon]
     first = start[polygon]
     result = np.stack([first, first + number + 1, first + number + 2], axis=1)
-    # A fan is correct for convex polygons. If its triangles do not all have the same orientation,
-    # ears are cut instead. For polygons with thousands of corners this would be too slow.
+    # A fan is correct for convex polygons. If its triangles differ in orientation, we cut ears,
+    # which would be too slow with thousands of corners.
     if (counts > 3).any():
         a, b, c = (vertices[corners[result[:, k]]] for k in range(3))
         normal = np.cross(b - a, c - a)
@@ -131,7 +132,7 @@ def triangles(
             axis = np.abs(total[chosen]).argmax(axis=1)
             kept = np.array([[1, 2], [0, 2], [0, 1]])[axis]
             flat = np.take_along_axis(vertices[corners[span]], kept[:, None], axis=2)
-            # Dropping an axis keeps or reverses the orientation.
+            # Without this axis, the orientation is the same or reversed.
             over = (total[chosen, axis] > 0) == (axis == 1)
             flat[over] = flat[over][..., ::-1]
             ears = cut_ears(flat)

@@ -1,8 +1,8 @@
 """Rendering processes, which may crash, and a pool of them on this machine.
 
-A `Renderer` manages one process, `python -m data_gen.pool FD`, which communicates through the open
-pipe with this file descriptor. `render_local` uses `job.workers` renderers on this machine,
-`data_gen.cluster` one for each worker thread of a Dask cluster.
+A `Renderer` runs a process, `python -m data_gen.pool FD`, that communicates by the open pipe with
+this file descriptor. `render_local` uses `job.workers` renderers on this machine,
+`data_gen.cluster` a renderer for each worker thread of a Dask cluster.
 """
 
 import concurrent.futures
@@ -25,8 +25,8 @@ from psgn_jax.data.shards import Result
 from psgn_jax.system import processes
 from psgn_jax.system.cores import num_cores
 
-_ATTEMPTS = 2  # at a model if its process dies, perhaps for another reason than the model
-_FAILED_STARTS = 3  # if so many processes end before they are ready, no model can be the cause
+_ATTEMPTS = 2  # at a model whose process dies, perhaps for another reason
+_FAILED_STARTS = 3  # after so many failed starts, no model can be the cause
 _SECONDS_TO_START = 300.0
 _SECONDS_IDLE = 600.0
 
@@ -34,15 +34,15 @@ _SECONDS_IDLE = 600.0
 Pool = Callable[[Sequence[tuple[int, Entry]], Context], Generator[Result]]
 """Renders numbered models in any order.
 
-A failing model does not stop the pool. RuntimeError is raised if no process can be started."""
+A failing model does not stop the pool. RuntimeError if no process can start."""
 
 
 class Renderer:
     """Renders models in a separate process, within the limits of the job's settings.
 
-    The process starts for the first model. We replace it when it dies, exceeds a limit or has
-    rendered `models_per_worker` models. It is not one of `multiprocessing`, whose daemonic
-    processes, such as cluster workers, may not start children.
+    The process starts with the first model. We replace it when it dies, exceeds a limit or has
+    rendered `models_per_worker` models. We do not use `multiprocessing`, whose daemonic processes,
+    such as cluster workers, may not start children.
     """
 
     def __init__(self, context: Context) -> None:
@@ -53,9 +53,9 @@ class Renderer:
         self._killed = False
 
     def render(self, number: int, entry: Entry) -> Result:
-        """Renders a model, once more if the process dies.
+        """Renders a model; once more if the process dies.
 
-        To the statuses of `render_model` come "error", "crashed", "timeout" and "memory".
+        Statuses in addition to those of `render_model`: "error", "crashed", "timeout", "memory".
 
         Raises:
           RuntimeError: the processes end before they are ready.
@@ -67,7 +67,7 @@ class Renderer:
         return Result(number, line, records)
 
     def _render_once(self, entry: Entry) -> tuple[dict[str, Any], list[bytes]]:
-        # A process that has been idle for a long time ends by itself.
+        # An idle process ends after `_SECONDS_IDLE`.
         if self._process is not None and self._process.poll() is not None:
             self._discard()
         if self._process is None:
@@ -91,14 +91,14 @@ class Renderer:
         return line, records
 
     def end(self) -> None:
-        """Ends the process, if one is running."""
+        """Ends the process."""
         if self._process is not None:
             with contextlib.suppress(OSError):
                 self._connection.send(None)
         self._discard()
 
     def kill(self) -> None:
-        """Kills the process and ends the renderer, even while another thread is in `render`."""
+        """Kills the process and ends the renderer, also while another thread is in `render`."""
         self._killed = True
         if (process := self._process) is not None:
             process.kill()
@@ -133,12 +133,12 @@ class Renderer:
         raise RuntimeError(f"{_FAILED_STARTS} worker processes {why}")
 
     def _discard(self) -> int | None:
-        """Waits for the process to end, kills it if it does not, and returns its exit code."""
+        """Waits for the end of the process, or kills it. Returns the exit code."""
         process, connection = self._process, self._connection
         self._process = self._connection = None
         if process is None:
             return None
-        # It is ending already, and its exit code says more than the code after a kill.
+        # If it is ending, its exit code says more than the exit code of a kill.
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(10)
         process.kill()
@@ -152,7 +152,7 @@ class Renderer:
         return failure(entry, status, reason or f"exit code {code}"), []
 
     def _megabytes(self) -> float:
-        """Resident memory of the process, 0 if unknown."""
+        """Resident memory of the process; 0 = unknown."""
         try:
             assert self._process is not None
             statm = pathlib.Path(f"/proc/{self._process.pid}/statm").read_text()
@@ -162,7 +162,7 @@ class Renderer:
 
 
 def render_local(tasks: Sequence[tuple[int, Entry]], context: Context) -> Generator[Result]:
-    """Renders models in processes on this machine, one per processor by default; see `Pool`."""
+    """Renders models in processes on this machine, by default one per core; see `Pool`."""
     count = min(context.settings.job.workers or num_cores(), len(tasks))
     renderers = [Renderer(context) for _ in range(count)]
     idle: queue.SimpleQueue[Renderer] = queue.SimpleQueue()
@@ -177,7 +177,7 @@ def render_local(tasks: Sequence[tuple[int, Entry]], context: Context) -> Genera
             idle.put(renderer)
 
     with concurrent.futures.ThreadPoolExecutor(count) as threads:
-        # No list of the futures is kept, because each holds the samples of a model.
+        # We keep no list of the futures, which hold the samples.
         done = concurrent.futures.as_completed([threads.submit(render, *task) for task in tasks])
         try:
             for future in done:
@@ -192,11 +192,11 @@ def render_local(tasks: Sequence[tuple[int, Entry]], context: Context) -> Genera
 
 
 def _serve(connection: multiprocessing.connection.Connection) -> None:
-    """Receives a `Context`, sends None when ready, then receives entries and sends (line, records).
+    """Receives a `Context` and sends None when ready. Then receives entries, sends (line, records).
 
-    It ends at None or when idle for long; an error means the end of the connection.
+    It ends at None, or after `_SECONDS_IDLE`; the end of the connection is an error.
     """
-    # Ctrl-C is sent to all processes of a terminal; the `Renderer` ends this one.
+    # All processes of a terminal receive Ctrl-C; the `Renderer` ends this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     context: Context = connection.recv()
     engine.start(context.variant.name)
@@ -207,7 +207,7 @@ def _serve(connection: multiprocessing.connection.Connection) -> None:
         try:
             records, line = render_model(entry, context)
         except Exception as error:
-            # An unexpected error: only this model fails.
+            # Other models may succeed.
             what = f"{type(error).__name__}: {error}".splitlines()[0][:300]
             records, line = [], failure(entry, "error", what)
         connection.send((line, records))
@@ -216,7 +216,7 @@ def _serve(connection: multiprocessing.connection.Connection) -> None:
 
 
 if __name__ == "__main__":
-    # The end of the connection: the process of the `Renderer` was killed.
+    # The connection ends if the process of the `Renderer` is killed.
     _ended = contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError)
     with _ended, multiprocessing.connection.Connection(int(sys.argv[1])) as _pipe:
         _serve(_pipe)

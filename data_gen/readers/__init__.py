@@ -1,5 +1,5 @@
-"""Readers of models, one module for each format. They return parts, which `load` joins.
+"""Readers of mesh files, a module for each format. They return parts, which `load` joins.
 
-They open only files of a `model_files.Files`, and bound the bytes of a file, the number of faces
-(before they are built, if the format permits) and the pixels.
+They open files only by `model_files.Files`. They limit the bytes of a file, the faces (before the
+arrays exist, if the format permits) and the pixels of textures.
 """

@@ -1,7 +1,7 @@
 """Reader of COLLADA files (1.4 and 1.5), with the XML parser of Python.
 
-We do not use pycollada. It leaves out a whole geometry that contains a strip of lines, and an
-instance with one missing material; it ignores the offset and the stride of accessors in silence.
+We do not use pycollada. It drops a whole geometry because of a strip of lines, and an instance
+because of a missing material, and it ignores the offset and the stride of accessors.
 """
 
 import contextlib
@@ -25,7 +25,7 @@ MAX_XML_BYTES = 64 << 20
 
 _MAX_NODES = 100_000  # a node may have several instances
 
-# Turn the axis that points up into +y, by its name.
+# Rotations of the upward axis to +y, by the name of the axis.
 _TURNS = {
     "Z_UP": ((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1)),
     "X_UP": ((0, -1, 0, 0), (1, 0, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
@@ -43,7 +43,7 @@ _PLACED = ("repeatU", "repeatV", "offsetU", "offsetV", "rotateUV", "rotateFrame"
 
 
 def parsed_xml(data: bytes) -> Element:
-    """The root of an XML file, whose tags are without namespaces: some files have none."""
+    """The root of an XML file. We remove namespaces from tags, because some files have none."""
     check_size("the XML file", len(data), MAX_XML_BYTES)
     if b"<!ENTITY" in data.replace(b"\0", b""):  # UTF-16 has zeros
         raise UnusableModelError("XML entities are refused")
@@ -78,7 +78,7 @@ def read_zae(data: bytes, assets: Assets) -> list[Part]:
 
 
 def _numbers(element: Element | None, count: int = 0) -> np.ndarray:
-    """The numbers in an element: at least `count`, of which we take the first; 0 = all."""
+    """The first `count` numbers in an element; 0 = all."""
     text, tag = ("", "") if element is None else (element.text or "", element.tag)
     values = numbers(text.split(), where=f" in <{tag}>")
     if len(values) < count:
@@ -87,7 +87,7 @@ def _numbers(element: Element | None, count: int = 0) -> np.ndarray:
 
 
 def _integer(element: Element, name: str, default: int) -> int:
-    """An attribute that is a number from 0."""
+    """An attribute with a whole number from 0."""
     text = (element.get(name) or "").strip() or str(default)
     if not text.isdecimal():
         raise DamagedError(f"{text[:20]!r}, expected a number")
@@ -95,12 +95,12 @@ def _integer(element: Element, name: str, default: int) -> int:
 
 
 def _id(url: str | None) -> str:
-    """The identifier at a URL of the same file."""
+    """The identifier in a URL such as `#cube`."""
     return (url or "").strip().removeprefix("#")
 
 
 def _transform(node: Element) -> np.ndarray:
-    """The product [4, 4] of the transforms of a node."""
+    """The product [4, 4] of a node's transforms."""
     result = np.eye(4)
     for element in node:
         matrix = np.eye(4)
@@ -122,7 +122,7 @@ def _transform(node: Element) -> np.ndarray:
 
 
 class _Document:
-    """The elements of a file by their identifiers, and what was read of them."""
+    """The elements of a file by tag and identifier."""
 
     def __init__(self, root: Element, assets: Assets) -> None:
         self.root, self.assets = root, assets
@@ -131,7 +131,7 @@ class _Document:
         self.numbers: dict[Element, np.ndarray] = {}
 
     def find(self, url: str | None, *tags: str) -> Element:
-        """The element with one of these tags at a URL of this file."""
+        """The element that a URL names, with one of the `tags`."""
         found = [e for tag in tags if (e := self.ids.get((tag, _id(url)))) is not None]
         if not found:
             raise DamagedError(f"{tags[0]} {url!r} is not in the file")
@@ -175,14 +175,14 @@ class _Document:
                     case _:
                         controller = self.find(element.get("url"), "controller")
                         geometry, shape = self.controlled(controller)
-                        # Joints move a skin, the node in which it is does not.
+                        # Joints move a skin; its node does not.
                         matrix = matrix if shape is None else turn @ shape
                         parts += self.instance(geometry, element, matrix)
         return parts
 
     @contextlib.contextmanager
     def left_out(self, element: Element) -> Iterator[None]:
-        """Leaves out, with a warning, what is damaged."""
+        """Turns a `DamagedError` into a warning."""
         try:
             yield
         except DamagedError as error:
@@ -190,9 +190,9 @@ class _Document:
             self.assets.warn("parts not readable, left out", f"{name} ({error})")
 
     def controlled(self, controller: Element) -> tuple[Element, np.ndarray | None]:
-        """The geometry of a controller, and the matrix of a skin in bind pose."""
+        """A controller's geometry, and the matrix of its bind pose; None for a morph."""
         shape = None
-        for _ in range(3):  # a skin of a morph of a geometry
+        for _ in range(3):  # a skin may contain a morph, a morph a geometry
             kind = controller.find("skin")
             if kind is not None:
                 given = kind.find("bind_shape_matrix")
@@ -201,14 +201,14 @@ class _Document:
             elif (kind := controller.find("morph")) is not None:
                 self.assets.warn("morph targets not read, base shapes are", controller.get("id"))
             else:
-                raise DamagedError("a controller without skin and morph")
+                raise DamagedError("a controller without <skin> and <morph>")
             controller = self.find(kind.get("source"), "geometry", "controller")
             if controller.tag == "geometry":
                 return controller, shape
         raise DamagedError("controllers of controllers")
 
     def instance(self, geometry: Element, element: Element, matrix: np.ndarray) -> list[Part]:
-        """The polygons of a geometry with the materials of its instance."""
+        """The polygons of an instance of a geometry."""
         mesh = geometry.find("mesh")
         if mesh is None:
             raise DamagedError(f"geometry {geometry.get('id')!r} has no <mesh>")
@@ -224,7 +224,7 @@ class _Document:
         return parts
 
     def part(self, primitive: Element, bound: dict[str | None, Element]) -> Part:
-        """The polygons of a primitive."""
+        """The polygons of a primitive; `bound` has its materials by their symbols."""
         inputs: dict[tuple[str, str], tuple[int, str | None]] = {}
         stride = 1
         for element in primitive.iterfind("input"):
@@ -264,7 +264,7 @@ class _Document:
         )  # fmt: skip
 
     def source(self, url: str | None, least: int) -> np.ndarray:
-        """The numbers [n, c] of the source at a URL, at least `least` of them in a row."""
+        """The numbers [n, c] of a source, with c at least `least`."""
         element = self.find(url, "source")
         accessor = element.find("technique_common/accessor")
         accessor = Element("accessor") if accessor is None else accessor
@@ -286,7 +286,7 @@ class _Document:
     def bound_look(
         self, symbol: str | None, bound: dict[str | None, Element]
     ) -> tuple[Look | None, str]:
-        """The look of a symbol, and the set of texture coordinates that it uses, or ""."""
+        """The material of a symbol, and the number of its set of texture coordinates or ""."""
         if symbol is None:
             return None, ""
         instance = bound.get(symbol)
@@ -301,7 +301,7 @@ class _Document:
         return look, (sets or [""])[0]
 
     def look(self, element: Element) -> tuple[Look, str]:
-        """A material, and the name of the texture coordinates of its texture."""
+        """A material, and the name of its texture coordinates."""
         urls = [instance.get("url") for instance in element.iterfind("instance_effect")]
         effect = self.find(urls[0] if urls else None, "effect")
         inside = effect.iterfind("profile_COMMON/technique/*")
@@ -315,7 +315,7 @@ class _Document:
             self.assets.warn("parameters that a material sets not read", title)
 
         def values(name: str, default: tuple[float, ...] = ()) -> tuple[float, ...]:
-            """The numbers of a colour or of a factor, if there are as many as in the default."""
+            """A colour or a factor; the default if it has fewer numbers than that."""
             inner = shader.find(f"{name}/*")
             if inner is None or inner.tag == "texture":
                 return default
@@ -359,7 +359,7 @@ class _Document:
     def texture(
         self, element: Element | None, params: dict[str | None, Element]
     ) -> tuple[np.ndarray | None, tuple[str, str], str]:
-        """A <texture>, how it wraps, and the name of its coordinates; None if it is missing."""
+        """A texture or None, `Look.wraps`, and the name of its coordinates."""
         if element is None:
             return None, ("repeat", "repeat"), ""
         image, nothing = element.get("texture") or "", Element("none")
@@ -389,7 +389,7 @@ def _polygons(
     def rows(element: Element) -> np.ndarray:
         values = _numbers(element)
         if len(values) % stride or (values != np.rint(values)).any():
-            raise DamagedError(f"{len(values)} indices, expected {stride} whole ones a corner")
+            raise DamagedError(f"{len(values)} indices, expected {stride} whole numbers per corner")
         return values.astype(np.int64).reshape(-1, stride)
 
     blocks = [rows(element) for element in primitive.iterfind("p")]

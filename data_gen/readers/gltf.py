@@ -1,7 +1,7 @@
 """Reader of glTF 2.0 files (`.gltf`, `.glb`).
 
-We read the default scene as it stands in the file: skins in the pose of their joints, morph targets
-with their default weights. What we do not read is in a warning, or the file is refused.
+We read the default scene: skins in the pose of their joints, morph targets with their default
+weights. A warning names what we do not read, or the file is refused.
 """
 
 import re
@@ -24,7 +24,7 @@ _READ = {
     "KHR_materials_unlit", "KHR_mesh_quantization", "KHR_texture_transform",
 }  # fmt: skip
 
-# Without these extensions, a model has the right surface in plainer colours.
+# Without these extensions, the surface is right and the colours are plainer.
 _APPEARANCE = re.compile(r"KHR_materials_|[A-Z]+_texture_")
 
 _POSE = {"translation": [0.0, 0, 0], "rotation": [0.0, 0, 0, 1], "scale": [1.0, 1, 1]}
@@ -44,9 +44,9 @@ class _Surface(NamedTuple):
     """A material of glTF.
 
     Attributes:
-      uv_set: number of its texture coordinates.
-      least: the alpha, relative to the material's, from which on the surface is opaque; below, it
-        is absent. None = alpha is opacity.
+      uv_set: number of the set of texture coordinates.
+      least: the surface is opaque where the alpha of texture and vertices is at least this, and
+        absent elsewhere; None = alpha is the opacity.
     """
 
     look: Look
@@ -78,12 +78,12 @@ def _triangles(mode: int, corners: np.ndarray) -> np.ndarray:
     if mode == 4:
         return corners[: len(corners) // 3 * 3].reshape(-1, 3)
     faces = corners[(strip if mode == 5 else fan)(len(corners))]
-    # A strip that goes on elsewhere repeats corners in between.
+    # Repeated corners join two strips to one.
     return faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
 
 
 def _skinning(joints: np.ndarray, index: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """The matrices [v, 4, 4] of vertices that move with the joints `index`, by shares [v, k]."""
+    """Matrices [v, 4, 4]: means of the joints `index` with the weights `share`, both [v, k]."""
     share = np.nan_to_num(share).clip(0)
     share[share.sum(axis=1) == 0, 0] = 1
     index = np.where(share > 0, index, 0).astype(np.int64)
@@ -138,7 +138,7 @@ class _Scene:
                 self.assets.warn("scenes other than the default one not read", len(scenes) - 1)
         inside = np.zeros(len(nodes), bool)
         inside[[self.root.item("nodes", number).index for number in shown]] = True
-        for number in order:  # a list that grows: parents come first
+        for number in order:  # the list grows; parents precede their children
             if parent[number] >= 0:
                 world[number] = world[parent[number]] @ world[number]
                 inside[number] |= inside[parent[number]]
@@ -148,7 +148,7 @@ class _Scene:
         return nodes, world, inside
 
     def parts(self) -> Iterator[Part]:
-        """The meshes of the scene, each once with all its instances."""
+        """The meshes of the scene; all instances of a mesh are together."""
         nodes, world, inside = self.nodes()
         uses: dict[tuple[int, int, tuple[float, ...]], list[np.ndarray]] = {}
         for number in np.flatnonzero(inside).tolist():
@@ -174,7 +174,7 @@ class _Scene:
             found = None if index < 0 else as_floats(*self.file.accessor(index, len(default)))
             pose.append(np.array([default]) if found is None else found)
         count = max(map(len, pose))
-        self.assets.add_faces(count)  # of at least one
+        self.assets.add_faces(count)  # each has a face or more
         if any(len(values) not in (1, count) for values in pose):
             raise DamagedError(f"{attributes.path} have different counts")
         return _matrices(*(np.broadcast_to(v, (count, v.shape[1])) for v in pose))
@@ -197,7 +197,7 @@ class _Scene:
         self, part: Object, weights: Sequence[float], matrices: np.ndarray,
         joints: np.ndarray | None,
     ) -> Iterator[Part]:  # fmt: skip
-        """The faces of a primitive, once for each of the matrices [n, 4, 4], or with joints."""
+        """The faces of a primitive: a copy under each of the matrices [n, 4, 4], or a skin."""
         mode, attributes = part.get("mode", 4), part.object("attributes")
         if mode < 4 or mode > 6 or "POSITION" not in attributes:
             what = "without positions" if 4 <= mode <= 6 else f"of mode {mode}"
@@ -240,13 +240,13 @@ class _Scene:
         if faces.min() < 0 or faces.max() >= total:
             raise DamagedError(f"{part.path}: faces have missing vertices")
         rows: Any = slice(None)
-        if total > faces.size:  # of arrays that many primitives share
+        if total > faces.size:  # many primitives may share these arrays
             rows, flat = np.unique(faces, return_inverse=True)
             faces = flat.reshape(-1, 3)
         targets = [(t, w) for t, w in zip(part.items("targets"), weights, strict=False) if w]
 
         def values(name: str, *, fractions: bool = False) -> np.ndarray:
-            """An attribute of the vertices, with its morph targets."""
+            """An attribute of the vertices, with the morph targets added."""
             if name not in arrays:
                 raise DamagedError(f"{part.path} has no {name}")
             width = arrays[name][0].shape[1]
@@ -276,7 +276,7 @@ class _Scene:
     # --- Materials ------------------------------------------------------------------------------
 
     def surface(self, index: int) -> _Surface:
-        """A material; -1 stands for a primitive without a material."""
+        """A material; -1 = the default material."""
         if index in self.surfaces:
             return self.surfaces[index]
         fields = Object({}) if index < 0 else self.root.item("materials", index)
@@ -320,7 +320,7 @@ class _Scene:
     def texture(
         self, of_material: Object, slot: str, least: float | None
     ) -> tuple[np.ndarray | None, np.ndarray | None, tuple[str, str], int]:
-        """A texture, its matrix and wraps, and the number of its coordinates."""
+        """A texture, its `Look.uv_matrix` and `wraps`, and the number of its set of coordinates."""
         nothing = None, None, ("repeat", "repeat"), 0
         if slot not in of_material:
             return nothing
@@ -343,13 +343,13 @@ class _Scene:
             uv_set = moved.get("texCoord", uv_set)
             (a, b), (x, y) = moved.numbers("scale", [1, 1]), moved.numbers("offset", [0, 0])
             sine, cosine = np.sin(turn := moved.get("rotation", 0.0)), np.cos(turn)
-            # Of (u, 1 - v), because images of glTF begin at v = 0.
+            # For (u, 1 - v), because images of glTF begin at v = 0.
             matrix = np.array([[cosine * a, -sine * b, sine * b + x],
                                [sine * a, cosine * b, 1 - cosine * b - y]])  # fmt: skip
         return self.picture(source.get("source", int), least), matrix, (wraps[0], wraps[1]), uv_set
 
     def picture(self, index: int, least: float | None) -> np.ndarray | None:
-        """An image, whose alpha is 0 or 1 unless `least` is None; see `_Surface`."""
+        """An image with the alpha of `_Surface.least`: 0 or 1, or unchanged if that is None."""
         fields = self.root.item("images", index)
         picture = self.assets.decoded(
             ("image", index), fields.path, lambda: self.file.image(fields)

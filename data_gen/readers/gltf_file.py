@@ -22,7 +22,7 @@ _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 
 
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
-_MAX_BYTES = 512 << 20  # of all buffers of a file, and of an array that the file need not contain
+_MAX_BYTES = 512 << 20  # of a file's buffers together, and of an array without data in the file
 
 _EXPECTED = {int: "a whole number from 0", float: "a number", str: "a text", list: "a list"}
 
@@ -54,7 +54,7 @@ class Object:
         return DamagedError(f"{self._at(key)}: got {got}, expected {expected}")
 
     def get(self, key: str, default: Any) -> Any:
-        """A field of the type of the default. A type as the default means a required field."""
+        """A field of the default's type. If the default is a type, the field is required."""
         kind = default if isinstance(default, type) else type(default)
         if key not in self and kind is not default:
             return default
@@ -64,7 +64,7 @@ class Object:
         return value if isinstance(value, kind) else kind(value)
 
     def values(self, key: str, kind: type) -> list[Any]:
-        """A list of values of one type, empty if it is missing."""
+        """A list of values of one type; [] if the field is missing."""
         found = self.get(key, [])
         if not all(_is(value, kind) for value in found):
             raise self._wrong(key, found, f"a list, each item {_EXPECTED[kind]}")
@@ -79,7 +79,7 @@ class Object:
         return np.array(found, np.float64)
 
     def object(self, key: str) -> "Object":
-        """The object in a field, without fields if it is missing."""
+        """The object in a field; an empty object if the field is missing."""
         return Object(self.fields.get(key, {}), self._at(key))
 
     def extension(self, name: str) -> "Object | None":
@@ -99,7 +99,7 @@ class Object:
 
 
 def _json_and_chunk(data: bytes) -> tuple[Any, memoryview | None]:
-    """The JSON of a file, and the binary chunk of a GLB. What follows them is ignored."""
+    """The JSON of a file, and the binary chunk of a GLB. We ignore what follows."""
     text, chunk = memoryview(data), None
     if data[:4] == b"glTF":
         version, length = struct.unpack("<4xI4xI", data[:16].ljust(16))
@@ -131,7 +131,7 @@ def as_floats(numbers: np.ndarray, normalised: bool) -> np.ndarray:
 
 
 class Document:
-    """A glTF file: its JSON `root`, and its buffers, which are loaded when they are needed."""
+    """A glTF file: its JSON `root`, and its buffers, loaded on first use."""
 
     def __init__(self, data: bytes, assets: Assets) -> None:
         tree, self._chunk = _json_and_chunk(data)
@@ -142,7 +142,7 @@ class Document:
             raise DamagedError(f"glTF {version}, expected 2.0")
 
     def _contents(self, uri: str) -> bytes:
-        """The data in a URI, or the content of the file that it names."""
+        """The data in a URI, or the content of the file that the URI names."""
         head, comma, text = uri.partition(",")
         if comma and head[:5].lower() == "data:":
             raw = urllib.parse.unquote_to_bytes(text)
@@ -179,13 +179,13 @@ class Document:
         return _by_meshopt(packed, data[start:stop]) if packed else data[start:stop]
 
     def image(self, fields: Object) -> bytes:
-        """The file of an image."""
+        """The content of an image file."""
         if "bufferView" in fields:
             return bytes(self.view(fields.get("bufferView", int)))
         return self._contents(fields.get("uri", str))
 
     def _rows(self, start: Object, kind: Object, shape: tuple[int, int], stride: int) -> np.ndarray:
-        """Rows of numbers of a component type, from an offset in a buffer view."""
+        """Numbers of the type in `kind`, from the buffer view and the offset in `start`."""
         code = _COMPONENTS.get(kind.get("componentType", int))
         if code is None:
             raise DamagedError(f"{kind.path} has an unknown componentType")
@@ -240,7 +240,7 @@ def by_draco(packed: Object, data: memoryview) -> tuple[np.ndarray, dict[str, np
         found: Any = DracoPy.decode(bytes(data))
         own = {k: np.asarray(found.get_attribute_by_unique_id(n)["data"]) for k, n in names.items()}
         return np.asarray(found.faces).ravel(), own
-    except Exception:  # any type for damaged data
+    except Exception:  # damaged data raise errors of any type
         raise DamagedError(f"{packed.path} is damaged") from None
 
 
@@ -250,11 +250,11 @@ _FILTERS = {
     "QUATERNION": ("quat", (8,)),
     "EXPONENTIAL": ("exp", range(4, 257, 4)),
 }
-"""Name in the package and possible strides."""
+"""The filters: name in the package and possible strides."""
 
 
 def _by_meshopt(packed: Object, data: memoryview) -> memoryview:
-    """The bytes of a buffer view."""
+    """The decompressed bytes of a buffer view."""
     try:
         import meshoptimizer
     except ImportError:

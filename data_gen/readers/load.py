@@ -1,4 +1,4 @@
-"""Loads a model from a file, with the reader of its format, and normalises it."""
+"""Reads a model with the reader of its format, and normalises it."""
 
 import os
 import pathlib
@@ -52,12 +52,12 @@ def load_model(
     """Reads a model from a file and normalises it to the project's frame.
 
     Args:
-      name: path of the file; with `files`, its name there.
-      files: the file and the files that it refers to; None = the folder of `name`.
-      up, front: see `frame.orient`.
-      model_id: name of the object; empty = the name of the file.
+      name: path of the file; with `files`, its name in them.
+      files: contain the file and the files that it refers to; None = the folder of `name`.
+      up, front: axes of the file, see `frame.orient`.
+      model_id: name of the model; "" = the name of the file.
       max_faces: largest accepted number of faces.
-      turn: a change of the model in the axes of the file.
+      turn: transforms the model in the axes of the file.
       **about: `category` and `parameters` of the model.
 
     Raises:
@@ -67,7 +67,7 @@ def load_model(
     if files is None:
         path = pathlib.Path(name)
         model_id = model_id or path.name
-        if path.is_symlink():  # named by the caller: it may lead anywhere
+        if path.is_symlink():  # the caller has named it, so it may lead anywhere
             path = path.resolve()
         files, name = FolderFiles(path.parent), path.name
     place = files.find(name)
@@ -76,7 +76,7 @@ def load_model(
     assets = Assets(files, posixpath.dirname(name), max_faces)
     about["model_id"] = model_id or name
     try:
-        with np.errstate(over="ignore", invalid="ignore"):  # `normalize` refuses what overflows
+        with np.errstate(over="ignore", invalid="ignore"):  # `normalize` refuses infinite values
             arrays = _read(name, files.read(place), assets)
             model = build_model(**arrays, **about, warnings=assets.warnings)
             return normalize(orient(turn(model), up, front))
@@ -88,7 +88,7 @@ def load_model(
 
 
 def _read(name: str, data: bytes, assets: Assets) -> dict[str, Any]:
-    """The arrays of a file for `mesh.build_model`."""
+    """The arguments of `mesh.build_model` from a file."""
     stem, ending = posixpath.splitext(name.lower())
     if ending == ".gz":
         ending = posixpath.splitext(stem)[1]
@@ -104,7 +104,7 @@ def _read(name: str, data: bytes, assets: Assets) -> dict[str, Any]:
         return joined(READERS[kind](data, assets), assets)
     except (UnusableModelError, MemoryError, OSError):
         raise
-    except Exception as error:  # another one is of a parser that does not expect the damage
+    except Exception as error:  # others come from parsers that met unexpected damage
         why = one_line(error) if isinstance(error, DamagedError) else "the file is damaged"
         raise UnusableModelError(f"not readable as {title}: {why}"[:200]) from error
 

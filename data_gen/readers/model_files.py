@@ -1,4 +1,4 @@
-"""The files of a model in a folder or a zip archive; files outside are never opened."""
+"""The files of a model in a folder or a zip archive. We never open files outside."""
 
 import abc
 import contextlib
@@ -26,11 +26,11 @@ UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 
 
 class DamagedError(Exception):
-    """A file, or a part of it, cannot be read as its format; the text says why."""
+    """A file, or a part of a file, violates its format; the text says how."""
 
 
 def numbers(words: Sequence[Any], kind: type = np.float64, where: str = "") -> np.ndarray:
-    """The numbers that words, or rows of words, stand for; errors say where they are."""
+    """Words or rows of words as numbers. `where` is a place for the error."""
     try:
         return np.array(words, kind)
     except (ValueError, OverflowError, TypeError):
@@ -38,20 +38,20 @@ def numbers(words: Sequence[Any], kind: type = np.float64, where: str = "") -> n
 
 
 def check_size(what: str, size: int, limit: int) -> None:
-    """Raises UnusableModelError if a file has too many bytes."""
+    """Raises UnusableModelError if `size` bytes are more than `limit`."""
     if size > limit:
         raise UnusableModelError(f"{what}: {size} bytes are more than the limit of {limit}")
 
 
 def check_announced(what: str, announced: int, there: int) -> None:
-    """Raises UnusableModelError if less is there than the file announces."""
+    """Raises UnusableModelError if a file announces more than it has."""
     if there < announced:
         counts = f"{announced} announced, {there} there"
         raise UnusableModelError(f"the file is cut off: {what}: {counts}")
 
 
 def as_utf8(text: bytes) -> bytes:
-    """A text without a byte-order mark, not in UTF-16, with line feeds between its lines."""
+    """A text of any encoding as UTF-8, without a byte-order mark, with line feeds as line ends."""
     if text[:2] in UTF_16_MARKS or b"\0" in text[:2]:
         encoding = "utf-16-be" if text[:1] == b"\0" else "utf-16-le"
         encoding = "utf-16" if text[:2] in UTF_16_MARKS else encoding
@@ -60,13 +60,13 @@ def as_utf8(text: bytes) -> bytes:
 
 
 def whole_lines(text: bytes) -> bytes:
-    """`as_utf8`, with continued lines joined. A backslash may also be half of a letter of GBK."""
+    """`as_utf8` with continued lines joined. A backslash may also be half a character of GBK."""
     text = as_utf8(text)
     return re.sub(rb"(?<![\x80-\xff])\\\n", b" ", text) if b"\\\n" in text else text
 
 
 def reason(data: bytes) -> str | None:
-    """Why the content of a file cannot be what its name says, None if nothing is known."""
+    """Why the content contradicts the name of a file; None if it need not."""
     if not data.lstrip(b"\0"):
         return "it contains only zeros" if data else "it is empty"
     start = data[:200].removeprefix(b"\xef\xbb\xbf").lstrip().lower()
@@ -86,13 +86,13 @@ _PACKED = ((b"PK\3\4", "zip"), (b"\x1f\x8b", "gzip"), (b"BZh", "bzip2"), (b"\xfd
 
 
 class Files(abc.ABC):
-    """The files that a model may refer to, named relative to a root."""
+    """The files that a model may refer to. Names are relative to a root."""
 
     refusal = UnusableModelError  # if a file is missing
 
     @abc.abstractmethod
     def find(self, name: str) -> Any:
-        """The place of a file, whose stored name may differ in case; or None."""
+        """The place of a file for `read`, with the case of letters ignored; None if missing."""
 
     def why_not(self, name: str) -> str:
         """Why `find` returns None for a name."""
@@ -103,12 +103,12 @@ class Files(abc.ABC):
         """The content of a file. UnusableModelError if it is larger than `MAX_FILE_BYTES`."""
 
     def open(self, name: str, *folders: str) -> bytes:
-        """The content of the file that a file in one of the `folders` calls `name`.
+        """The content of a file, whose name is relative to one of the `folders`.
 
-        Backslashes, quotes, wrong case, escapes and queries of URLs, names in Latin-1 or GBK and
-        comments after names are accepted. If the file does not exist or is outside of the root, we
-        take a file of the same name directly in the folder, because references often contain
-        folders of the author's computer.
+        We accept backslashes, quotes, wrong case, escapes and queries of URLs, names in Latin-1 or
+        GBK and comments after names. Names often contain folders of the author's computer: if the
+        file does not exist or is outside of the root, we take a file with the last part of the name
+        in the folder.
 
         Raises:
           FileNotFoundError: there is no such file.
@@ -130,15 +130,15 @@ class Files(abc.ABC):
 
 
 class FolderFiles(Files):
-    """The files below a folder. Links may lead only to files there, and below the folders `linked`.
+    """The files below a folder. Links may only lead below it, or below the folders `linked`.
 
-    In the cache of a hub, whose files are links, they may also lead to the cache's own content.
+    In the cache of a hub, whose files are links, they may also lead to the content of the cache.
     """
 
     refusal = UnreadableModelError
 
     def __init__(self, root: str | os.PathLike[str], linked: Sequence[str] = ()) -> None:
-        self.root = pathlib.Path(root).absolute()  # for processes elsewhere
+        self.root = pathlib.Path(root).absolute()  # for processes in other working directories
         self._homes = [self.root.resolve(), *map(pathlib.Path, linked)]
         for folder in self._homes[0].parents:  # REPOSITORY/snapshots/VERSION/a.glb -> ../../blobs/1
             if folder.name == "snapshots" and (folder.parent / "refs").is_dir():
@@ -146,7 +146,7 @@ class FolderFiles(Files):
         self._names: dict[pathlib.Path, dict[str, str]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_names": {}}  # every process makes its own listings
+        return {**self.__dict__, "_names": {}}  # each process lists the folders again
 
     def find(self, name: str) -> pathlib.Path | None:
         path = self.root
@@ -166,7 +166,7 @@ class FolderFiles(Files):
         return "is missing"
 
     def _alike(self, folder: pathlib.Path, name: str) -> str | None:
-        """The first name in a folder that differs only in case; the folder is listed once."""
+        """A name in a folder that differs in case only; None if there is none."""
         if folder not in self._names:
             entries: list[str] = []
             with contextlib.suppress(OSError):
@@ -181,7 +181,7 @@ class FolderFiles(Files):
 
 _MAX_MEMBERS = 200_000
 
-# The text of a mesh has a compression ratio of 3 to 10; a small image of one colour may have 1,000.
+# The text of a mesh has a compression ratio of 3 to 10, a small image of one colour up to 1,000.
 _MAX_RATIO, _RATIO_FROM = 200, 8 << 20
 
 
@@ -222,5 +222,5 @@ class ZipFiles(Files):
 
 @functools.lru_cache(maxsize=8)
 def open_archive(path: str, _modified: int) -> ZipFiles:
-    """The archive, kept open for the next models that this process loads, until it is modified."""
+    """The archive, open for the next models of this process until the file changes."""
     return ZipFiles(path)

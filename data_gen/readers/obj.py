@@ -1,8 +1,8 @@
 """Reader of Wavefront OBJ files and their materials, MTL files.
 
-ShapeNet and Sweet Home 3D have many features that other readers ignore silently: missing and
-negative indices, several material files, options before the names of textures, alpha maps, missing
-images, concave polygons.
+Files of ShapeNet and Sweet Home 3D have features that other readers ignore: missing and negative
+indices, several material files, options before the names of textures, alpha maps, missing images,
+concave polygons.
 """
 
 import collections
@@ -23,7 +23,7 @@ from psgn_jax.system.untrusted import one_line
 
 
 def _blocks(data: bytes, size: int = 1 << 22) -> Iterator[bytes]:
-    """Splits a text into blocks of whole lines."""
+    """The text in blocks of whole lines."""
     start = 0
     while start < len(data):
         stop = data.find(b"\n", min(start + size, len(data))) + 1 or len(data)
@@ -31,7 +31,7 @@ def _blocks(data: bytes, size: int = 1 << 22) -> Iterator[bytes]:
         start = stop
 
 
-_MOST_LIBRARIES = 1000  # largest number of material files of a model; others are ignored
+_MOST_LIBRARIES = 1000  # material files of a model; we ignore others
 
 _COLUMNS = {"v": 3, "vt": 2, "vn": 3}
 
@@ -45,19 +45,19 @@ _UNREAD = {
 
 
 def _rows(lines: list[list[str]], columns: int) -> np.ndarray:
-    """The words of lines as numbers [n, columns]; short lines are padded with 0."""
+    """Words as numbers [n, columns]; we pad short lines with 0."""
     if any(len(words) < columns for words in lines):
         lines = [[*words, "0", "0", "0"][:columns] for words in lines]
     return numbers(lines).reshape(-1, columns)
 
 
 def _indices(tokens: list[str]) -> np.ndarray:
-    """`a`, `a/b`, `a//c` and `a/b/c` as int64 [n, 3]; 0 = not given."""
+    """`a`, `a/b`, `a//c` and `a/b/c` as int64 [n, 3]; 0 = missing."""
     slashes = {token.count("/") for token in tokens}
     columns = max(slashes, default=0) + 1
-    if len(slashes) == 1 and columns <= 3:  # fast, as nearly all files have one form
+    if len(slashes) == 1 and columns <= 3:  # as in nearly all files; this is fast
         with contextlib.suppress(ValueError), python_warnings.catch_warnings():
-            python_warnings.simplefilter("ignore", DeprecationWarning)  # the array is then shorter
+            python_warnings.simplefilter("ignore", DeprecationWarning)  # of a text with other words
             text = " ".join(tokens).replace("//", "/0/").replace("/", " ")
             values = np.fromstring(text, np.int64, sep=" ")
             if len(values) == columns * len(tokens) and np.abs(values).max() < 1 << 60:
@@ -67,13 +67,13 @@ def _indices(tokens: list[str]) -> np.ndarray:
 
 
 def _short(name: str) -> str:
-    """A name without the comment after it."""
+    """A name without a comment at its end."""
     return re.split(r"\s#", name)[0].strip()
 
 
 def _read_libraries(line: str, assets: Assets, seen: set[str]) -> dict[str, Look]:
-    """The materials of the files that a line `mtllib` names, except those already `seen`."""
-    # Either one name, which may contain spaces, or several names.
+    """The materials of the files in a line `mtllib`, except files in `seen`."""
+    # The line has a name, which may contain spaces, or several names.
     rest = line.split(None, 1)[1].strip().strip('"').replace("\\", "/")
     path = posixpath.normpath(posixpath.join(assets.base, rest))
     inside = not path.startswith(("/", ".."))
@@ -93,9 +93,9 @@ def _read_libraries(line: str, assets: Assets, seen: set[str]) -> dict[str, Look
 
 
 def read_obj(data: bytes, assets: Assets) -> list[Part]:
-    """The polygons of an OBJ file, read in blocks so that memory is bounded."""
+    """The polygons of an OBJ file. We read it in blocks, which bounds the memory."""
     rows = {key: [np.zeros((0, columns))] for key, columns in _COLUMNS.items()}
-    read = dict.fromkeys(_COLUMNS, 0)  # number of rows of each kind so far
+    read = dict.fromkeys(_COLUMNS, 0)  # number of rows so far
     looks: dict[str, Look] = {}
     names: dict[str, int] = {}
     libraries: set[str] = set()
@@ -109,8 +109,8 @@ def read_obj(data: bytes, assets: Assets) -> list[Part]:
     for block in _blocks(whole_lines(data)):
         fresh: dict[str, list[list[str]]] = {key: [] for key in _COLUMNS}
         tokens: list[str] = []
-        seen: list[tuple[int, int, int]] = []  # number of rows before each corner
-        # Bytes that are not UTF-8, such as names in Latin-1 or GBK, stay distinct.
+        seen: list[tuple[int, int, int]] = []  # number of rows before the corner
+        # Other bytes than UTF-8, such as names in Latin-1 or GBK, stay distinct.
         for line in block.decode("utf-8", "surrogateescape").split("\n"):
             key, *words = line.split() or [""]
             if not words:
@@ -142,9 +142,9 @@ def read_obj(data: bytes, assets: Assets) -> list[Part]:
         corners = _indices(tokens)
         if (corners[:, 0] == 0).any():
             raise DamagedError("a face has index 0, but 1 is the first")
-        if (corners < 0).any():  # counted back from the rows before the face
+        if (corners < 0).any():  # they count back from the last row before the face
             corners += np.where(corners < 0, np.array(seen) + 1, 0)
-        corner_blocks.append(corners - 1)  # from 0, and negative = none
+        corner_blocks.append(corners - 1)  # from 0; negative = missing
     for key, number in unread.items():
         assets.warn(_UNREAD[key], number)
     vertices, texture, normal = (np.concatenate(blocks) for blocks in rows.values())
@@ -178,7 +178,7 @@ def read_obj(data: bytes, assets: Assets) -> list[Part]:
 
 
 def floats(words: Sequence[str], count: int) -> list[float] | None:
-    """The first `count` words as finite numbers, or None."""
+    """The first `count` words as numbers; None if they are fewer or not finite numbers."""
     try:
         values = [float(w) for w in words[:count]]
     except ValueError:
@@ -186,14 +186,14 @@ def floats(words: Sequence[str], count: int) -> list[float] | None:
     return values if len(values) == count and np.isfinite(values).all() else None
 
 
-# Options of a map statement and their number of arguments, from the MTL specification. 0 means one
-# to three numbers.
+# Options of a map statement and their number of arguments, from the MTL specification; 0 = one to
+# three numbers.
 _MAP_OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-texres": 1, "-imfchan": 1,
                 "-type": 1, "-bm": 1, "-boost": 1, "-mm": 2, "-o": 0, "-s": 0, "-t": 0}  # fmt: skip
 
 
 def _map_name(rest: str) -> tuple[str, dict[str, list[str]]]:
-    """The file name of a map statement, which may contain spaces, and the options before it."""
+    """The file name in a map statement, which may contain spaces, and the options before it."""
     words = rest.split()
     options: dict[str, list[str]] = {}
     while words and (option := words[0].lower()) in _MAP_OPTIONS:
@@ -204,11 +204,11 @@ def _map_name(rest: str) -> tuple[str, dict[str, list[str]]]:
 
 
 def read_mtl(data: bytes, assets: Assets, folder: str = "") -> dict[str, Look]:
-    """The materials of an MTL file in a `folder` below the model's folder, by name.
+    """The materials of an MTL file by name; `folder` is its place below the model's folder.
 
     We read Kd, Ks, Ns, d, Tr, illum (2 and above have a highlight), map_Kd and map_d with the
-    options -s, -o, -clamp, -mm and -imfchan, and map_Ka if there is no map_Kd. A black Kd with a
-    texture counts as white, because many exporters write black and mean only the texture.
+    options -s, -o, -clamp, -mm and -imfchan, and map_Ka if map_Kd is missing. We read black Kd with
+    a texture as white: many exporters write black and mean the texture alone.
     """
     statements: dict[str, dict[str, str]] = {}
     current: dict[str, str] = {}
@@ -226,7 +226,7 @@ def read_mtl(data: bytes, assets: Assets, folder: str = "") -> dict[str, Look]:
 
 
 def _look(name: str, lines: dict[str, str], assets: Assets, folder: str) -> Look:
-    """The material of the statements `lines`."""
+    """The material that the statements of `lines` describe."""
 
     def number(key: str, default: float) -> float:
         values = floats(lines.get(key, "").replace("-halo", "").split(), 1)

@@ -1,4 +1,4 @@
-"""Reader of OFF files, as the manual of Geomview describes them."""
+"""Reader of OFF files, as defined in the manual of Geomview."""
 
 import itertools
 import re
@@ -38,22 +38,22 @@ def read_off(data: bytes, assets: Assets) -> list[Part]:
     if len(head) < 2 or not (head[0] + head[1]).isdecimal():
         raise DamagedError("expected the numbers of vertices and faces")
     if len(head) == 2 and lines and len(lines[0]) == 1:
-        lines.pop(0)  # the number of edges, alone in a line
+        lines.pop(0)  # the number of edges in a line of its own
     if len(head) > 3:
         lines.insert(0, head[3:])
     points, faces = int(head[0]), int(head[1])
     assets.add_faces(faces)
 
-    tail = 2 if kind[1] else 0  # texture coordinates, but OFF names no image
+    tail = 2 if kind[1] else 0  # texture coordinates; OFF has no textures
     width = 3 + 3 * ("N" in extra) + 4 * ("C" in extra) + tail
     if len({len(words) for words in lines[:points]}) > 1 or len(lines) < points:
-        words = list(itertools.chain(*lines))  # lines have no meaning
+        words = list(itertools.chain(*lines))  # the line breaks have no meaning
         check_announced("vertices", points, len(words) // width)
         rows = [words[k : k + width] for k in range(0, points * width, width)]
         rest, lines = iter(words[points * width :]), []
         for number in rest:
             lines.append([number, *itertools.islice(rest, _count(number))])
-        if len(lines) > faces:  # or not all vertices have as many numbers
+        if len(lines) > faces:  # or vertices differ in the number of words
             raise DamagedError("lines of vertices differ in length")
     else:
         rows, lines = lines[:points], lines[points:]

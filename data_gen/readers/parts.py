@@ -1,6 +1,6 @@
-"""Parts of a model as files describe them, polygons with colours, and their arrays.
+"""Parts, the result of all readers: polygons with colours. `joined` makes the arrays of a model.
 
-All readers end here, so that polygons, textures and colours of all formats get the same treatment.
+So all formats share the treatment of polygons, textures and colours.
 """
 
 import collections
@@ -19,13 +19,13 @@ from psgn_jax.system.untrusted import one_line
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Look:
-    """A material, and how it is applied.
+    """A material and its use.
 
     Attributes:
-      material: its texture repeats.
-      uv_matrix: changes texture coordinates (u, v, 1), [2, 3]; None = unchanged.
-      wraps: of the texture along u and v: "repeat", "mirror" or "clamp".
-      tinted: whether colours of faces multiply the texture; otherwise they have no effect on it.
+      material: may have a texture.
+      uv_matrix: [2, 3], maps texture coordinates (u, v, 1) to those of the texture; None = equal.
+      wraps: the texture outside [0, 1] along u and v: "repeat", "mirror" or "clamp".
+      tinted: whether colours of faces multiply the texture; otherwise the texture hides them.
     """
 
     material: Material
@@ -41,16 +41,16 @@ WHITE = Look(Material(diffuse=(1.0, 1.0, 1.0), name="colours"))
 
 @dataclasses.dataclass
 class Part:
-    """Polygons, whose corners follow each other in all arrays.
+    """Polygons. The corners of all polygons follow each other in the arrays of corners.
 
     Attributes:
-      vertices: [V, 3].
-      counts: number of corners [P] of each polygon.
-      corners: the vertices [C] of the polygons' corners, in order.
-      looks: None = the file gives no material.
-      owner: index [P] into `looks`; None = all 0.
-      uv, normals: of the corners, [C, 2] and [C, 3], or None. Images begin at v = 1.
-      colours: of the corners, display RGBA [C, 4] in [0, 1], or None.
+      vertices: positions [V, 3].
+      counts: number of corners of each polygon [P].
+      corners: index of the vertex of each corner [C].
+      looks: materials; None = a plain one.
+      owner: index into `looks` of each polygon [P]; None = 0.
+      uv, normals: of each corner, [C, 2] and [C, 3], or None. The first row of images is at v = 1.
+      colours: display RGBA of each corner [C, 4] in [0, 1], or None.
     """
 
     vertices: np.ndarray
@@ -63,7 +63,7 @@ class Part:
     colours: np.ndarray | None = None
 
     def polygons(self) -> np.ndarray:
-        """The number [C] of the polygon of each corner."""
+        """The index of the polygon of each corner [C]."""
         return np.repeat(np.arange(len(self.counts)), self.counts)
 
 
@@ -71,16 +71,16 @@ def material(
     diffuse: ArrayLike, specular: ArrayLike, shininess: float, opacity: float,
     texture: np.ndarray | None, name: str,
 ) -> Material:  # fmt: skip
-    """The material of these values, each clipped to its range."""
+    """A material; we clip the values to their ranges."""
     (r, g, b), (x, y, z) = (np.clip(rgb, 0, 1).tolist() for rgb in (diffuse, specular))
     shininess, opacity = min(max(shininess, 1.0), 1000.0), min(max(opacity, 0.0), 1.0)
     return Material((r, g, b), (x, y, z), shininess, opacity, texture, one_line(name))
 
 
 def placed(part: Part, matrices: np.ndarray) -> Part:
-    """A part with each vertex under its matrix, [V, 4, 4], or all under one, [1, 4, 4].
+    """The part transformed by a matrix for each vertex, [V, 4, 4], or for all, [1, 4, 4].
 
-    Polygons are reversed if the matrices of all their corners mirror.
+    We reverse polygons if the matrices of all their corners mirror.
     """
     linear = matrices[:, :3, :3]
     determinants = np.linalg.det(linear)
@@ -91,7 +91,7 @@ def placed(part: Part, matrices: np.ndarray) -> Part:
     vertices = np.einsum("vij,vj->vi", linear, part.vertices) + matrices[:, :3, 3]
     part = dataclasses.replace(part, vertices=vertices)
     if part.normals is not None:
-        # The matrix of cofactors, because the linear part may be singular.
+        # The matrix of cofactors in place of the inverse, because the matrix may be singular.
         a, b, c = np.moveaxis(linear, 2, 0)
         turn = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=2)
         turn *= np.where(determinants < 0, -1, 1)[:, None, None]
@@ -109,22 +109,26 @@ def placed(part: Part, matrices: np.ndarray) -> Part:
 
 
 def joined(parts: Sequence[Part], assets: Assets) -> dict[str, Any]:
-    """The parts as the arrays of `mesh.build_model`.
+    """The parts as arguments of `mesh.build_model`.
 
-    Polygons with less than three corners or with missing vertices are dropped with a warning.
+    We drop polygons with fewer than three corners or with missing vertices, with a warning.
 
     Raises:
       UnusableModelError: nothing is left, or there are too many triangles.
     """
     blocks: dict[str, list[np.ndarray]] = collections.defaultdict(list)
     numbers: dict[Look, int] = {}
-    fields = {"uv": (2, 0.0), "normals": (3, 0.0), "colours": (4, 1.0)}  # columns and default
+    fields = {
+        "uv": (2, 0.0),
+        "normals": (3, 0.0),
+        "colours": (4, 1.0),
+    }  # number of columns, default
     for name in ("normals", "colours"):
         if all(getattr(part, name) is None for part in parts):
             del fields[name]
     offset = few = lost = 0
     total = sum(int(np.maximum(part.counts - 2, 0).sum()) for part in parts)
-    assets.add_faces(total - assets.faces)  # the rest, if the reader has counted some
+    assets.add_faces(total - assets.faces)  # without those that the reader has counted
     for part in parts:
         counts, corners = part.counts, part.corners
         polygon = part.polygons()
@@ -153,7 +157,7 @@ def joined(parts: Sequence[Part], assets: Assets) -> dict[str, Any]:
         own_numbers = [numbers.setdefault(look, len(numbers)) for look in own]
         blocks["owner"].append(np.array(own_numbers)[owner])
         offset += len(part.vertices)
-    for number, what in ((few, "less than three corners"), (lost, "missing vertices")):
+    for number, what in ((few, "fewer than three corners"), (lost, "missing vertices")):
         if number:
             assets.warn(f"faces with {what} dropped", number)
     if not blocks:
@@ -172,7 +176,7 @@ def _dressed(
     colours: np.ndarray | None,
     assets: Assets,
 ) -> tuple[Sequence[Material], np.ndarray]:
-    """Materials, and the material of each face; changes texture coordinates.
+    """The materials, and the material of each face. It changes the coordinates `uv` in place.
 
     Colours of faces multiply the diffuse colour and the opacity.
     """
@@ -208,7 +212,7 @@ def _dressed(
 
 
 def picked(values: np.ndarray | None, index: np.ndarray) -> np.ndarray | None:
-    """The rows of values at indices, 0 where there is no such row; None if there is none at all."""
+    """The rows of `values` at indices; 0 for a missing row, None if all rows are missing."""
     if values is None:
         return None
     good = (index >= 0) & (index < len(values))
@@ -218,26 +222,26 @@ def picked(values: np.ndarray | None, index: np.ndarray) -> np.ndarray | None:
 
 
 def rgba(colours: np.ndarray, assets: Assets, white: float = 0) -> np.ndarray:
-    """RGB or RGBA [n, 3 or 4] as RGBA in [0, 1]; white = 0: it is 1, or 255 if a value is above 1.
+    """RGB or RGBA [n, 3 or 4] as RGBA in [0, 1]; NaN becomes grey.
 
-    Colours that are not numbers become grey.
+    `white` is the largest value; 0 = 255 if a value is above 1, otherwise 1.
     """
     colours = np.pad(
         colours[:, :4], ((0, 0), (0, max(4 - colours.shape[1], 0))), constant_values=np.nan
     )
     colours = colours / (white or (255 if (colours[:, :3] > 1).any() else 1))
-    if len(colours) and (colours[:, 3] == 0).all():  # as several writers leave it
+    if len(colours) and (colours[:, 3] == 0).all():  # some programs write no other alpha
         assets.warn("alpha 0 in all colours, opaque is used")
         colours[:, 3] = 1
     return np.where(np.isnan(colours), (*GREY, 1.0), colours)
 
 
 def palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:
-    """A material and uv [F, 3, 2] that give each face its colour, uint8 [F, 4] to 5 bits."""
+    """A material and uv [F, 3, 2] with the colours uint8 [F, 4] of faces, rounded to 5 bits."""
     key = (colours.astype(np.int64) >> 3) @ np.array([1 << 15, 1 << 10, 1 << 5, 1])
     distinct, first, index = np.unique(key, return_index=True, return_inverse=True)
     width = int(np.ceil(np.sqrt(len(distinct))))
-    # Unused texels repeat the last colour: an opaque palette has no alpha, which is slow to handle.
+    # Unused texels repeat the last colour, so that an opaque palette stays opaque, which is faster.
     texture = np.pad(colours[first], ((0, width * width - len(distinct)), (0, 0)), mode="edge")
     column, row = index % width, index // width
     uv = np.stack([(column + 0.5) / width, 1 - (row + 0.5) / width], axis=1)

@@ -21,17 +21,17 @@ _TYPES = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4
 
 _TEXTURE = re.compile(r"(?:comment|obj_info)\s+texturefile\s+(.+)", re.IGNORECASE)
 
-# Names of properties, in the order of preference.
+# Names of properties; we take the first that exists.
 _UV = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("s0", "t0"))
 _COLOURS = (("red", "green", "blue", "alpha"), ("r", "g", "b", "a"),
             ("diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha"))  # fmt: skip
 
-_UNUSED = ("camera", "range_grid")  # elements that say nothing about the surface
+_UNUSED = ("camera", "range_grid")  # elements without effect on the surface
 
-# By its property: the lengths of the lists [n], None for single numbers, and all numbers in order.
+# For each property: the lengths [n] of its lists (None: it has no lists), and all numbers.
 _Rows = dict[str, tuple[np.ndarray | None, np.ndarray]]
 
-_Property = tuple[str, str, str]  # a name, the types of its numbers and of the length of a list
+_Property = tuple[str, str, str]  # name, type of the numbers, type of a list's length or ""
 
 
 def read_ply(data: bytes, assets: Assets) -> list[Part]:
@@ -61,7 +61,7 @@ def read_ply(data: bytes, assets: Assets) -> list[Part]:
     normals = _columns(vertex, ("nx", "ny", "nz"))
 
     def part(counts: np.ndarray, corners: np.ndarray, owner: np.ndarray) -> Part:
-        """Polygons with the values of their vertices, and with the texture `owner` [P], or -1."""
+        """Polygons with the values of their vertices; `owner` [P] is the texture, -1 = none."""
         of_corners = (picked(values, corners) for values in (uv, normals, colours))
         return Part(vertices, counts, corners, [*looks, None], owner, *of_corners)
 
@@ -69,7 +69,7 @@ def read_ply(data: bytes, assets: Assets) -> list[Part]:
     if (number := _columns(faces, ("texnumber",))) is not None:
         owner = number[:, 0].astype(np.int64)
         missing = (owner < 0) | (owner >= len(looks))
-        if looks and (owner[missing] != -1).any():  # which means none
+        if looks and (owner[missing] != -1).any():  # -1 means none
             assets.warn("texnumber of missing textures, the plain colour is used")
         owner[missing] = -1
     elif len(looks) > 1:
@@ -91,12 +91,12 @@ def read_ply(data: bytes, assets: Assets) -> list[Part]:
 
 
 def _elements(data: bytes, assets: Assets) -> tuple[dict[str, _Rows], list[str]]:
-    """The rows of each element that has some, and the names of the images."""
+    """The rows of each element that is not empty, and the names of the images."""
     data = data.removeprefix(b"\xef\xbb\xbf")
     first = re.match(rb"ply[ \t]*(\r\n|\r|\n)", data)
     if not first:
         raise DamagedError("it does not begin with a line 'ply'")
-    # After a single carriage return, data may begin with the byte of a line feed.
+    # If lines end with a carriage return, binary data may begin with the byte of a line feed.
     stop = rb"[\r\n][ \t]*end_header[ \t]*" + (rb"\r" if first[1] == b"\r" else rb"\r?\n")
     last = re.search(stop, data[: 1 << 20])
     if not last:
@@ -129,7 +129,7 @@ def _elements(data: bytes, assets: Assets) -> tuple[dict[str, _Rows], list[str]]
             what = f"{count} rows of element {name!r} are more than the limit of"
             raise UnusableModelError(f"{what} {assets.max_faces}")
     body, lines = data[last.end() :], None
-    if form == "ascii":  # a line is a row
+    if form == "ascii":  # each line is a row
         lines = [words for line in body.splitlines() if (words := line.split())]
         used = itertools.chain(*lines[: sum(counts.values())])
         body = numbers(list(used)).tobytes()
@@ -163,9 +163,9 @@ def _elements(data: bytes, assets: Assets) -> tuple[dict[str, _Rows], list[str]]
 def _runs(
     properties: list[_Property], order: str, count: int, data: bytes, at: int
 ) -> Iterator[np.ndarray]:
-    """Arrays of rows whose lists have the same lengths, up to the end of the data.
+    """Arrays of rows with lists of equal lengths, up to the end of the data.
 
-    Field `n2` is the length of the list in field `2`. Without an order, all numbers are doubles.
+    Field `2` has the third property, `n2` the length of its list. Text (`order` "") has doubles.
     """
     most = count
     while count:
@@ -195,17 +195,17 @@ def _runs(
         found = there if same.all() else int(same.argmin())
         yield rows[:found]
         at, count = at + found * rows.itemsize, count - found
-        most = 4 * found  # so that short runs do not compare all that follows
+        most = 4 * found  # short runs need not compare all rows that follow
 
 
 def _columns(rows: _Rows, names: tuple[str, ...]) -> np.ndarray | None:
-    """Properties with one number as [n, len(names)], None if one is missing."""
+    """Properties without lists as [n, len(names)]; None if a property is missing."""
     found = [rows[name][1] for name in names if name in rows and rows[name][0] is None]
     return np.stack(found, axis=1).astype(np.float64) if len(found) == len(names) else None
 
 
 def _lists(rows: _Rows, *names: str) -> tuple[np.ndarray, np.ndarray]:
-    """The lengths of the lists of the first property that is there, and their numbers in order."""
+    """The lengths of the lists of the first property that exists, and all numbers."""
     for sizes, values in (rows[name] for name in names if name in rows):
         if sizes is not None:
             return sizes, values
@@ -213,14 +213,14 @@ def _lists(rows: _Rows, *names: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _from_strips(corners: np.ndarray) -> np.ndarray:
-    """The corners of the triangles of strips, each of which ends with -1."""
+    """The corners of the triangles of strips. A strip ends with -1."""
     strips = np.split(corners, np.flatnonzero(corners == -1) + 1)
     strips = [one[one != -1] for one in strips]
     return np.concatenate([one[strip(len(one)).ravel()] for one in strips])
 
 
 def _colours(rows: _Rows, assets: Assets) -> np.ndarray | None:
-    """Display RGBA [n, 4] in [0, 1] of a property's integers or floats; None if there are none."""
+    """Display RGBA [n, 4] in [0, 1]; None if the element has no colours."""
     for names in _COLOURS:
         if (rgb := _columns(rows, names[:3])) is None:
             continue

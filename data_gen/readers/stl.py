@@ -15,13 +15,13 @@ from data_gen.readers.model_files import (
 from data_gen.readers.parts import Part
 from data_gen.readers.textures import TRAILING, Assets
 
-_HEAD = 84  # bytes of a binary file before the facets: 80 of any content, and their number
+_HEAD = 84  # bytes before the facets of a binary file: 80 of any content, and the number of facets
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("word", "<u2")])
 
 
 def read_stl(data: bytes, assets: Assets) -> list[Part]:
     """The triangles of an STL file."""
-    # Both kinds may begin with "solid", but the number of facets of a binary file has a zero byte.
+    # Both kinds may begin with "solid", but text has no zero bytes.
     count = int.from_bytes(data[80:_HEAD], "little")
     exact = len(data) == _HEAD + _FACET.itemsize * count
     if not exact and (data[:2] in UTF_16_MARKS or b"\0" not in data[:_HEAD]):
@@ -34,13 +34,13 @@ def read_stl(data: bytes, assets: Assets) -> list[Part]:
 
 
 def _from_text(text: str, assets: Assets) -> np.ndarray:
-    """The corners [F, 3, 3] of the facets of a text in small letters."""
+    """The corners [F, 3, 3] of the facets of a text in lower case."""
     end = text.rfind("endsolid")
     if end < 0:
         assets.warn("no line 'endsolid', the file may be cut off")
-    elif not re.search(r"\bfacet\s+normal\b", text[end:]):  # of a solid without an end
+    elif not re.search(r"\bfacet\s+normal\b", text[end:]):  # of an earlier solid
         text = text[:end]
-    # Without the names of solids, which may contain anything.
+    # Remove the names of solids, which may contain these words.
     text = re.sub(r"(?m)^[ \t]*(?:end)?solid\b.*?(?=\bfacet\s+normal\b|$)", "", text)
     facets = len(re.findall(r"\bfacet\b", text))
     assets.add_faces(facets)
@@ -65,7 +65,7 @@ def _from_binary(data: bytes, count: int, assets: Assets) -> tuple[np.ndarray, n
         assets.warn(TRAILING, over)
     facets = np.frombuffer(data, _FACET, count, _HEAD)
     word = facets["word"]
-    own = word >= 1 << 15  # VisCAM marks a facet with a colour, Magics one without
+    own = word >= 1 << 15  # VisCAM marks facets that have a colour, Magics the others
     mark = data[:70].find(b"COLOR=")
     base, shifts = np.array([*GREY, 1.0]), (10, 5, 0)
     if mark >= 0:

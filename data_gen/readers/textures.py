@@ -1,4 +1,4 @@
-"""The files that a model refers to: texture images, decoded with limits, and warnings."""
+"""Textures, decoded within limits; the files and the warnings of a model."""
 
 import dataclasses
 import io
@@ -15,17 +15,17 @@ from data_gen.readers.model_files import Files, reason
 from psgn_jax.system.untrusted import one_line
 
 MAX_DECODED_PIXELS = 40_000_000
-"""Largest accepted number of pixels of an image (of a JPEG, after the reduction by its decoder)."""
+"""Largest accepted number of pixels of an image; of a JPEG, after its decoder has reduced it."""
 
 TEXTURE_SIDE = 1024
-"""Number of pixels to which the longer side of a texture is reduced."""
+"""Largest number of pixels along a side of a texture; we reduce larger images."""
 
 TRAILING = "lines or bytes after the data not read"
 
 TWO_COLOURS = "colours of faces beside colours of vertices not read"
 
 _MAX_TEXELS = 1 << 24  # of all textures of a model, 64 MB
-_MAX_DECODED_TEXELS = 1 << 28  # before the joint reduction, 1 GB
+_MAX_DECODED_TEXELS = 1 << 28  # before `Assets.bounded` reduces them, 1 GB
 
 NO_COORDINATES = "texture coordinates missing, 0 is used"
 
@@ -33,32 +33,32 @@ MISSING_TEXTURE = "textures missing, the plain colour is used"
 
 BROKEN_TEXTURE = "textures not readable, the plain colour is used"
 
-_MOST_DETAILS = 1000  # of a kind of warning
+_MOST_DETAILS = 1000  # for each kind of warning
 
-_MOST_TILES = 4  # beyond, coordinates of a texture that does not repeat are cut off
-_MOST_TEXELS_ALONG = 4096  # of a texture with a margin
+_MOST_TILES = 4  # repeats of a texture that is clamped; we clip coordinates to them
+_MOST_TEXELS_ALONG = 4096  # of a clamped texture
 
 _PICTURE_FORMATS = ("PNG", "JPEG", "BMP", "TGA", "GIF", "WEBP", "TIFF", "PPM", "DDS", "SGI")
 
 
 def decode_texture(data: bytes, side: int = TEXTURE_SIDE) -> np.ndarray:
-    """An image as uint8 [H, W, 4] RGBA, reduced to `side` pixels on its longer side.
+    """An image as uint8 [H, W, 4] RGBA, with at most `side` pixels along a side.
 
     Raises:
       ValueError: it is not an image, damaged, or larger than `MAX_DECODED_PIXELS`.
     """
     with python_warnings.catch_warnings():
-        # Pillow warns about sizes, which are checked below, and about palettes and metadata.
+        # Pillow warns of sizes, which we check below, and of palettes and metadata.
         python_warnings.simplefilter("ignore")
         try:
             picture: Image.Image = Image.open(io.BytesIO(data), formats=_PICTURE_FORMATS)
             width, height = picture.size
             factor = side / max(width, height)
-            # The decoder of JPEG reduces by a factor of up to 8.
+            # The decoder of JPEG can reduce an image, by a factor of up to 8.
             picture.draft(None, (round(width * factor) or 1, round(height * factor) or 1))
             if picture.width * picture.height > MAX_DECODED_PIXELS:
                 raise Image.DecompressionBombError
-            # What follows needs colours. The copy is bounded, because a pixel has 1 to 4 bytes.
+            # Palettes and 16-bit values cannot be averaged. The pixels are few enough for a copy.
             if picture.mode in ("P", "1"):
                 picture = picture.convert("RGBA" if "transparency" in picture.info else "RGB")
             elif picture.mode in ("I;16", "I", "F"):
@@ -76,7 +76,7 @@ def decode_texture(data: bytes, side: int = TEXTURE_SIDE) -> np.ndarray:
 
 
 def with_alpha(texture: np.ndarray | None, alpha: np.ndarray) -> np.ndarray:
-    """The texture (None = white) with an alpha, uint8 [H, W]."""
+    """The texture (None = white) with another alpha, uint8 [H, W]."""
     if texture is None:
         texture = np.full((*alpha.shape, 4), 255, np.uint8)
     if alpha.shape != texture.shape[:2]:
@@ -88,12 +88,12 @@ def with_alpha(texture: np.ndarray | None, alpha: np.ndarray) -> np.ndarray:
 def repeated(
     texture: np.ndarray, uv: np.ndarray, wraps: tuple[str, str]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A texture and coordinates that show, repeated, what `Look.wraps` describes.
+    """A texture that repeats, with coordinates, and looks like `texture` with `wraps`.
 
-    A mirrored texture is as large again, a clamped one has a margin as wide as the coordinates
-    need, up to `_MOST_TILES` times its size.
+    For "mirror", it has the texture and its mirror image. For "clamp", it has a margin as wide as
+    the coordinates need, up to `_MOST_TILES` times the size of the texture.
     """
-    texture, uv = texture[::-1], uv.copy()  # the first row at v = 0
+    texture, uv = texture[::-1], uv.copy()  # now the first row is at v = 0
     for axis, wrap in enumerate(wraps):
         side, values = 1 - axis, uv[..., axis]
         if wrap == "mirror":
@@ -103,7 +103,7 @@ def repeated(
             values = values.clip(-_MOST_TILES, 1 + _MOST_TILES)
             low, high = min(values.min(), 0.0), max(values.max(), 1.0)
             if (low, high) == (0, 1):
-                uv[..., axis] = values.clip(0, 1 - 1e-6)  # 1 would be 0 again
+                uv[..., axis] = values.clip(0, 1 - 1e-6)  # 1 would repeat the other end
                 continue
             while texture.shape[side] * (high - low) > _MOST_TEXELS_ALONG:
                 texture = texture[:, ::2] if side else texture[::2]
@@ -115,7 +115,7 @@ def repeated(
 
 
 class Assets:
-    """The files that a model in the folder `base` refers to, within limits, and warnings."""
+    """The files that a model in the folder `base` refers to, its limits and its warnings."""
 
     def __init__(self, files: Files, base: str = "", max_faces: int = MAX_FACES) -> None:
         self.files, self.base, self.max_faces = files, base, max_faces
@@ -125,23 +125,23 @@ class Assets:
         self._texels = 0
 
     def open(self, name: str, folder: str = "") -> bytes:
-        """The content of a file in a `folder` below `base`, or in `base`; see `Files.open`."""
+        """The content of a file in the `folder` below `base`, or in `base`; see `Files.open`."""
         folders = [posixpath.join(self.base, folder)] * bool(folder)
         return self.files.open(name, *folders, self.base)
 
     def add_faces(self, count: int) -> None:
-        """Raises UnusableModelError if the file has more than `max_faces` faces so far."""
+        """Adds to the number of faces; UnusableModelError if it is now above `max_faces`."""
         self.faces += count
         if self.faces > self.max_faces:
             what = f"{self.faces} faces are more than the limit of {self.max_faces}"
             raise UnusableModelError(what)
 
     def warn(self, kind: str, what: object = "") -> None:
-        """Notes what is not read as the file says. `warnings` has one line for each kind.
+        """Adds a warning about a feature of the file that we do not read.
 
         Args:
           kind: a fixed text without ": ", such as "textures missing, the plain colour is used".
-          what: what it concerns: a name of the file, or a number.
+          what: a name in the file, or a number.
         """
         details = self._kinds.setdefault(kind, {})
         if what != "" and len(details) < _MOST_DETAILS:
@@ -149,7 +149,7 @@ class Assets:
 
     @property
     def warnings(self) -> list[str]:
-        """The warnings as `KIND: DETAIL, DETAIL and 3 more`; `mesh.kind_of_warning` takes KIND."""
+        """A line for each kind, `KIND: WHAT, WHAT and 3 more`; see `mesh.kind_of_warning`."""
         lines = []
         for kind, details in self._kinds.items():
             rest = f" and {len(details) - 3} more" if len(details) > 3 else ""
@@ -158,13 +158,13 @@ class Assets:
         return lines
 
     def texture(self, name: str, folder: str = "") -> np.ndarray | None:
-        """The texture in a file of `open`, or None and a warning. Each file is decoded once."""
+        """The texture in a file of `open`, decoded once; None and a warning if it fails."""
         return self.decoded((folder, name), repr(name), lambda: self.open(name, folder))
 
     def decoded(
         self, key: tuple[object, object], label: str, load: Callable[[], bytes]
     ) -> np.ndarray | None:
-        """The texture in the file that `load` returns, or None and a warning; once for each key."""
+        """The texture in the bytes of `load`, once per key; None and a warning if it fails."""
         if key not in self._textures:
             self._textures[key] = None
             if self._texels > _MAX_DECODED_TEXELS:
@@ -180,9 +180,9 @@ class Assets:
         return self._textures[key]
 
     def bounded(self, materials: Sequence[Material]) -> tuple[Material, ...]:
-        """The materials, with the largest textures halved until their total is within the limit.
+        """The materials. We halve the largest textures until all are within `_MAX_TEXELS`.
 
-        A texture that several materials share counts once.
+        A texture of several materials counts once.
         """
         distinct = {id(m.texture): m.texture for m in materials if m.texture is not None}
 

@@ -16,7 +16,7 @@ _MOST_INSTANCES = 100_000  # an object may have several instances
 
 
 def read_3mf(data: bytes, assets: Assets) -> list[Part]:
-    """The shapes in a 3MF file; colours are not read."""
+    """The triangles of a 3MF file. We do not read colours."""
     files = ZipFiles(io.BytesIO(data))
     objects: dict[tuple[str, str | None], Element] = {}
     stack: list[tuple[str, Element, np.ndarray]] = []
@@ -36,7 +36,7 @@ def read_3mf(data: bytes, assets: Assets) -> list[Part]:
         instances += 1
         if instances > _MOST_INSTANCES:
             raise UnusableModelError(f"more than {_MOST_INSTANCES} instances of objects")
-        if words := (instance.get("transform") or "").split():  # column after column
+        if words := (instance.get("transform") or "").split():  # in the order of columns
             matrix = matrix @ np.vstack([numbers(words).reshape(4, 3).T, [0, 0, 0, 1]])
         paths = [v for k, v in instance.attrib.items() if k.endswith("}path")]
         path = (paths or [name])[0].lstrip("/")
