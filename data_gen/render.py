@@ -2,16 +2,15 @@
 
     python data_gen/render.py --catalogue NAME --source PATH --out RECORDS
 
-NAME is one of the catalogues below. PATH is the source of this catalogue: a folder, a file, or
-numbers of models. The folder RECORDS becomes a data set for training. Its file `models.jsonl` has a
-line for each model: status, reason for a refusal, checks and time.
+NAME is a catalogue in the list below. PATH is its source: a folder, a file, or numbers of models.
+The folder RECORDS becomes a data set for training. Its file `models.jsonl` has a line for each
+model: status, reason for a refusal, checks and time.
 
-Any setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`, and
-`--config=photo` starts from the preset of this name. You can kill the command; the same command
-continues where it stopped. The records are identical, byte for byte, for any number of workers,
-restarts or parts. The parts of `--shard=i/n` share the folder; the one that finishes last completes
-the data set. `data_gen/cluster.py` describes what the workers of `--scheduler=tcp://host:8786`
-need.
+Each setting is a flag: `--config.views=8 --config.camera.elevation='(0., 40.)'`. `--config=photo`
+starts from a preset. You can kill the command; the same command continues it. The records are the
+same, byte for byte, for any number of workers, restarts or parts. The parts of `--shard=i/n` share
+the folder; the last part completes the data set. `data_gen/cluster.py` states what the workers of
+`--scheduler=tcp://host:8786` need.
 
 To add models, render them into another folder: training reads several, `--config.data.path=a,b`.
 
@@ -19,8 +18,8 @@ Exit codes: 0 done, all models have samples; 1 done, some models were refused (n
 collections); 2 wrong arguments, or no samples; 3 this part is finished, other parts are not; 5 the
 disk is full; 143 stopped by SIGTERM; 130 stopped by Ctrl-C.
 
-A model is known by its name. If the content of a mesh file changes but its name does not, a refused
-model is tried again (not with `--shard`), but old samples stay: use a new output folder.
+Models are identified by name. If a mesh file changes but its name does not, we try a refused model
+again (without `--shard`), but old samples stay: use a new output folder.
 """
 
 import functools
@@ -56,21 +55,21 @@ _DEFAULT = pathlib.Path(__file__).with_name("config.py")
 
 
 def path_of(value: str) -> str:
-    """The path of settings, given as a path or as a preset's name; `ConfigError` if neither."""
+    """The path of a settings file from its path or a preset's name; `ConfigError` if neither."""
     return named_file(value, {name: f"{_DEFAULT}:{name}" for name in sorted(settings.PRESETS)})
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code."""
+    """Runs the command and returns its exit code."""
     usage = "psgn render --catalogue=NAME --source=PATH --out=FOLDER"
     flags = Flags(usage, __doc__, lambda: "\n".join(_details()))
     flags.config(settings.Settings(), path_of, str(_DEFAULT))
-    flags.enum("catalogue", None, sorted(CATALOGUES), "Where the models come from.")
-    flags.string("source", None, "Source of the catalogue: a folder, a file, or numbers of models.")
+    flags.enum("catalogue", None, sorted(CATALOGUES), "Kind of the source of models.")
+    flags.string("source", None, "Source of the models: a folder, a file, or numbers of models.")
     flags.string("out", None, "Folder of the data set.")
     flags.string("shard", "0/1", "i/n: the i-th of n parts, i from 0, for job arrays.")
     for name, what in (
-        ("limit", "Number of the chosen models that are rendered, from the first; 0 = all."),
+        ("limit", "Number of the chosen models, from the first; 0 = all."),
         ("sample", "Number of models, spread over categories and folders; 0 = all."),
     ):
         flags.integer(name, 0, what, lower_bound=0)
@@ -113,7 +112,7 @@ def _main(flags: Flags) -> int:
 
 
 def _details() -> Iterator[str]:
-    """From the docstrings, the catalogues with their options, and the settings."""
+    """The catalogues with their options, and the settings, from docstrings."""
     yield (
         f"\n--config=NAME: one of the presets {', '.join(sorted(settings.PRESETS))};\n"
         "--config=FILE: a Python file whose `get_config` returns the settings, such as a copy of\n"

@@ -1,4 +1,4 @@
-"""Renders the samples of a model and checks every view."""
+"""Renders the samples of a model and checks each view."""
 
 import dataclasses
 import hashlib
@@ -31,14 +31,14 @@ from psgn_jax.system.files import file_crc32
 COVERAGE = 0.0003
 """Limit of `checks.coverage` for a model with missing faces."""
 
-# Makes the random numbers of missing faces independent of others with the same seed.
+# Makes the random numbers of missing faces independent of the other random numbers of a seed.
 _STREAM = zlib.crc32(b"missing faces")
 
 _NO_OBJECT = 1e6  # not NaN, which is not JSON
 
 
 def model_seed(seed: int, source: str, model_id: str) -> int:
-    """The seed of a model. It does not depend on the order or number of models."""
+    """The seed of a model, independent of the order and the number of models."""
     text = f"{seed}/{source}/{model_id}".encode("utf-8", "surrogatepass")
     return int.from_bytes(hashlib.sha256(text).digest()[:8], "big") >> 1
 
@@ -52,7 +52,7 @@ def failure(entry: Entry, status: str, reason: str) -> dict[str, Any]:
 
 
 def checksum(find_file: Callable[[], pathlib.Path | None] | None) -> int | None:
-    """The CRC-32 of a model's file; None if there is none, or it cannot be read."""
+    """The CRC-32 of a model's file; None if the file is missing or not readable."""
     path = find_file() if find_file else None
     try:
         return None if path is None else file_crc32(path)
@@ -62,7 +62,7 @@ def checksum(find_file: Callable[[], pathlib.Path | None] | None) -> int | None:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Context:
-    """What workers need of a job besides the models."""
+    """The data of a job that workers need, apart from the models."""
 
     settings: Settings
     source: str
@@ -71,9 +71,9 @@ class Context:
 
 
 def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str, Any]]:
-    """All samples of a model as records, and its line in `models.jsonl`.
+    """All samples of a model as records, and its line of `models.jsonl`.
 
-    The status of the line is "ok", or "refused", "unreadable" or "memory" with a reason and without
+    The status in the line is "ok"; or "refused", "unreadable" or "memory" with a reason and without
     samples.
     """
     settings = context.settings
@@ -87,7 +87,7 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
         counts = {"faces": len(model.faces), "materials": len(model.materials)}
         line |= {**counts, "warnings": list(model.warnings)}
         surface = sample_surface(model, settings.num_points, seed)
-        # An unbalanced tree is faster to build, and a view makes only a few hundred queries.
+        # An unbalanced tree takes less time to build, and a view makes only a few hundred queries.
         tree = scipy.spatial.cKDTree(surface.points, compact_nodes=False, balanced_tree=False)
         drawn, settings = without_faces(model, settings, seed)
         surfaces = scene.flatten(drawn)
@@ -136,15 +136,15 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
 
 
 def without_faces(model: Model, settings: Settings, seed: int) -> tuple[Model, Settings]:
-    """The part of a model that is rendered, and settings whose checks accept it.
+    """The part of a model for images, and settings with checks that accept it.
 
-    The authors' images show some objects of ShapeNet only in part: faces that point inward, or
-    whose materials could not be read, are missing, but the points cover the whole object. In .8 %
-    of the images, more than a tenth of the points project outside the mask.
+    The authors' images show parts of some objects of ShapeNet: faces that point inward, or without
+    a readable material, are missing. The points cover the whole object. In .8 % of the images, more
+    than a tenth of the points project outside the mask.
 
-    A fraction `settings.image.missing` of the models loses faces: on one side (a random direction,
-    up in half of the cases), outside a ball around a point of the surface, or inside such a ball.
-    The radius is log-uniform in [.05, .8].
+    A fraction `settings.image.missing` of the models loses faces: on a side (a random direction, in
+    half of the cases up), or outside or inside of a ball around a point of the surface with a
+    log-uniform radius in [.05, .8].
     """
     rng = np.random.default_rng([_STREAM, seed])
     if rng.random() >= settings.image.missing:
@@ -179,9 +179,9 @@ def check_view(
     points: Float[np.ndarray, "n 3"],
     tree: scipy.spatial.cKDTree,
 ) -> dict[str, float]:
-    """The values of `CheckSettings` of a view, and the number of mask pixels at the image's `edge`.
+    """The values of a view for `CheckSettings`, and `edge`: the number of mask pixels at the edge.
 
-    `points` are in the view-aligned frame, the points of the search `tree` in the model's.
+    `points` are in the view-aligned frame, the points of the search `tree` in the model's frame.
     """
     mask = picture.mask
     height, width = mask.shape
@@ -210,7 +210,7 @@ def check_view(
 
 
 def objection_to(checks: Mapping[str, float], settings: Settings) -> str:
-    """Why a view is refused, "" if it is not."""
+    """The reason to refuse a view, or ""."""
     limits = settings.checks
     if checks["edge"]:
         return f"{checks['edge']} pixels of the object touch the border of the image, expected none"

@@ -1,4 +1,4 @@
-"""The scene of an image as plain arrays. Each view of a model has a camera and lights."""
+"""The scene of an image as arrays: the surfaces of a model, and a view's camera and lights."""
 
 import dataclasses
 from typing import NamedTuple
@@ -19,10 +19,9 @@ BACKGROUND = schema.BACKGROUND_GREY / 255
 class Surfaces:
     """The arrays of a model's v vertices, f faces and m materials, in the model's frame.
 
-    `corners`, `normals` and `uv` belong to the faces' corners. `texels` are the RGBA values of
-    all textures in row-major order, four uint8 as one uint32. The first is white, for materials
-    without a texture. A material's texture has the size (height, width) and starts at
-    `texture_start`.
+    `corners`, `normals` and `uv` belong to the corners of faces. `texels` are the RGBA values of
+    all textures in row-major order, four uint8 as a uint32. The first texel is white, for materials
+    without a texture. A material's texture starts at `texture_start`; its size is (height, width).
     """
 
     vertices: Float[np.ndarray, "v 3"]
@@ -43,7 +42,7 @@ class Surfaces:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scene:
-    """Everything that determines an image of local shading: surfaces, camera and lights."""
+    """The input of local shading."""
 
     surfaces: Surfaces
     camera: Camera
@@ -52,7 +51,7 @@ class Scene:
 
 def flatten(model: Model) -> Surfaces:
     """The arrays of a model."""
-    # The white texel, and each texture once: materials may share one.
+    # The white texel, and each texture once: materials may share a texture.
     textures = {id(m.texture): m.texture for m in model.materials if m.texture is not None}
     parts = [np.full((1, 4), 255, np.uint8), *(t.reshape(-1, 4) for t in textures.values())]
     first = np.cumsum([len(part) for part in parts])[:-1]

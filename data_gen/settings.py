@@ -1,4 +1,4 @@
-"""Settings of the data stage: frozen dataclasses, made from nested mappings by `parse`."""
+"""Settings of the renderer: frozen dataclasses, from nested mappings by `parse`."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -13,19 +13,19 @@ from psgn_jax.config.structured import Bounds, Fraction, Size, Within
 
 @dataclasses.dataclass(frozen=True)
 class ImageSettings:
-    """How images are rendered.
+    """Shading, background and ground of images.
 
     Attributes:
       shading: "local" as in the paper, or "photo": Mitsuba traces paths, with shadows, light from
         other surfaces, reflections and ground, and a film develops the image.
-      samples: samples along the edge of a pixel, 0 = only its centre.
-      soft_edges: whether edges are antialiased, as always with "photo" shading. The authors' images
+      samples: samples along the edge of a pixel; 0 = the centre.
+      soft_edges: whether to antialias edges, as "photo" shading always does. The authors' images
         have hard edges.
       background: "grey" as in the authors' images, or "surroundings", the environment map.
-      ground: "none", one of `surroundings.GROUNDS`, or "random" = one that fits the surroundings.
-        Mask and depth do not show it; it is left out if the camera is below it.
+      ground: "none", a kind in `surroundings.GROUNDS`, or "random": a kind that fits the
+        surroundings. Mask and depth do not show the ground, and no ground is above the camera.
       rays: paths per pixel, for "photo" shading.
-      missing: fraction of the models that are rendered without some of their faces.
+      missing: fraction of the models that lose some of their faces in the images.
     """
 
     shading: Literal["local", "photo"] = "local"
@@ -39,16 +39,16 @@ class ImageSettings:
 
 @dataclasses.dataclass(frozen=True)
 class FilmSettings:
-    """The response of a camera, for "photo" shading: ranges of uniform values.
+    """The response of a camera, for "photo" shading: ranges of uniform distributions.
 
     Attributes:
       exposure: deviation from automatic exposure, in stops.
-      white_balance: fraction of the light's colour that is removed.
-      contrast: of the tone curve, 0 = none, 1 = as film has.
+      white_balance: fraction of the light's colour that we remove.
+      contrast: of the tone curve; 0 = linear, 1 = film.
       saturation: factor of the distance of colours from grey.
       vignette: relative darkening of the corners.
       blur: of the lens, standard deviation in pixels.
-      grain: of the sensor, 1 = white; the standard deviation at middle grey is about half of it.
+      grain: of the sensor; the standard deviation at middle grey is about half of it (white is 1).
     """
 
     exposure: Annotated[Range, Within(-10, 10)] = (-0.6, 0.5)
@@ -62,12 +62,12 @@ class FilmSettings:
 
 @dataclasses.dataclass(frozen=True)
 class CheckSettings:
-    """Checks of every view; a model with a view that fails one of them is refused.
+    """Checks of each view. We refuse a model if one of its views fails a check.
 
     Attributes:
       coverage: smallest fraction of the image that the object covers.
-      inside: smallest fraction of the points that project into the mask dilated by one pixel.
-        Parts much thinner than a pixel lie between the centres of pixels.
+      inside: smallest fraction of the points that project into the mask, dilated by a pixel. Parts
+        thinner than a pixel may be between the centres of pixels.
       depth: largest median distance of back-projected pixels from the nearest surface point.
       luminance: smallest mean brightness of the object's pixels, 0 to 255.
     """
@@ -80,13 +80,13 @@ class CheckSettings:
 
 @dataclasses.dataclass(frozen=True)
 class JobSettings:
-    """How the job runs. Samples do not depend on it, but for the rounding of a variant.
+    """Processes and limits of a job. Samples depend on the rounding of the variant only.
 
     Attributes:
-      workers: number of processes, 0 = one per processor.
-      models_per_worker: after so many models, we replace a process, because its memory grows.
-      seconds_per_model: a model that takes longer is refused.
-      megabytes_per_worker: a model that needs more memory is refused, on Linux.
+      workers: number of processes; 0 = the number of cores.
+      models_per_worker: number of models before we replace a process, because its memory grows.
+      seconds_per_model: largest time of a model; we refuse models that take longer.
+      megabytes_per_worker: largest memory of a process, on Linux; we refuse models that take more.
       variant: of Mitsuba: "llvm", "scalar", or "auto" = LLVM if it works.
     """
 
@@ -102,9 +102,9 @@ class Settings:
     """All settings.
 
     Attributes:
-      seed: of all random choices; with the name, it gives the seed of a model.
+      seed: of all random choices; a model's seed depends on it and on the model's name.
       views: number of images of each model.
-      centre: the point of a model that is moved to x = y = 0: "bounds" or "vertices", see
+      centre: the point of a model that moves to x = y = 0: "bounds" or "vertices", see
         `frame.recentre`.
       num_points: number of surface points of each sample.
       point_bits: resolution of the stored points, see `psgn_jax.data.codec`.
@@ -126,7 +126,7 @@ class Settings:
     job: JobSettings = dataclasses.field(default_factory=JobSettings)
 
     def __post_init__(self) -> None:
-        """Refuses settings that have no effect with the others, by `EFFECTS`."""
+        """Refuses settings that have no effect, by `EFFECTS`."""
         if self.light.source == "folder" and not self.light.folder:
             raise ValueError("light.folder: got '', expected a folder of .hdr and .exr files")
         for names, condition, needed in EFFECTS:
@@ -158,11 +158,11 @@ EFFECTS: tuple[tuple[Sequence[str], Callable[[Settings], bool], str], ...] = (
     (["camera.keep_size"], lambda s: s.camera.focal != (400.0, 400.0),
      "another camera.focal than 400"),
 )  # fmt: skip
-"""Settings that only have an effect under a condition: names, condition, and this as text."""
+"""Settings with an effect under a condition only: names, condition, and its text."""
 
 
-# Like hand-held photographs: lenses of 28 to 105 mm on 35 mm film, a wide range of elevations, a
-# slight roll, the object off centre.
+# As in photographs taken by hand: lenses of 28 to 105 mm on 35 mm film, many elevations, a slight
+# roll, the object off centre.
 _HAND_HELD: dict[str, Any] = {
     "elevation": (-5.0, 60.0), "distance": (3.5, 4.8), "focal": (230.0, 840.0),
     "roll": (-4.0, 4.0), "keep_size": True, "off_centre": 0.7,
@@ -186,9 +186,9 @@ PRESETS: dict[str, Mapping[str, Mapping[str, Any]]] = {
         "image": {"shading": "photo", "background": "surroundings", "ground": "random"},
     },
 }
-"""Presets: the settings that differ from the defaults, by section."""
+"""The settings of each preset that differ from the defaults, by section."""
 
 
 def parse(values: Mapping[str, Any]) -> Settings:
-    """Settings from nested mappings and defaults; ValueError if a field is unknown or invalid."""
+    """Settings from a nested mapping; ValueError if a field is unknown or invalid."""
     return structured.build(Settings, values)

@@ -1,7 +1,7 @@
 """Local shading of ray hits: Blinn-Phong under directional lights, in numpy.
 
-As in the paper's images, there are no shadows and no interreflection, and we compute with display
-values (sRGB) without a transfer curve.
+As in the paper's images, there are no shadows and no interreflection. We compute with display
+values (sRGB), without a transfer curve.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ def look_up(
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
     """Diffuse colour and opacity at points of faces; opacities below `EXISTS` become 0.
 
-    We read the nearest texel: several samples per pixel antialias textures.
+    We read the nearest texel, because samples within a pixel antialias textures.
     """
     owner = surfaces.material[face]
     colour = surfaces.diffuse[owner]
@@ -46,13 +46,12 @@ def shading_normals(
 ) -> Float[np.ndarray, "n 3"]:
     """Unit normals of hits on the viewer's side, in the view-aligned frame.
 
-    `rotation` is from the model's frame to the view-aligned one, in which `rays` lead away from the
-    camera.
+    `rotation` maps the model's frame to the view-aligned frame. `rays` point away from the camera.
     """
     turn = rotation.astype(np.float32).T
     normal = np.einsum("nk,nkd->nd", weights, surfaces.normals[face]) @ turn
     flat = surfaces.face_normals[face] @ turn
-    # Both sides of a face are shaded alike, with the normal of the visible side.
+    # We shade both sides of a face, with the normal of the visible side.
     away = np.einsum("nd,nd->n", flat, rays) > 0
     normal = np.where(away[:, None], -normal, normal)
     length = np.sqrt(np.einsum("nd,nd->n", normal, normal))
@@ -81,7 +80,7 @@ def blinn_phong(
     light = lights.ground * (1 - rise) + lights.sky * rise
     facing = np.maximum(normal @ lights.directions.T, 0)
     result = np.maximum(colour, lights.darkest) * (light + facing @ lights.colours)
-    # Table look-ups and matrix products are faster than reductions over axes of length 3.
+    # Table look-ups and matrix products are faster than sums over axes of length 3.
     lit = facing @ np.ones(len(lights.directions), np.float32) > 0
     glossy: np.ndarray = np.any(surfaces.specular > 1e-3, axis=1)
     shiny = np.flatnonzero(glossy[owner] & lit)

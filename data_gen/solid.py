@@ -10,30 +10,30 @@ from jaxtyping import Bool, Float, Int
 from data_gen.mesh import Model, UnusableModelError, row_dots
 from psgn_jax.data import schema
 
-# Number of small cells along the edge of a cell. It is odd, so that a cell counts as half full when
-# the surface reaches its middle. With an even number, flat objects would be too thick.
+# Number of small cells along the edge of a cell. As it is odd, a cell counts as half full if the
+# surface reaches its middle. With an even number, flat objects would be too thick.
 _FINE = 3
 
-# Tolerance at the border of a triangle, in small cells. It is much larger than the rounding of
-# coordinates, so that no line passes between two triangles that share an edge.
+# Tolerance at the border of a triangle, in small cells: much more than the rounding of coordinates,
+# so that no line passes between two triangles with a common edge.
 _TOLERANCE = 1e-6
 
-# Largest number of intersections with the lines of an axis. Computing that many takes seconds. Only
+# Largest number of intersections with the lines along an axis. They take seconds, and only
 # pathological models have more.
 _MAX_POINTS = 10_000_000
 
-_COST_AT_ONCE = 1_000_000  # intersections, so that memory is bounded
+_COST_AT_ONCE = 1_000_000  # intersections; this bounds the memory
 _SPACING = 0.7  # distance between the sample points on an edge, in small cells
 
 
 def repeat_numbers(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """If each owner i has `counts[i]` items: for every item its owner, and its number from 0."""
+    """Owner and number (from 0) of each item, if owner i has `counts[i]` items."""
     owner = np.repeat(np.arange(len(counts)), counts)
     return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
 def in_parts(counts: np.ndarray, costs: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Parts of `repeat_numbers(counts)`, each of owners that cost about `_COST_AT_ONCE`."""
+    """Parts of `repeat_numbers(counts)`; the owners of a part cost about `_COST_AT_ONCE`."""
     group = np.floor(np.cumsum(costs) / _COST_AT_ONCE).astype(np.int64)
     for part in np.split(np.arange(len(counts)), np.flatnonzero(np.diff(group)) + 1):
         owner, number = repeat_numbers(counts[part])
@@ -41,14 +41,14 @@ def in_parts(counts: np.ndarray, costs: np.ndarray) -> Iterator[tuple[np.ndarray
 
 
 def _centres_between(low: np.ndarray, high: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """The first cell of the grid whose centre is in [low, high], and the number of such cells."""
+    """The first cell of the grid with its centre in [low, high], and the number of these cells."""
     first = np.maximum(np.ceil(low - (0.5 + _TOLERANCE)), 0)
     last = np.minimum(np.floor(high + (_TOLERANCE - 0.5)), size - 1)
     return first, np.maximum(last - first + 1, 0).astype(np.int64)
 
 
 def _bounds(values: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Minimum and maximum of the three values of each face; faster than reductions over an axis."""
+    """Minimum and maximum of the three values of each face; faster than over an axis."""
     a, b, c = (values[column] for column in faces.T)
     return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
@@ -58,14 +58,15 @@ def _line_hits(
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Intersections of triangles with the lines along an axis through the centres of cells.
 
-    For each triangle, we go through the lines row by row. The border of a triangle belongs to it,
-    so a line through an edge that two triangles share intersects at least one of them.
+    For each triangle, we go through the lines row by row. A triangle contains its border, so a line
+    through a common edge of two triangles intersects at least one of the triangles.
 
     Yields:
-      Cells of the lines along the next two axes (in cyclic order), and the position on the line.
+      The cell of the line along each of the next two axes (in cyclic order), and the position on
+      the line.
 
     Raises:
-      UnusableModelError: there would be more than `_MAX_POINTS` intersections.
+      UnusableModelError: there are more than `_MAX_POINTS` intersections.
     """
     u, v, w = (np.ascontiguousarray(corners[:, (axis + k) % 3]) for k in (1, 2, 0))
     first, rows = _centres_between(*_bounds(v, faces), size)
@@ -84,8 +85,8 @@ def _line_hits(
         raise UnusableModelError(f"{count}, more than the limit of {_MAX_POINTS:.2g}")
     for owner, number in in_parts(rows, bound):
         row = first[owner] + number
-        # Both ends of the row: one on the edge from the lowest corner to the highest, one on the
-        # other two edges.
+        # Both ends of the row: the first on the two shorter edges along v, the second on the edge
+        # from the lowest corner to the highest.
         at = row + 0.5
         lower = at <= v[middle[owner]]
         begin = np.where(lower, low[owner], middle[owner])
@@ -129,25 +130,25 @@ def mark_surface(
     edges: Int[np.ndarray, "e 2"],
     size: int,
 ) -> tuple[Bool[np.ndarray, "n n n"], list[Bool[np.ndarray, "n n n"]]]:
-    """Marks cells that a surface passes through. A flood fill of unmarked cells does not cross it.
+    """Marks the cells of a surface, so that a flood fill of unmarked cells does not cross it.
 
-    A cell is marked if it contains
+    We mark a cell if it contains
       - an intersection of the surface with a line along an axis through the centres of cells, or
-      - a point of an edge or a corner of a triangle, so that parts thinner than a cell are kept.
+      - a point of an edge or a corner of a triangle, to keep parts thinner than a cell.
 
     There is no leak. If the surface intersects the segment between the centres of two neighbouring
-    cells, the intersection is in one of the two, and we mark that cell. (A segment in the plane of
-    a triangle also touches the border of another triangle, if it enters a closed surface.) Rounding
-    would have to move an intersection by half a cell to leave both unmarked.
+    cells, we mark the cell with the intersection. (A segment in the plane of a triangle also
+    touches the border of another triangle, if it enters a closed surface.) Both cells would be
+    unmarked only if rounding moved the intersection by half a cell.
 
     Args:
-      corners: positions, in units of the edge of a cell; the grid spans [0, size] on each axis.
+      corners: positions in units of a cell; the grid spans [0, size] on each axis.
       faces: indices into `corners`.
       edges: edges of the faces, indices into `corners`.
       size: number of cells along an edge of the grid.
 
     Returns:
-      The marked cells, and for each axis whether the surface is between the centres of a cell and
+      The marked cells; and for each axis, whether the surface is between the centres of a cell and
       of the next cell.
 
     Raises:
@@ -188,10 +189,10 @@ def outside_cells(blocked: np.ndarray) -> np.ndarray:
 def _with_border(
     outside: np.ndarray, marked: np.ndarray, crossed: Sequence[np.ndarray]
 ) -> np.ndarray:
-    """The outside cells and the marked cells whose centre is outside.
+    """The outside cells, and marked cells with their centre outside.
 
-    It is outside if a neighbour's is and the surface is not between the two. Two steps suffice,
-    because all neighbours of cells farther inside are marked.
+    A centre is outside if a neighbouring centre is outside and the surface is not between the two.
+    Two steps suffice, because cells farther inside have marked neighbours only.
     """
     for _ in range(2):
         reached = np.zeros_like(outside)
@@ -208,7 +209,7 @@ def _with_border(
 def _in_cells(fine: np.ndarray) -> np.ndarray:
     """The number of true small cells in each large cell [x, y, z]."""
     counts = fine.view(np.uint8)
-    # Sums of slices, axis by axis, are fifty times as fast as one reduction over three axes.
+    # Sums of slices, axis by axis, are fifty times as fast as a sum over three axes.
     for axis in range(3):
         first, *others = (counts[*[slice(None)] * axis, start::_FINE] for start in range(_FINE))
         counts = first.copy()
@@ -217,8 +218,8 @@ def _in_cells(fine: np.ndarray) -> np.ndarray:
     return counts
 
 
-# The 26 neighbours of a cell: their offsets, which of them touch each other, which of them share a
-# face, and the 6 and 18 nearest.
+# The 26 neighbours of a cell: offsets, which neighbours touch each other or share a face, and which
+# are the 6 and the 18 nearest.
 _OFFSETS = np.array([o for o in np.ndindex(3, 3, 3) if o != (1, 1, 1)]) - 1
 _APART = np.abs(_OFFSETS[:, None] - _OFFSETS)
 _TOUCHING = (_APART.max(axis=2) <= 1).astype(np.float32)
@@ -229,7 +230,7 @@ _NEAREST_6, _NEAREST_18 = (np.abs(_OFFSETS).sum(axis=1) <= k for k in (1, 2))
 def _one_piece(
     present: Bool[np.ndarray, "n 26"], wanted: Bool[np.ndarray, " 26"], links: np.ndarray
 ) -> Bool[np.ndarray, " n"]:
-    """Whether the wanted neighbours that are present exist and are connected by present ones."""
+    """Whether wanted neighbours are present, and `links` through present neighbours join them."""
     ends = present & wanted
     reached = np.zeros_like(present)
     reached[np.arange(len(ends)), ends.argmax(axis=1)] = ends.any(axis=1)
@@ -244,11 +245,11 @@ def _one_piece(
 def peel(
     cells: Bool[np.ndarray, "x y z"], loose: Bool[np.ndarray, "x y z"]
 ) -> Bool[np.ndarray, "x y z"]:
-    """Removes loose cells; the numbers of parts, holes and cavities stay the same.
+    """Removes loose cells without changing the numbers of parts, holes and cavities.
 
     We remove a cell if it is simple (Bertrand and Malandain 1994): its occupied neighbours of 26
-    are connected, and so are the empty ones of its 6 within its 18. Cells whose coordinates have
-    the same parity do not affect each other, so we remove them together.
+    are connected, and its empty neighbours of 6 are connected within the 18. Cells with coordinates
+    of the same parity do not affect each other, so we remove them together.
     """
     result = np.pad(cells, 1)
     flat = result.reshape(-1)
@@ -257,8 +258,8 @@ def peel(
     indices = np.argwhere(np.pad(cells & loose, 1))
     index, parity = indices @ strides, indices % 2 @ [4, 2, 1]
     groups = [index[parity == k] for k in range(8)]
-    # Two rounds remove the skin of thick parts. More would open slits between a sheet and a wall,
-    # beginning at the rim of the sheet.
+    # Two rounds remove the skin of thick parts. More rounds would open slits between a sheet and a
+    # wall, from the rim of the sheet.
     for _ in range(2):
         for number, group in enumerate(groups):
             around = flat[group[:, None] + steps]
@@ -279,8 +280,8 @@ def solid_occupancy(
       1. We mark the surface without gaps in small cells, a third of a cell wide.
       2. A flood fill from the sides and the top reaches the outside, so an object without a bottom
          is solid. A marked small cell belongs to the side of its centre.
-      3. We do the same with the cells of the grid, so parts with cracks and gaps smaller than a
-         cell are solid, too.
+      3. The same with the cells of the grid makes parts with cracks and gaps smaller than a cell
+         solid, too.
       4. A cell is occupied if at least half of its small cells are inside.
       5. We keep thin parts: a cell with marked or inside small cells is also occupied, unless one
          of its 26 neighbours is occupied by rule 3 or 4 and `peel` removes it. So sheets and bars
@@ -288,18 +289,18 @@ def solid_occupancy(
          at most as many 26-connected components as the cells of its surface.
 
     Args:
-      model: the model, in the project's frame. Parts outside the grid are ignored.
-      rotation: to the frame of the grid, such as the view-aligned frame.
+      model: the model in the project's frame. We ignore parts outside the grid.
+      rotation: from there to the frame of the grid.
       size: number of cells along an edge.
 
     Raises:
-      UnusableModelError: the area is so large that marking it would take minutes.
+      UnusableModelError: the area is so large that this would take minutes.
     """
     fine = size * _FINE
     corners = (model.vertices @ np.asarray(rotation, np.float64).T + [1, 1, 0]) * (fine / 2)
     marked, crossed = mark_surface(corners, model.faces, model.edges, fine)
     touched = _in_cells(marked) > 0
-    # The flood fill runs in the bounding box of the object plus a margin of empty cells.
+    # The flood fill runs in the bounding box of the object with a margin of empty cells.
     if not touched.any():
         return touched
     large = [slice(int(i.min()), int(i.max()) + 1) for i in np.nonzero(touched)]

@@ -30,7 +30,7 @@ class SurfaceSample(NamedTuple):
     face: Int[np.ndarray, " n"]
 
 
-# Cells along the extent of the model in the search for the outside.
+# Number of cells along the extent of the model in the search for the outside.
 _AIR_CELLS = 96
 
 # Parallel surfaces nearer than this fraction of the extent coincide.
@@ -41,12 +41,12 @@ _PARALLEL = float(np.cos(np.radians(2.0)))
 # Number of steps of each component of the quantised direction of a plane.
 _DIRECTIONS = 10
 
-# Largest number of entries of the grid. With more, a coarser grid is used.
+# Largest number of entries of the grid; we use a coarser grid if there would be more.
 _MAX_BINNED = 3_000_000
 
 
 class _Twins:
-    """Looks up coincident faces by the cell of a grid and the direction of their plane."""
+    """Finds coincident faces by the cell of a grid and the direction of their plane."""
 
     def __init__(self, model: Model) -> None:
         self._model = model
@@ -74,7 +74,7 @@ class _Twins:
             count = size.prod(axis=1)
             if count.sum() <= _MAX_BINNED:
                 break
-        # The thresholds between steps are at directions that are rare.
+        # Few planes have a direction at the threshold between two steps.
         turned = np.where(normal @ [0.3713, 0.6137, 0.6969] < 0, -1, 1)[:, None] * normal
         step = np.floor((turned + 1) * (_DIRECTIONS / 2) + 0.371).astype(np.int64)
         self._direction = step @ ((_DIRECTIONS + 1) ** np.arange(3))
@@ -86,7 +86,7 @@ class _Twins:
         order = np.argsort(key, kind="stable")
         self._faces, key = owner[order], key[order]
         begin = np.flatnonzero(np.diff(key, prepend=-1))
-        # A face alone in its cell and direction has no coincident face.
+        # Faces that are alone in their cell and direction have no coincident face.
         length = np.diff(begin, append=len(key))
         self._keys, self._start, self._count = (a[length > 1] for a in (key[begin], begin, length))
 
@@ -102,7 +102,7 @@ class _Twins:
     def first(
         self, points: Float[np.ndarray, "n 3"], face: Int[np.ndarray, " n"]
     ) -> tuple[Int[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-        """For points of faces: the first visible face there, and whether an opposite one exists."""
+        """The first visible face at points of faces, and whether there is a face in reverse."""
         result, both = face.copy(), np.zeros(len(face), bool)
         if not len(self._keys):
             return result, both
@@ -135,12 +135,12 @@ def _toward_air(
 ) -> Int[np.ndarray, " n"]:
     """1 if the front of a surface is outside and its back inside, -1 if reversed, else 0.
 
-    We find the outside as in `solid_occupancy`. The first cell along the normal that the surface
-    does not pass through tells, at distances of 1 to 3.25 cells.
+    We find the outside as in `solid_occupancy`. On each side, the first cell along the normal
+    without surface counts, at distances of 1 to 3.25 cells.
     """
     size = _AIR_CELLS
     low = model.vertices.min(axis=0)
-    # Scaled to fill the grid except for a margin.
+    # The model fills the grid except for a margin.
     scale = (size - 4) / float(np.ptp(model.vertices, axis=0).max())
     corners = (model.vertices - low) * scale + [2, 2, 0]
     marked, _ = mark_surface(corners, model.faces, model.edges, size)
@@ -160,15 +160,14 @@ def _toward_air(
 def sample_surface(model: Model, n: int, seed: int) -> SurfaceSample:
     """Samples `n` points uniformly by area on the visible surface, with interpolated normals.
 
-    We sample points with an opacity below `EXISTS` again, such as points in the holes of an alpha
-    map. The sampling is stratified by cumulative area, which covers the faces more evenly than
+    We replace points with an opacity below `EXISTS`, such as points in the holes of an alpha map.
+    The sampling is stratified by cumulative area, which covers the faces more evenly than
     independent points. The same seed gives the same points.
 
-    Coincident faces count as one: we keep a point only if its face is the first of the faces that
-    contain it; otherwise we sample another point. If coincident faces point in opposite directions
-    and exactly one side is outside, the normal points to that side. We reverse the normals of a
-    connected part if we know the outside for at least half of its points, and at least nine tenths
-    of these have normals that point inward.
+    Coincident faces count once: we replace a point if its face is not the first face that contains
+    the point. If coincident faces point in opposite directions and exactly one side is outside, the
+    normal points outside. We reverse the normals of a connected part if we know the outside for at
+    least half of its points, and the normals of at least nine tenths of these point inward.
 
     Raises:
       UnusableModelError: almost no surface is visible.
@@ -216,11 +215,11 @@ def _inward(
     face: Int[np.ndarray, " n"],
     two_sided: Bool[np.ndarray, " n"],
 ) -> Bool[np.ndarray, " n"]:
-    """Which points have normals that point inward, see `sample_surface`."""
+    """Which normals point inward, by the rules of `sample_surface`."""
     parts, open_ = _parts(model)
     a, b, c = np.moveaxis(model.vertices[model.faces] - model.vertices.mean(axis=0), 1, 0)
     volume = np.bincount(parts, row_dots(a, np.cross(b, c)))
-    # Closed parts with a positive volume are correct already.
+    # Closed parts with a positive volume are correct.
     uncertain = two_sided | (open_ | (volume < 0))[parts[face]]
     result = np.zeros(len(face), bool)
     if not uncertain.any():
@@ -237,10 +236,10 @@ def _inward(
 
 
 def _parts(model: Model) -> tuple[Int[np.ndarray, " f"], Bool[np.ndarray, " p"]]:
-    """The number of the part of each face, and which parts are open.
+    """The number of each face's part, and which parts are open.
 
-    Faces that traverse a common edge in opposite directions belong to the same part. A part is open
-    if an edge is traversed only once.
+    Faces that traverse a common edge in opposite directions belong to a part. A part is open if its
+    faces traverse an edge in a single direction.
     """
     corner = weld(model.vertices)[model.faces].astype(np.int64)
     start, end = corner.ravel(), np.roll(corner, -1, axis=1).ravel()

@@ -1,6 +1,6 @@
 """Random surroundings of an object: outdoor scenes, rooms and studios, and the ground under it.
 
-They are in the view-aligned frame; the ground is the plane z = 0. All numbers are ours.
+They are in the view-aligned frame, the ground in the plane z = 0. All numbers are **ours**.
 """
 
 import dataclasses
@@ -14,7 +14,7 @@ from data_gen.environment_maps import NUM_SUNSKY, sunsky
 from data_gen.lights import LightSettings
 
 GROUNDS = ("paper", "wood", "tiles", "cloth", "concrete", "grass")
-"""The kinds of ground."""
+"""Kinds of ground."""
 
 TEXELS = 512
 
@@ -28,7 +28,7 @@ _FITTING = {
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Surroundings:
-    """An environment map (`data_gen.lights`), its kind, and half sides and turn of its ground."""
+    """An environment map (`data_gen.lights`), its kind, and half sides and turn of the ground."""
 
     radiance: Float[np.ndarray, "h w 3"]
     kind: str = "map"
@@ -40,8 +40,8 @@ class Surroundings:
 class Ground:
     """A strip of ground, turned about the vertical axis by `turn` degrees.
 
-    Its texture of linear reflectances repeats after a length of `size`. `profile` is its
-    cross-section, points (x, z) from the back to the front.
+    The texture has linear reflectances and repeats after a length `size`. `profile` has points
+    (x, z) of the cross-section from the back to the front.
     """
 
     texture: Float[np.ndarray, "t t 3"]
@@ -60,7 +60,7 @@ def noise(
 ) -> Float[np.ndarray, "h w"]:
     """Periodic random values with mean 0, standard deviation 1 and spectrum ~ f^-slope.
 
-    `stretch` are the factors that stretch structures vertically and horizontally.
+    `stretch` are vertical and horizontal factors of the size of structures.
     """
     rows = np.fft.fftfreq(size[0])[:, None] * size[0] * stretch[0]
     frequency = np.hypot(rows, np.fft.rfftfreq(size[1]) * size[1] * stretch[1])
@@ -78,9 +78,9 @@ def _colour(
 
 
 def _with_key_light(rng: np.random.Generator, rest: np.ndarray, key: np.ndarray) -> np.ndarray:
-    """The sum of two maps, the second scaled to a random share of the light on the ground.
+    """The sum of two maps; the second has a random share of the light on the ground.
 
-    Without one strong light, objects have hardly any shadow.
+    Without a strong light, objects would have hardly any shadow.
     """
     up = np.maximum(lights.directions_of(lights.DETAIL)[..., 2:], 0)
     weight = up * lights.solid_angles(lights.DETAIL)[..., None]
@@ -101,7 +101,7 @@ def _direction(rng: np.random.Generator, low: float, high: float) -> np.ndarray:
 
 
 def outdoors(rng: np.random.Generator, sky: Float[np.ndarray, "h w 3"]) -> Surroundings:
-    """A clear sky with clouds and a sun, or an overcast one, above trees or houses."""
+    """A clear sky with clouds and sun, or an overcast sky, above trees or houses."""
     size = lights.DETAIL
     degrees = np.rad2deg(np.arcsin(lights.directions_of(size)[..., 2:]))
     clear = np.minimum(sky, np.quantile(sky, 0.99))  # without the sun, which is large in the map
@@ -128,7 +128,7 @@ def outdoors(rng: np.random.Generator, sky: Float[np.ndarray, "h w 3"]) -> Surro
 
 
 def studio(rng: np.random.Generator) -> Surroundings:
-    """A dim or bright studio with large soft lamps and one smaller one."""
+    """A dim or bright studio with large soft lamps and a smaller lamp."""
     toward = lights.directions_of(lights.DETAIL)
     rest = _colour(rng, 0.08, 0.7, 0.06) * (0.7 + 0.3 * toward[..., 2:])
     for _ in range(int(rng.integers(1, 4))):
@@ -156,7 +156,7 @@ def room(rng: np.random.Generator, eye: Float[np.ndarray, " 3"]) -> Surroundings
     along, up = np.where(axis == 0, point[..., 1], point[..., 0]), point[..., 2]
     colours = _colour(rng, 0.25, 0.8, 0.12) * rng.uniform(0.7, 1.1, (6, 1))
     colours[rng.integers(5, size=2)] = [_colour(rng, 0.1, 0.6, 0.3), _colour(rng, 0.1, 0.6, 0.1)]
-    corner = np.where(axis == 2, 9, np.minimum(up - floor, ceiling - up))  # these are darker
+    corner = np.where(axis == 2, 9, np.minimum(up - floor, ceiling - up))  # corners are darker
     shade = (1 - 0.35 * np.exp(-np.maximum(corner, 0) / 0.8))[..., None] * rng.uniform(0.12, 0.5)
     result = colours[wall] * shade
 
@@ -191,7 +191,7 @@ def draw(
     *,
     detail: bool,
 ) -> Surroundings:
-    """Draws the surroundings of a view; `detail`: whether the map is visible in the image."""
+    """Draws the surroundings of a view. `detail`: is the map visible in the image?"""
 
     def measured() -> Surroundings:
         assert maps is not None
@@ -215,7 +215,7 @@ def draw(
 
 
 def texture_of(kind: str, rng: np.random.Generator) -> Float[np.ndarray, "t t 3"]:
-    """The texture of a kind of ground, with linear reflectances. It repeats."""
+    """A periodic texture of linear reflectances for a kind of ground."""
     size = (TEXELS, TEXELS)
     y, x = np.mgrid[:TEXELS, :TEXELS]
     cloudy, fine = noise(rng, size, 1.4), noise(rng, size, 0.5)
@@ -257,10 +257,10 @@ def texture_of(kind: str, rng: np.random.Generator) -> Float[np.ndarray, "t t 3"
 
 
 def draw_ground(rng: np.random.Generator, kind: str, around: Surroundings) -> Ground:
-    """Draws a ground of one of `GROUNDS`, or "random" = one that fits the surroundings.
+    """Draws a ground of a kind in `GROUNDS`, or "random": of a kind that fits the surroundings.
 
-    The floor of a room ends at its walls, a table at its edges. Paper curves upward behind the
-    object, as in product photographs.
+    The floor of a room ends at the walls, a table at its edges. Behind the object, paper curves
+    upward, as in product photographs.
     """
     if kind == "random":
         kind = str(rng.choice(_FITTING[around.kind]))

@@ -1,1 +1,1 @@
-"""Catalogues of models, one per file, with a common interface (`entry.Catalogue`)."""
+"""Catalogues of models, a module for each, with a common interface (`entry.Catalogue`)."""

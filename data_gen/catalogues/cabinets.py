@@ -1,13 +1,12 @@
 """Cabinets whose depth is not visible from the front, for the study of ambiguity.
 
-A cabinet consists of a front panel, a body of hidden depth behind it, and a rail of constant length
-under both. Panel and rail determine the bounding box and the bounding hemisphere, so the position
-of the panel after normalisation does not depend on the depth. A camera straight in front of the
-panel at elevation 0 sees only the panel, which is larger than the body. The kinds are categories:
+A cabinet has a front panel, a body of hidden depth behind it, and a rail of constant length under
+both. Panel and rail determine the bounding box and the bounding hemisphere, so the position of the
+panel after normalisation does not depend on the depth. The panel is larger than the body and hides
+it from a camera straight in front of it, at elevation 0. The kinds are categories:
 
-- `front`: the panel faces +x. From azimuth 0 the depth is ambiguous.
-- `turned`: the same cabinets rotated by `TURN` degrees about the vertical axis, so that the side is
-  visible.
+- `front`: the panel faces +x. From azimuth 0, the depth is ambiguous.
+- `turned`: these cabinets, rotated by `TURN` degrees about the vertical axis; the side is visible.
 """
 
 import dataclasses
@@ -25,25 +24,25 @@ from data_gen.mesh import Model
 KINDS = ("front", "turned")
 TURN = 55.0
 DEPTH = (0.15, 1.0)
-"""Range of the hidden depth of the body, as a fraction of the deepest body; uniform."""
+"""Range of the hidden depth, uniform, as a fraction of the largest depth."""
 
 LENGTH, PANEL = 2.0, 0.06
-"""Length of the rail, and distance of the body from its front end, before normalisation."""
+"""Length of the rail, and distance from its front end to the body, before normalisation."""
 
-# Makes these random numbers independent of others with the same seed.
+# Makes these random numbers independent of the other random numbers of a seed.
 _VISIBLE, _HIDDEN = 0x646F7562, 0x646F7568
 
 
 def generate(kind: str, seed: int, hidden_seed: int) -> Model:
     """A normalised cabinet, named `<kind>-<seed>-h<hidden_seed>`.
 
-    `parameters["hidden"]["depth"]` is the hidden depth, in `DEPTH`. `parameters["scale"]` is the
-    factor from lengths before normalisation to units of the frame.
+    `parameters["hidden"]["depth"]` is the hidden depth, within `DEPTH`. `parameters["scale"]` is
+    the factor from lengths before normalisation to units of the frame.
 
     Args:
-      kind: one of `KINDS`; the same seeds give the same cabinet in both kinds.
-      seed: seed of everything that is visible from the front.
-      hidden_seed: seed of the depth, together with `seed`.
+      kind: in `KINDS`; both kinds have the same cabinet for the same seeds.
+      seed: seed of what is visible from the front.
+      hidden_seed: with `seed`, the seed of the depth.
     """
     kit = Kit(np.random.default_rng([_VISIBLE, seed]))
     share = float(np.random.default_rng([_HIDDEN, seed, hidden_seed]).uniform(*DEPTH))
@@ -60,8 +59,8 @@ def generate(kind: str, seed: int, hidden_seed: int) -> Model:
     for i in range(columns):
         for j in range(rows):
             y, z = (i - (columns - 1) / 2) * w, (j + 0.5) * h
-            # The front end of the rail is ahead of these fronts and knobs, so that panel and rail
-            # determine the bounding box.
+            # Fronts and knobs are behind the front end of the rail: panel and rail determine the
+            # bounding box.
             kit.add(front, box(0.01, w - 0.04, h - 0.04).at(face + 0.004, y, z))
             kit.add(knob, ball(0.02, 0.05, 0.05, 8).at(end - 0.0101, y, z))
     seeds = {"seed": seed, "hidden_seed": hidden_seed}
@@ -73,13 +72,13 @@ def generate(kind: str, seed: int, hidden_seed: int) -> Model:
 
 
 def cabinets(seeds: tuple[int, int] = (160, 16), draws: tuple[int, int] = (4, 8)) -> Catalogue:
-    """Cabinets of both kinds: for each seed both kinds and all hidden depths.
+    """For each seed, cabinets of both kinds with all hidden depths.
 
     Args:
-      seeds: number of seeds in each split, (train, validation). A seed is in only one split.
-      draws: number of hidden depths per seed in each split.
+      seeds: number of seeds for (train, validation). A seed belongs to a single split.
+      draws: number of hidden depths per seed for (train, validation).
     """
-    # An offset larger than any number of training seeds.
+    # The offset is larger than any number of training seeds.
     splits = zip(("train", "validation"), (0, 1_000_000), seeds, draws, strict=True)
     entries = [
         Entry(f"{kind}-{s}-h{draw}", kind, split, functools.partial(generate, kind, s, draw))

@@ -1,4 +1,4 @@
-"""Chooses models of a catalogue: by patterns of category and name, and by a stratified sample."""
+"""Chooses models of a catalogue by patterns of category and name, and by a stratified sample."""
 
 import dataclasses
 import difflib
@@ -12,18 +12,18 @@ from data_gen.catalogues.entry import Entry, hashed
 
 @dataclasses.dataclass(frozen=True)
 class Choice:
-    """A choice of models: `include` is applied first, then `exclude`, then the sample.
+    """A choice of models: first by `include`, then by `exclude`, then by the sample.
 
     Patterns are shell patterns (`*`, `?`, `[abc]`). A pattern matches a model if it matches the
-    category, the whole name, one part of the name between slashes, or the beginning of the name up
-    to a slash. For example, `Effects`, `Effects/Birds`, `swarm.*` and `*swarm*` all match
+    category, the name, a part of the name between slashes, or the beginning of the name up to a
+    slash. For example, `Effects`, `Effects/Birds`, `swarm.*` and `*swarm*` match
     `Effects/Birds/swarm.ac`.
 
     Attributes:
-      include: patterns of models that are kept; () = all.
-      exclude: patterns of models that are left out.
+      include: patterns of models that we keep; () = all.
+      exclude: patterns of models that we leave out.
       sample: number of models, spread over categories and folders; 0 = all.
-      seed: of the sample. With the same seed, a larger sample contains the smaller ones.
+      seed: of the sample. A larger sample with the same seed contains the smaller samples.
     """
 
     include: tuple[str, ...] = ()
@@ -33,7 +33,7 @@ class Choice:
 
 
 def matches(pattern: str, entry: Entry) -> bool:
-    """Whether a pattern of a `Choice` matches a model, or is one of its texts."""
+    """Whether a pattern of a `Choice` matches a model."""
     texts = _texts(entry)
     return pattern in texts or any(fnmatch.fnmatchcase(text, pattern) for text in texts)
 
@@ -76,11 +76,11 @@ def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
 
 
 def _spread(entries: Sequence[Entry], seed: int) -> list[Entry]:
-    """All models in a random order whose prefixes are all spread over categories and folders.
+    """All models in a random order. Each prefix is spread over categories and folders.
 
-    Of n models, m have the same category and folder. The one with rank r in a random order of these
-    m gets the position (r + u) / m, where u is uniform in [0, 1) and the same for all of them. So
-    about k m / n of the first k models are from this group.
+    For m of n models with the same category and folder, we draw u uniformly in [0, 1). In a random
+    order of the m models, the model with rank r gets the position (r + u) / m. So about k m / n of
+    the first k models belong to this group.
     """
 
     def uniform(*words: str) -> float:

@@ -1,4 +1,4 @@
-"""The interface of catalogues, which list models without reading them."""
+"""The interface of catalogues: lists of models that are not read yet."""
 
 import dataclasses
 import functools
@@ -19,23 +19,23 @@ FRACTIONS = (0.8, 0.1, 0.1)
 
 
 def printable(text: str) -> str:
-    """The text with control characters and undecodable bytes escaped: one line of valid UTF-8."""
+    """The text as a line of valid UTF-8, with control characters and undecodable bytes escaped."""
     return one_line(text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace"))
 
 
 @dataclasses.dataclass(frozen=True)
 class Entry:
-    """A model of a catalogue; it can be pickled.
+    """A model of a catalogue, which can be pickled.
 
     Attributes:
       model_id: unique in the catalogue.
       category: "" if unknown.
-      split: one of `SPLITS`.
+      split: in `SPLITS`.
       load: reads the model, with this name and category, and normalises it to the project's frame.
-        It raises `mesh.UnusableModelError` if no sample can be made from the model.
-      variant_loader: from a name and a deviation to the variant; None = `proportions.vary`.
-      find_file: finds its mesh file. A refused model is tried again if the content of this file
-        changes.
+        `mesh.UnusableModelError` if no sample can be made from the model.
+      variant_loader: returns a variant from its name and the deviation; None = `proportions.vary`.
+      find_file: returns the path of the mesh file. If the file changes, we try a refused model
+        again.
     """
 
     model_id: str
@@ -46,14 +46,14 @@ class Entry:
     find_file: Callable[[], pathlib.Path | None] | None = None
 
     def __post_init__(self) -> None:
-        """Makes both names printable."""
+        """Makes name and category printable."""
         for field in ("model_id", "category"):
             object.__setattr__(self, field, printable(getattr(self, field)))
 
     def variant(self, number: int, deviation: float) -> "Entry":
-        """The object `<model_id> variant <number>`, with other proportions drawn for this name.
+        """The variant `<model_id> variant <number>`, with random proportions and the same split.
 
-        It keeps the split. See `proportions.random_proportions` for the deviation.
+        See `proportions.random_proportions` for the deviation.
         """
         name = f"{self.model_id}{_VARIANT}{number}"
         load = self.variant_loader or functools.partial(_load_variant, self.load)
@@ -65,7 +65,7 @@ _VARIANT = " variant "
 
 
 def original_name(model_id: str) -> str:
-    """The name of this variant's model; the name itself if it is no variant."""
+    """The name without the ending of a variant."""
     return re.sub(rf"{_VARIANT}[0-9]+$", "", model_id)
 
 
@@ -77,8 +77,8 @@ def _load_variant(load: Callable[[], Model], name: str, deviation: float) -> Mod
 class Catalogue:
     """A list of models, always in the same order.
 
-    The seeds of the models depend on `name`. `fractions` tells how `split_of` divides them; None =
-    the splits are given.
+    The seeds of the models depend on `name`. `fractions` are those of `split_of`; None = the
+    catalogue has its own splits.
     """
 
     name: str
@@ -87,7 +87,7 @@ class Catalogue:
 
 
 def split_of(model_id: str, fractions: tuple[float, float, float] = FRACTIONS) -> str:
-    """The split of a model, by a hash of its name; it does not depend on the other models.
+    """The split of a model from a hash of its name, independent of other models.
 
     Raises:
       ValueError: a fraction is negative, or their sum is not 1.
@@ -100,12 +100,12 @@ def split_of(model_id: str, fractions: tuple[float, float, float] = FRACTIONS) -
         if number < fraction:
             return split
         number -= fraction
-    # Reached only if the hash exceeds the sum of the fractions because of rounding.
+    # By rounding, the hash exceeds the sum of the fractions.
     return next(s for s, f in zip(SPLITS[::-1], fractions[::-1], strict=True) if f > 0)
 
 
 def hashed(model_id: str) -> float:
-    """A number in [0, 1), by a hash of the name."""
+    """A number in [0, 1) from a hash of the name."""
     digest = hashlib.sha256(model_id.encode("utf-8", "surrogatepass")).digest()
     return int.from_bytes(digest[:8], "big") / 2**64
 
@@ -124,11 +124,11 @@ _GENERIC = re.compile(r"(model|scene|mesh|object)s?(_normalized)?")
 
 
 def family_of(model_id: str) -> str:
-    """The common part of the names of near-duplicates.
+    """The common name of near-duplicates.
 
-    It has no folders, no suffix, and no numbers, colours and levels of detail at its end:
-    `Models/farmhouse2-white.glb` and `farmhouse4.glb` are in the family "farmhouse". A file that is
-    only called a model or scene counts as its folder: `lemon/scene.gltf` is in the family "lemon".
+    It is the name without folders, suffix, and numbers, colours and levels of detail at the end:
+    "farmhouse" for `Models/farmhouse2-white.glb` and `farmhouse4.glb`. If a file is called model,
+    scene, mesh or object, it is the name of the folder: "lemon" for `lemon/scene.gltf`.
     """
     folder, _, name = model_id.rpartition("/")
     stem = re.sub(r"\.[a-z]{1,4}$", "", name.rpartition("#")[2].casefold())
@@ -140,10 +140,11 @@ def family_of(model_id: str) -> str:
 
 
 def moved_to_empty_splits(splits: Mapping[str, str], wanted: Sequence[str]) -> dict[str, str]:
-    """New splits of objects of a small set, so that none of the `wanted` splits is empty.
+    """New splits of objects of a small set, so that no `wanted` split is empty.
 
-    An empty split gets one object of the largest split; a hash of its name chooses it. If no split
-    has two objects, a later split gives its only one: two objects are for training and validation.
+    An empty split gets an object of the largest split, chosen by a hash of the name. If no split
+    has two objects, it gets the object of a later split: two objects are for training and
+    validation.
     """
     moved: dict[str, str] = {}
     for index, empty in enumerate(wanted):

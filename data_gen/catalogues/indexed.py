@@ -1,4 +1,4 @@
-"""Catalogue of a folder of meshes with an index, a CSV file that has a line for each model."""
+"""Catalogue of a folder of meshes with an index: a CSV file with a line for each model."""
 
 import csv
 import dataclasses
@@ -43,7 +43,7 @@ _KINDS = {
     "colour": "airplane animal book bottle bowl candle car chair clock figure food lamp mug other "
     "plant plate sign spaceship table toy tool vase watercraft weapon",
 }
-"""Categories with objects of each kind of material."""
+"""For each kind of material, the categories of objects made of it."""
 
 
 def indexed(
@@ -54,19 +54,19 @@ def indexed(
 ) -> Catalogue:
     """The meshes that a file `index.csv` in a folder lists.
 
-    The index is a CSV file with a heading. Its column `file` has the path of each mesh in the
-    folder, which is also the name of the model. A column `category` is optional. The records get
-    further columns, such as `licence` and `author`, as parameters of the model. Files have +y up
-    and their front toward +z; COLLADA files may also state Z_UP.
+    The index is a CSV file with a heading. The column `file` has the path of each mesh in the
+    folder; this is the name of the model. The column `category` is optional. Further columns, such
+    as `licence` and `author`, become parameters of the model in the records. In the files, +y is up
+    and +z the front; COLLADA files may state Z_UP.
 
-    A model of one grey gets a material that fits its category, drawn for its name. Models
-    whose names differ only in numbers, colours or levels of detail are in the same split.
+    A model of a single grey gets a material that fits its category, chosen by its name. Models with
+    names that differ in numbers, colours or levels of detail are in the same split.
 
     Args:
       source: the folder.
       fractions: fractions of the models for training, validation and test, see `split_of`.
-      licences: patterns such as `CC-BY-?.0` or `MIT*`; models whose column `licence` fits none of
-        them are left out. Empty = all models.
+      licences: patterns such as `CC-BY-?.0` or `MIT*` of the column `licence`; we leave out models
+        that fit no pattern. () = all models.
 
     Raises:
       ValueError: the index is missing or damaged; the message names the line.
@@ -87,7 +87,7 @@ def indexed(
 def read_index(
     source: str | os.PathLike[str], licences: Sequence[str] = ()
 ) -> list[dict[str, str]]:
-    """The lines of the index of a folder whose licence fits one of the patterns, if there are any.
+    """The lines of a folder's index, if there are patterns, with a licence that fits a pattern.
 
     Raises:
       ValueError: the index is missing or damaged; the message names the line.
@@ -120,7 +120,7 @@ def read_index(
 
 
 def fits(licence: str, patterns: Sequence[str]) -> bool:
-    """Whether a licence fits one of the patterns."""
+    """Whether a licence fits a pattern."""
     return any(fnmatch.fnmatchcase(licence, pattern) for pattern in patterns)
 
 
@@ -130,13 +130,13 @@ def _load(name: str, files: FolderFiles, category: str, about: dict[str, str]) -
 
 
 def _is_grey(model: Model) -> bool:
-    """Whether all of the model has the same grey and no texture."""
+    """Whether the whole model has the same grey, without a texture."""
     looks = {(m.diffuse, m.texture is None) for m in model.materials}
     return len(looks) == 1 and all(plain and np.ptp(grey) < 0.02 for grey, plain in looks)
 
 
 def _clothed(model: Model) -> Model:
-    """The model with a material that fits its category, drawn for its name."""
+    """The model with a material that fits its category, chosen by its name."""
     digest = hashlib.sha256(f"material {model.model_id}".encode()).digest()
     rng = np.random.default_rng(int.from_bytes(digest[:8], "big"))
     fitting = [k for k, names in _KINDS.items() if model.category in names.split()]

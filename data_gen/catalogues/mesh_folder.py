@@ -12,10 +12,10 @@ from data_gen.mesh import MAX_FACES
 from data_gen.readers.load import READERS, load_model
 from data_gen.readers.model_files import FolderFiles
 
-# Formats in which z usually points up; in the others it is y.
+# Formats in which z usually points up. In other formats, y does.
 _Z_UP = (".stl", ".ply", ".off", ".3mf")
 
-# Formats that cannot be read.
+# Formats that we cannot read.
 _OTHERS = {".3ds", ".blend", ".fbx", ".step", ".stp", ".usd", ".usdz", ".wrl", ".x3d",
            ".sh3f"}  # fmt: skip
 
@@ -24,14 +24,14 @@ _ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".zst"
 
 
 def _ending(name: str) -> str:
-    """The suffix of a file's format, without the suffix of its compression."""
+    """The suffix of a file's format, without `.gz`."""
     return pathlib.PurePosixPath(name.lower().removesuffix(".gz")).suffix
 
 
 def find_meshes(source: str | os.PathLike[str]) -> tuple[list[str], list[str]]:
     """The mesh files below a folder, sorted, and the folders outside of it to which links lead.
 
-    We follow links to folders, but enter each folder only once.
+    We follow links to folders, and enter each folder once.
 
     Raises:
       ValueError: there are no mesh files.
@@ -86,18 +86,18 @@ def folder(
 ) -> Catalogue:
     """All mesh files below a folder.
 
-    `chairs/red.obj` is the model "chairs/red.obj" with the category "chairs". Files directly in the
-    folder have no category. Files that a mesh refers to must be below the folder, or below a folder
-    to which a link in it leads.
+    `chairs/red.obj` is the model "chairs/red.obj" with the category "chairs"; files that are not in
+    a subfolder have no category. Files that a mesh refers to must be below the folder, or below a
+    folder to which a link in it leads.
 
     Args:
       source: the folder.
       up: axis of the files that points up (`frame.AXES`), or "auto": +z for STL, PLY, OFF and
-        3MF, +y for all others. Reading turns COLLADA files that state Z_UP to +y.
-      front: axis of the files toward which the fronts of the objects point, or "auto": +z if y is
-        up, -y if z is up.
+        3MF, otherwise +y. The reader turns COLLADA files that state Z_UP to +y.
+      front: axis of the files toward the fronts of the objects, or "auto": +z if y is up, -y if z
+        is up.
       fractions: fractions of the models for training, validation and test, see `split_of`.
-      max_faces: models with more faces are refused.
+      max_faces: largest accepted number of faces of a model.
 
     Raises:
       ValueError: the folder is missing or contains no mesh, or an axis is wrong.

@@ -1,7 +1,7 @@
 """Opens catalogues by name, with options from the command line.
 
-The first parameter of a catalogue is `source`. The others are its options: their annotations are
-the types for `--option`, and `--help` shows the section Args of its docstring.
+The first parameter of a catalogue is `source`. The other parameters are its options: the
+annotations are their types for `--option`, and `--help` shows the section Args of the docstring.
 """
 
 import os
@@ -29,14 +29,12 @@ CATALOGUES: dict[str, Callable[..., Catalogue]] = {
 
 
 def variants_of(models: Catalogue, variants: int = 0, deviation: float = DEVIATION) -> Catalogue:
-    """A catalogue with variants of its models instead of the models.
+    """A catalogue in which variants replace the models.
 
     Args:
       models: the catalogue.
-      variants: number of variants with other proportions that replace each model; 0 = the models
-        themselves.
-      deviation: how much the variants differ: standard deviation of the logarithm of the stretch
-        along each axis, above 0 to 1.
+      variants: number of variants with other proportions that replace each model; 0 = no change.
+      deviation: standard deviation of the logarithm of the stretch along each axis, above 0 to 1.
 
     Raises:
       ValueError: a number is out of range.
@@ -59,7 +57,7 @@ def open_catalogue(
     deviation: float | None = None,
     **options: Any,
 ) -> Catalogue:
-    """A catalogue by its name: one of `CATALOGUES`, with its options, or `variants_of` its models.
+    """The catalogue with this name in `CATALOGUES` and these options, or `variants_of` its models.
 
     Raises:
       ValueError: the name is unknown, the catalogue refuses the source, or `deviation` is given

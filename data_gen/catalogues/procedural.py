@@ -13,12 +13,12 @@ from data_gen.catalogues.families import materials as m
 from data_gen.catalogues.families.kit import Kit
 from data_gen.mesh import Model
 
-# Makes these random numbers independent of others with the same seed.
+# Makes these random numbers independent of the other random numbers of a seed.
 _STREAM = 0x70736776
 
 
 class Family(NamedTuple):
-    """A category: `build` adds the parts of a model of one of its kinds to a kit."""
+    """A category: `build` adds the parts of a model of a kind in `kinds` to a kit."""
 
     build: Callable[[Kit, str], None]
     kinds: tuple[str, ...]
@@ -43,17 +43,17 @@ FAMILIES = {
 
 CATEGORIES = tuple(FAMILIES)
 
-# Largest number of models of a catalogue, because a job lists them all before the first one.
+# Largest number of models of a catalogue. A job lists all models before it renders the first.
 _LARGEST = 1_000_000
 
-# Fraction of the models without colours, like many models of ShapeNet.
+# Fraction of models without colours, such as many models of ShapeNet.
 _PLAIN = 0.1
 
 
 def generate(category: str, seed: int) -> Model:
-    """The model `<category>-<seed>`, in the project's frame, with its front toward +x.
+    """The model `<category>-<seed>` in the project's frame.
 
-    Its `parameters` are the seed and one of the kinds of its category.
+    `parameters` are the seed and the kind within the category.
 
     Raises:
       ValueError: the category is unknown or the seed is negative.
@@ -81,8 +81,8 @@ def procedural(
     """Models of the families of the paper's table.
 
     Args:
-      source: number of models of each category, such as "100"; or categories with their numbers,
-        such as "chair=500,table=200".
+      source: number of models of each category, such as "100"; or numbers by category, such as
+        "chair=500,table=200".
       first_seed: first seed of each category.
       fractions: fractions of the models for training, validation and test, see `split_of`.
 
@@ -104,7 +104,7 @@ def procedural(
     if first_seed < 0:
         raise ValueError(f"first_seed: got {first_seed}, expected 0 or more")
     entries = []
-    # The categories alternate, so that every prefix contains all of them.
+    # The categories alternate, so that each prefix contains all of them.
     for seed in range(first_seed, first_seed + max(map(int, counts.values()))):
         for category, count in counts.items():
             if seed < first_seed + int(count):

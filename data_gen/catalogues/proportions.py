@@ -1,9 +1,9 @@
 """Random changes of an object's proportions: longer legs, a deeper seat, a lower roof.
 
-We use three axes: the vertical and both sides of the smallest rectangle around the footprint. Along
-each axis, an increasing, piecewise linear function changes the coordinate. The functions of the two
-horizontal axes are odd about the middle of the rectangle. So faces perpendicular to an axis stay
-plane, and an object that is symmetric about an axis of its rectangle stays symmetric.
+The axes are the vertical and both sides of the smallest rectangle around the footprint. Along each
+axis, an increasing, piecewise linear function maps the coordinate. Along the two horizontal axes,
+the function is odd about the middle of the rectangle. So faces perpendicular to an axis stay plane,
+and an object that is symmetric about an axis of the rectangle stays symmetric.
 """
 
 import dataclasses
@@ -18,13 +18,13 @@ from data_gen.frame import normalize
 from data_gen.mesh import Model, UnusableModelError, unit_vectors
 
 DEVIATION = 0.25
-"""Default deviation of variants."""
+"""Default of `deviation`."""
 
 _PIECES = 3  # linear pieces of each function
 
 
 Change = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, "n 3"]]
-"""Moves points; the lowest is then at z = 0, and the middle of the footprint stays."""
+"""Moves points: the lowest point to z = 0; the middle of the footprint stays."""
 
 
 def random_proportions(
@@ -32,10 +32,10 @@ def random_proportions(
 ) -> tuple[Change, Float[np.ndarray, "2 2"]]:
     """A random change of proportions, and unit vectors along the sides of the footprint.
 
-    The slope of a piece is exp(a + b): `a` is drawn once for each axis, `b` once for each piece,
-    both from a normal distribution with standard deviation `deviation`, clipped at twice this
-    value. The inner knots are uniform in the middle 80 % of each axis. The seed is a hash of the
-    name of the variant.
+    The slope of a piece is exp(a + b), with a random `a` for each axis and a random `b` for each
+    piece, from a normal distribution with standard deviation `deviation`, clipped at twice this
+    value. The inner knots are uniform in the middle 80 % of each axis. The seed is a hash of
+    `name`.
 
     Raises:
       UnusableModelError: the points lie in a vertical plane.
@@ -66,9 +66,9 @@ def random_proportions(
 
 
 def vary(model: Model, name: str, deviation: float) -> Model:
-    """The model with other proportions and this name, normalised again.
+    """The model with random proportions and the name `name`, normalised again.
 
-    Normals follow by the inverse of the mean stretch of their face along each axis.
+    We divide normals by the mean stretch of their face along each axis.
     """
     change, axes = random_proportions(model.vertices, name, deviation)
     turn = np.eye(3)
@@ -85,7 +85,7 @@ def vary(model: Model, name: str, deviation: float) -> Model:
 def footprint(flat: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Axes [2, 2], middle and half sides [2] of the smallest rectangle around points [n, 2].
 
-    One side of this rectangle lies along an edge of the convex hull.
+    A side of this rectangle is along an edge of the convex hull.
     """
     spread = np.linalg.svd(flat - flat.mean(axis=0), compute_uv=False)
     if not spread[1] > 1e-3 * spread[0]:

@@ -1,13 +1,13 @@
-"""Catalogue of the models in a folder of records, for new views of point clouds without meshes.
+"""Catalogue of the models in a folder of records: new views of point clouds without meshes.
 
-We approximate the surface of a model by surfels: small rectangles, one at each point, tangential to
-the surface. The principal directions of the point's nearest neighbours are its normal and its axes.
-Its long semi-axis is the distance of the 5th neighbour; a Poisson-distributed sample then leaves
-e^-5 of a plane uncovered. Along thin parts and edges, the short semi-axis is shorter. A visible
-point takes its colour from the record's image, a hidden one from the nearest visible point. If the
-record has no depth, all points are grey.
+We approximate the surface of a model by surfels: a small tangential rectangle at each point. The
+principal directions of the point's nearest neighbours are the normal and the axes of the surfel.
+The long semi-axis is the distance to the 5th neighbour, which leaves e^-5 of a plane with
+Poisson-distributed points uncovered. On thin parts and edges, the other semi-axis is shorter. The
+colour comes from the record's image, at hidden points from the nearest visible point. If the record
+has no depth, all points are grey.
 
-Objects keep their position and scale; the job must use `centre=bounds`, which is its default.
+Objects keep position and scale. The job must use `centre=bounds`, the default.
 """
 
 import dataclasses
@@ -25,10 +25,10 @@ from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.manifest import DUPLICATES, load_manifest
 from psgn_jax.data.schema import Sample
 
-_NEIGHBOURS = 32  # from which the normal and the axes of a surfel are computed
-_REACH = 5  # number of the neighbour whose distance is the long semi-axis of a surfel
+_NEIGHBOURS = 32  # number of points for the normal and the axes of a surfel
+_REACH = 5  # the long semi-axis of a surfel is the distance to this neighbour
 _THINNEST = 0.3  # smallest ratio of the semi-axes
-_SHOWN = 0.04  # largest difference of depth between a point and the image's surface
+_SHOWN = 0.04  # largest difference between the depths of a visible point and of the image
 _FEWEST = 100  # smallest number of points of a usable model
 
 
@@ -42,7 +42,7 @@ def records(source: str | os.PathLike[str]) -> Catalogue:
       ValueError: there are no readable records, a split is unknown, or model names are empty or
         ambiguous.
     """
-    source = os.path.abspath(source)  # for processes elsewhere
+    source = os.path.abspath(source)  # for processes in other working directories
     entries = [  # in the order of the records
         Entry(
             name, category, split, functools.partial(_load, source, split, index),
@@ -68,7 +68,7 @@ def _first_records(source: str) -> dict[str, tuple[str, str, int]]:
             name = stored.model_id
             first = found.setdefault(name, (stored.category, split, index))
             if not name or first[:2] != (stored.category, split):
-                expected = "a name that belongs to one model, in one category and one split"
+                expected = "a model to have a single category and split"
                 what = f"record {index} of split {split!r} has the model name {name!r}"
                 raise ValueError(f"{source}: {what}, expected {expected}")
     return found
@@ -89,14 +89,14 @@ def _load_variant(source: str, split: str, index: int, name: str, deviation: flo
 
 
 def _varied(points: np.ndarray, name: str, deviation: float) -> np.ndarray:
-    """Points with other proportions, the farthest at distance 1, above the same origin."""
+    """Points with random proportions, with the same origin and the farthest at distance 1."""
     change, _ = random_proportions(points, name, deviation)
     moved = change(points) - change(np.zeros((1, 3))) * [1, 1, 0]
     return moved / np.linalg.norm(moved, axis=1).max()
 
 
 def surfels(sample: Sample, change: Change | None = None) -> Model:
-    """A mesh of rectangles, one for each point of a sample, in its frame or moved by `change`."""
+    """A mesh with a rectangle for each point of a sample, moved by `change`."""
     points = np.unique(sample.points.astype(np.float64), axis=0)
     if len(points) < _FEWEST:
         raise UnusableModelError(f"{len(points)} different points, expected {_FEWEST} or more")
@@ -117,23 +117,23 @@ def _rectangles(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The corners [n, 4, 3] of the surfels of points [n, 3], and their unit normals."""
     distance, nearest = scipy.spatial.cKDTree(points).query(points, k=_NEIGHBOURS + 1)
     around = points[nearest] - points[nearest].mean(axis=1, keepdims=True)
-    # Ascending: across the surface, then the short and the long axis.
+    # In ascending order: the normal, the short and the long axis.
     variances, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))
     ratio = np.sqrt(np.maximum(variances[:, 1], 0) / np.maximum(variances[:, 2], 1e-12))
-    # A rectangle has the area of an ellipse whose axes are 2 / sqrt(pi) times as long.
+    # A rectangle has the area of an ellipse with 2 / sqrt(pi) times its axes.
     reach = distance[:, _REACH] * np.sqrt(np.pi) / 2
     long = axes[:, :, 2] * reach[:, None]
     short = axes[:, :, 1] * (reach * np.clip(ratio, _THINNEST, 1))[:, None]
     offsets = np.stack([-long - short, long - short, long + short, short - long], 1)
     corners = points[:, None] + offsets
-    # No surfel extends below the ground or out of the unit ball.
+    # Surfels end at the ground and at radius 1.
     corners[..., 2] = np.maximum(corners[..., 2], 0)
     corners /= np.maximum(np.linalg.norm(corners, axis=2, keepdims=True), 1)
     return corners, _smoothed(axes[:, :, 0], nearest)
 
 
 def _smoothed(normals: np.ndarray, nearest: np.ndarray) -> np.ndarray:
-    """Mean normals [n, 3] of the nearest points, each with the sign of the point's own normal."""
+    """Mean normals [n, 3] of the nearest points, with the signs of the points' normals."""
     around = normals[nearest]
     around *= np.sign(np.einsum("nki,ni->nk", around, normals))[..., None]
     return unit_vectors(around.sum(axis=1))

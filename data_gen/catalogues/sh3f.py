@@ -1,7 +1,7 @@
 """Catalogue of furniture libraries of Sweet Home 3D: `.sh3f` files, which are zip archives.
 
 `PluginFurnitureCatalog.properties` lists the models with category, size in centimetres and rotation
-of the file. Nothing is unpacked to disk.
+of the file. We unpack nothing to disk.
 """
 
 import dataclasses
@@ -26,7 +26,7 @@ _MAX_PROPERTIES_BYTES = 16 << 20
 
 
 def parse_properties(text: str) -> dict[str, str]:
-    r"""Keys and values of a Java properties file that was decoded as Latin-1."""
+    r"""Keys and values of a Java properties file, decoded as Latin-1."""
     escape = re.compile(r"\\(?:u([0-9a-fA-F]{4})|(.))", re.DOTALL)
 
     def plain(match: re.Match[str]) -> str:
@@ -63,7 +63,7 @@ class Furniture:
 
 
 def read_library(path: str | os.PathLike[str]) -> list[Furniture]:
-    """The pieces of a library in the order of its list; ValueError if it is none."""
+    """The pieces of a library in the order of its list; ValueError if it is no library."""
     try:
         files = ZipFiles(path)
         stored = files.find(PROPERTIES)
@@ -101,9 +101,9 @@ def _place(model: Model, rotation: tuple[float, ...], size: tuple[float, float, 
     known = (target > 0) & (extent > 1e-6 * extent.max())
     if known.any():
         scale = np.where(known, target / np.where(known, extent, 1), 0)
-        # Directions with zero extent or size are not scaled.
+        # Directions with zero extent or size have the mean scale of the others.
         scale = np.where(known, scale, scale[known].mean())
-        # If the aspect ratio would change too much, the size in the library must be wrong.
+        # Otherwise the size in the library must be wrong.
         if scale.max() < 20 * scale.min():
             matrix = scale[:, None] * matrix
     return model.transformed(matrix)
@@ -126,8 +126,8 @@ def sweet_home(
 ) -> Catalogue:
     """The pieces of a `.sh3f` library, or of all libraries in a folder.
 
-    A model is named `<library>/<id of the piece>`. Its category is the one that the library states,
-    such as "Living room". Libraries that cannot be read are left out with a warning.
+    The name of a model is `<library>/<id of the piece>`, its category is the library's, such as
+    "Living room". We leave out libraries that we cannot read, with a warning.
 
     Args:
       source: the file or folder.
@@ -136,7 +136,7 @@ def sweet_home(
     Raises:
       ValueError: no library can be read.
     """
-    path = pathlib.Path(source).absolute()  # for processes elsewhere
+    path = pathlib.Path(source).absolute()  # for processes in other working directories
     libraries = sorted(path.rglob("*.sh3f")) if path.is_dir() else [path]
     if not libraries or not libraries[0].is_file():
         raise ValueError(f"source {str(source)!r}: expected a .sh3f file or a folder of them")

@@ -1,8 +1,7 @@
 """Catalogue of ShapeNetCore, versions 1 and 2, unpacked: `<synset>/<model>/...obj`.
 
-In version 1 the file is `model.obj` and the front points toward +x. In version 2 it is
-`models/model_normalized.obj` and the front points toward -z (read-me files of the two releases). In
-both, +y is up.
+The file is `model.obj` in version 1, with the front toward +x, and `models/model_normalized.obj` in
+version 2, with the front toward -z (read-me files of the releases). +y is up.
 """
 
 import functools
@@ -17,23 +16,23 @@ from psgn_jax.data import synsets
 
 _LAYOUTS = (("models/model_normalized.obj", "-z"), ("model.obj", "+x"))
 
-# Fraction of each category that 3D-R2N2 trains on: the first models by name.
+# Fraction of each category in the training set of 3D-R2N2: the first models by name.
 _R2N2_TRAIN = 0.8
 
 
 def shapenet(
     source: str | os.PathLike[str], *, validation: float = 0.0, max_faces: int = MAX_FACES
 ) -> Catalogue:
-    """An unpacked ShapeNetCore of either version, complete or in part.
+    """An unpacked ShapeNetCore of version 1 or 2, complete or in part.
 
-    In each category, the first 80 % of the models by name are for training and the others for
-    testing: the split of 3D-R2N2 if the categories are complete.
+    The first 80 % of the models of a category, by name, are for training, the others for testing:
+    the split of 3D-R2N2 if the categories are complete.
 
     Args:
       source: the folder that contains the folders of the synsets.
-      validation: fraction of the training models that becomes the validation split, by a hash of
-        the name. 0 = as published.
-      max_faces: models with more faces are refused.
+      validation: fraction of the training models for validation, chosen by a hash of the name;
+        0 = as published.
+      max_faces: largest accepted number of faces of a model.
 
     Raises:
       ValueError: the folder contains no model, or a number is out of range.

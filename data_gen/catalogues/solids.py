@@ -21,11 +21,11 @@ class Solid(NamedTuple):
     faces: np.ndarray
 
     def at(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Solid":
-        """The part, translated."""
+        """The translated part."""
         return Solid(self.vertices + np.array([x, y, z]), self.faces)
 
     def turned(self, axis: str, degrees: float) -> "Solid":
-        """The part, rotated about a coordinate axis, counter-clockwise seen from its tip."""
+        """The part, rotated about a coordinate axis; positive angles are counter-clockwise."""
         a, b = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
         cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
         vertices = self.vertices.copy()
@@ -34,12 +34,12 @@ class Solid(NamedTuple):
         return Solid(vertices, self.faces)
 
     def scaled(self, x: float, y: float, z: float) -> "Solid":
-        """The part, scaled along the axes; an odd number of negative factors mirrors it."""
+        """The scaled part; an odd number of negative factors mirrors it."""
         faces = self.faces[:, ::-1] if x * y * z < 0 else self.faces
         return Solid(self.vertices * [x, y, z], faces)
 
     def bent(self, shape: Callable[[np.ndarray], np.ndarray]) -> "Solid":
-        """The part with its vertices mapped by `shape`, [V, 3] to [V, 3]."""
+        """The part with vertices mapped by `shape`, [V, 3] to [V, 3]."""
         return Solid(shape(self.vertices.copy()), self.faces)
 
 
@@ -51,7 +51,7 @@ def _outward(vertices: np.ndarray, faces: np.ndarray) -> Solid:
 
 
 def loft(rings: ArrayLike, loop: bool = False) -> Solid:
-    """The surface through rings [K, N, 3], capped, or with a `loop` from the last to the first."""
+    """The surface through rings [K, N, 3], with caps, or closed from the last to the first ring."""
     points = np.asarray(rings, np.float64)
     count, size = points.shape[:2]
     i, j = np.mgrid[: count if loop else count - 1, :size]
@@ -76,7 +76,7 @@ def loft(rings: ArrayLike, loop: bool = False) -> Solid:
 
 
 def _cap(ring: np.ndarray) -> np.ndarray | None:
-    """Triangles between the points of a ring; None if a fan around its centre is used instead."""
+    """Triangles between the points of a ring; None = use a fan around the centre."""
     following = np.roll(ring, -1, axis=0)
     total = np.cross(ring, following).sum(axis=0)
     axis = int(np.abs(total).argmax())
@@ -101,7 +101,7 @@ def box(x: float, y: float, z: float, bevel: float = 0.0) -> Solid:
     if cut <= 0:
         outline = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * half[:2]
         return stack([(outline, -half[2]), (outline, half[2])])
-    # The inner outline has sharp corners, so that no corner face is flat enough to be smoothed.
+    # The inner outline has sharp corners, so that no face at a corner is flat enough for smoothing.
     inner, outer = rounded(x - 2 * cut, y - 2 * cut, 0.0, 1), rounded(x, y, cut, 1)
     return stack(
         [(inner, -half[2]), (outer, cut - half[2]), (outer, half[2] - cut), (inner, half[2])]
@@ -152,7 +152,7 @@ def pillow(x: float, y: float, z: float, radius: float, steps: int = 3) -> Solid
 
 
 def lathe(profile: ArrayLike, sides: int = 24, loop: bool = False, smooth: int = 1) -> Solid:
-    """The surface of revolution of a profile of (radius, z); a `loop` makes a ring with a hole."""
+    """The surface of revolution of a profile of (radius, z); with a `loop`, it has a hole."""
     points = np.asarray(profile, np.float64)
     if smooth > 1:
         points = smooth_path(np.insert(points, 1, 0.0, axis=1), smooth)[:, [0, 2]]
@@ -240,8 +240,8 @@ def hull(
 ) -> Solid:
     """A smooth body through superellipses perpendicular to the x axis.
 
-    `stations` are rows of x, half width, half height and z of the centre; there are `steps`
-    sections of `sides` points between two of them.
+    `stations` are rows of x, half width, half height and z of the centre. Between two rows are
+    `steps` sections of `sides` points.
     """
     table = np.array(sorted(map(tuple, stations)))
     knots = np.arange(len(table))
@@ -263,8 +263,8 @@ _AEROFOIL = np.array(
 def wing(sections: Sequence[Sequence[float]], thickness: float = 0.1, fin: bool = False) -> Solid:
     """A wing through aerofoils from the root to the tip, with the leading edge toward +x.
 
-    `sections` are rows of x, y, z of the leading edge and the chord; `thickness` is relative to the
-    chord, along z or, for a `fin`, along y.
+    `sections` are rows of x, y, z of the leading edge, and the chord. `thickness`, relative to the
+    chord, is along z; along y for a `fin`.
     """
     rings = []
     for x, y, z, chord in sections:
@@ -295,7 +295,7 @@ def sheet(grid: np.ndarray, thickness: float) -> Solid:
 
 
 def tube(path: ArrayLike, radius: ArrayLike, sides: int = 8) -> Solid:
-    """A round bar along a path [M, 3]; `radius` is one number or one for each point."""
+    """A round bar along a path [M, 3]; `radius` is a number, or a number for each point."""
     points = np.asarray(path, np.float64)
     radii = np.broadcast_to(np.asarray(radius, np.float64), (len(points),))
     tangent = unit_vectors(np.gradient(points, axis=0))

@@ -1,6 +1,6 @@
-"""Monitors, speakers, cellphones and firearms. The front, and the muzzle, toward +x."""
+"""Monitors, speakers, cellphones and firearms. Fronts and muzzles point to +x."""
 # fmt: off
-# Formatted by hand: the formatter would put every coordinate on a separate line.
+# We format by hand, because the formatter would put each coordinate in a line.
 
 import numpy as np
 

@@ -1,6 +1,6 @@
-"""The builder of procedural models, and parts that several families use."""
+"""The builder of procedural models, and parts for several families."""
 # fmt: off
-# Formatted by hand: the formatter would put every coordinate on a separate line.
+# We format by hand, because the formatter would put each coordinate in a line.
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -23,7 +23,6 @@ class Kit:
         self.parts: list[tuple[Solid, Material]] = []
 
     def add(self, material: Material, *parts: Solid) -> None:
-        """Adds parts of one material."""
         self.parts += [(part, material) for part in parts]
 
     def both(self, material: Material, *parts: Solid) -> None:
@@ -40,27 +39,24 @@ class Kit:
             self.add(material, *(part.turned("z", angle) for part in parts))
 
     def change(self, start: int, move: Callable[[Solid], Solid]) -> None:
-        """Moves all parts from number `start` on."""
+        """Moves the parts from number `start` on."""
         self.parts[start:] = [(move(part), material) for part, material in self.parts[start:]]
 
     def uniform(self, low: float, high: float) -> float:
-        """A random number."""
         return float(self.rng.uniform(low, high))
 
     def choose(self, *choices: Any) -> Any:
-        """One of the choices."""
         return choices[int(self.rng.integers(len(choices)))]
 
     def chance(self, probability: float) -> bool:
-        """Whether an event of this probability happens."""
         return bool(self.rng.random() < probability)
 
     def draw(self, *materials: Callable[[np.random.Generator], Material]) -> Material:
-        """A material of one of the kinds."""
+        """A random material of a random kind."""
         return self.choose(*materials)(self.rng)
 
     def model(self, category: str, model_id: str, parameters: Mapping[str, Any]) -> Model:
-        """The finished model, normalised."""
+        """The model, normalised."""
         starts = np.cumsum([0, *(len(part.vertices) for part, _ in self.parts)])[:-1]
         vertices = np.concatenate([part.vertices for part, _ in self.parts])
         faces = np.concatenate(
@@ -72,7 +68,7 @@ class Kit:
         uv = texture_coordinates(vertices, faces, starts, part_of, materials, owner)
         model = build_model(vertices, faces, materials=materials, face_material=owner[part_of],
                             uv=uv, category=category, model_id=model_id, parameters=parameters)
-        # Caps with collinear points have triangles without area; no warning is needed.
+        # No warnings of triangles without area, which caps with collinear points have.
         return dataclasses.replace(normalize(model), warnings=())
 
 
@@ -82,10 +78,10 @@ def texture_coordinates(
 ) -> np.ndarray:
     """Texture coordinates [F, 3, 2]: projections along the axis nearest to each normal.
 
-    Images are upright and not mirrored for a viewer in front of the face. On a face that points up,
-    their bottom is toward +x.
+    In front of a face, images are upright and not mirrored. On a face that points up, their bottom
+    is toward +x.
     """
-    # Relative to the bounding box, which does not depend on parts hidden inside it.
+    # Relative to the bounding box, which does not depend on hidden parts.
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     placed = vertices - [*((low + high) / 2)[:2], low[2]]
     placed /= np.linalg.norm(placed, axis=1).max()
@@ -95,7 +91,7 @@ def texture_coordinates(
     axis = np.argmax(np.abs(normals) * [1, 1.001, 1.002], axis=1)
     tile = np.array([getattr(material, "tile", 1.0) for material in materials])[owner[part_of]]
     covering = (tile == 0)[:, None, None]
-    # Textures that cover the part have a margin, so that rounding does not reach the opposite edge.
+    # Textures that cover a part have a margin, so that rounding does not reach the opposite edge.
     fitted = 0.99 * (corners - (low + high)[:, None] / 2) / np.maximum(high - low, 1e-9)[:, None]
     place = np.where(covering, fitted, corners / np.where(covering, 1, tile[:, None, None]))
     facing = np.sign(normals[rows, axis])
@@ -146,7 +142,7 @@ def four_legs(kit: Kit, material: Material, x: float, y: float, top: float, thic
 
 def wheels(kit: Kit, rim: Material, radius: float, width: float, y: float,
            places: Sequence[float]) -> None:
-    """Pairs of wheels whose middles are at (x, ±y), on z = 0."""
+    """Pairs of wheels on z = 0 with their middles at (x, ±y)."""
     w, r = width / 2, radius
     tyre = [(0.6 * r, -w), (0.94 * r, -w), (r, -0.7 * w), (r, 0.7 * w), (0.94 * r, w), (0.6 * r, w)]
     disc = [(0, -1.02 * w), (0.58 * r, -1.04 * w), (0.58 * r, 1.04 * w), (0, 1.02 * w)]

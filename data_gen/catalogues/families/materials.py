@@ -1,10 +1,10 @@
 """Materials of procedural models, and their textures: small periodic uint8 RGBA arrays.
 
-The hues are distributed as in the authors' images: 60 % of the pixels are grey, most others are red
-to yellow, almost none are purple.
+The hues are those of the authors' images: 60 % of the pixels are grey, most others are red to
+yellow, almost none are purple.
 """
 # fmt: off
-# Formatted by hand: the formatter would put every number of a table on a separate line.
+# We format by hand, because the formatter would put each number of a table in a line.
 
 import colorsys
 import dataclasses
@@ -29,7 +29,7 @@ SHADES = {
     "paint": ("clean", "panels", "worn"),
     "stone": ("marble", "granite", "concrete"),
 }
-"""Kinds of surfaces and their sorts, the arguments of `shade`."""
+"""Kinds of surfaces and their sorts, see `shade`."""
 
 PATTERNS = ("stripes", "checks", "dots", "diamonds")
 SCREENS = ("page", "windows", "landscape")
@@ -126,7 +126,7 @@ def pattern(kind: str, variant: int, colours: Sequence[Sequence[float]]) -> np.n
 
 @functools.lru_cache(maxsize=64)
 def display(kind: str, variant: int) -> np.ndarray:
-    """The image on a screen: one of `SCREENS`."""
+    """The image on a screen, of a kind in `SCREENS`."""
     rng = np.random.default_rng([zlib.crc32(kind.encode()), variant])
     sky = np.array([(0.35, 0.55, 0.85), (0.8, 0.5, 0.35), (0.55, 0.6, 0.68)])[rng.choice(3)]
     page = (1 - _ROW[..., None]) * sky + _ROW[..., None] * 0.9
@@ -163,10 +163,10 @@ _COLOURS: dict[str, tuple[Colour, ...]] = {
     "stone": ((0.85, 0.84, 0.82), (0.3, 0.3, 0.3), (0.55, 0.53, 0.5), (0.6, 0.5, 0.42)),
     "gun": ((0.1, 0.1, 0.1), (0.16, 0.16, 0.17), (0.25, 0.25, 0.26), (0.45, 0.45, 0.46)),
 }
-"""Mean colours, from which one is drawn."""
+"""Mean colours to choose from."""
 
-# Largest number of texels per radius of the model. With the default camera that is 1.3 texels per
-# pixel, which the samples of a pixel smooth without moiré.
+# Largest number of texels per radius of the model: 1.3 per pixel with the default camera, which the
+# samples within a pixel smooth without moiré.
 _TEXELS_PER_RADIUS = 145.0
 
 
@@ -175,7 +175,7 @@ class Textured(Material):
     """A material with a texture mapping.
 
     Attributes:
-      tile: length of one repeat, in units of the model's radius; 0 = the texture covers the part.
+      tile: period of the texture, in units of the model's radius; 0 = it covers the part.
       along_grain: whether u is along the longest side of the part; otherwise it is horizontal.
     """
 
@@ -192,7 +192,7 @@ def lively(rng: np.random.Generator) -> Colour:
 
 
 def muted(rng: np.random.Generator) -> Colour:
-    """A colour with low saturation, as of cloth and walls; more often warm than cold."""
+    """A colour of low saturation, such as cloth and walls; more often warm than cold."""
     hue, saturation, value = colorsys.rgb_to_hsv(*lively(rng))
     return colorsys.hsv_to_rgb(hue, saturation * rng.uniform(0.25, 0.7), value)
 
@@ -204,7 +204,7 @@ def grey(rng: np.random.Generator) -> Colour:
 
 
 def _of(rng: np.random.Generator, kind: str) -> Colour:
-    """One of `_COLOURS`, a little lighter or darker."""
+    """A colour of `_COLOURS`, a little lighter or darker."""
     colour = _COLOURS[kind][int(rng.integers(len(_COLOURS[kind])))]
     red, green, blue = np.clip(np.array(colour) * rng.uniform(0.87, 1.13), 0, 1).tolist()
     return red, green, blue
@@ -217,7 +217,7 @@ def plain(colour: Colour, gloss: float = 0.2, shininess: float = 40.0, name: str
 
 def _shaded(rng: np.random.Generator, colour: Colour, kind: str, gloss: float, plain_share: float,
             sorts: Sequence[str] = ()) -> Material:
-    """A material of a given mean colour, with a texture or, with a probability, without."""
+    """A material of this mean colour; with the probability `plain_share`, without a texture."""
     if rng.random() < plain_share:
         return plain(colour, gloss, name=kind)
     texture = shade(kind, str(rng.choice(sorts or SHADES[kind])), int(rng.integers(VARIANTS)))
@@ -248,7 +248,7 @@ def steel(rng: np.random.Generator) -> Material:
 
 
 def plastic(rng: np.random.Generator) -> Material:
-    """Housings: black, greys, white, beige."""
+    """Housings: black, grey, white, beige."""
     return _shaded(rng, _of(rng, "plastic"), "metal", 0.25, 0.6, ("cast",))
 
 
@@ -258,7 +258,7 @@ def paint(rng: np.random.Generator) -> Material:
 
 
 def lacquer(rng: np.random.Generator) -> Material:
-    """Painted furniture: white, greys, black, muted colours, sometimes saturated ones."""
+    """Painted furniture: white, grey, black or muted, sometimes saturated."""
     colour = (grey, grey, grey, muted, lively)[int(rng.choice(5,
         p=(0.2, 0.2, 0.2, 0.25, 0.15)))](rng)
     return _shaded(rng, colour, "wood", 0.2, 0.6)

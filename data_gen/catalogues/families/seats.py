@@ -1,6 +1,6 @@
 """Chairs, benches and couches. Lengths in metres, the front toward +x."""
 # fmt: off
-# Formatted by hand: the formatter would put every coordinate on a separate line.
+# We format by hand, because the formatter would put each coordinate in a line.
 
 import functools
 from typing import NamedTuple
@@ -82,7 +82,7 @@ def _back(kit: Kit, seat: _Seat, style: str, high: float, lean: float) -> None:
 
 
 def _arms(kit: Kit, seat: _Seat, style: str, floor: float) -> None:
-    """Arms on both sides of a seat; solid ones begin at z = `floor`."""
+    """Arms on both sides of a seat; solid arms begin at z = `floor`."""
     x, y, high = seat.depth / 2, seat.width / 2, kit.uniform(0.15, 0.28)
     low, top = seat.top - 0.05, seat.top + high
     if style == "posts":
@@ -106,7 +106,7 @@ def _arms(kit: Kit, seat: _Seat, style: str, floor: float) -> None:
 
 
 def _base(kit: Kit, seat: _Seat, style: str, under: float) -> None:
-    """What carries a seat whose underside is at z = `under`."""
+    """The base of a seat, below z = `under`."""
     x, y, top, frame = seat.depth / 2 - 0.03, seat.width / 2 - 0.03, under + 0.005, seat.frame
     thick = kit.uniform(0.01, 0.018)
     if style in ("legs", "rockers"):
@@ -159,7 +159,7 @@ CHAIRS: dict[str, tuple[str, str, str, str]] = {
 
 
 def chair(kit: Kit, kind: str) -> None:
-    """Chairs of the kinds of `CHAIRS`: a base, a seat, a back and arms that fit together."""
+    """Chairs of the kinds in `CHAIRS`: a base, a seat, a back and arms that fit together."""
     base, back, arms, style = (kit.choose(*options.split()) for options in CHAIRS[kind])
     wide = kind in ("armchair", "lounge", "cube")
     top, high, lean = kit.uniform(0.4, 0.5), kit.uniform(0.3, 0.65), kit.uniform(0.0, 0.25)
@@ -268,7 +268,7 @@ COUCHES = ("sofa", "sofa", "loveseat", "corner", "chaise", "chesterfield", "dayb
 
 
 def couch(kit: Kit, kind: str) -> None:
-    """Couches of one to four seats: straight, with a corner or a chaise longue."""
+    """Couches of 1 to 4 seats: straight, with a corner or a chaise longue."""
     seats = {"loveseat": 2, "daybed": 1}.get(kind, kit.choose(2, 3, 3, 4))
     width = seats * kit.uniform(0.5, 0.75) * (2.6 if seats == 1 else 1)
     depth = kit.uniform(0.75, 1.05)

@@ -1,6 +1,6 @@
 """Planes, cars and watercraft. Lengths in metres, the front toward +x."""
 # fmt: off
-# Formatted by hand: the formatter would put every coordinate on a separate line.
+# We format by hand, because the formatter would put each coordinate in a line.
 
 import numpy as np
 
