@@ -1,11 +1,11 @@
-"""Renders a training set from free packages only.
+"""Renders a training set from free packages.
 
     python recipes/free_set.py --packages FOLDER --out records/free
 
 FOLDER contains Debian packages, each unpacked in a folder with its name, and a folder `meshes` with
 a file `index.csv` (`data_gen.catalogues.indexed`). The source `collections` has the models of the
-index with a permissive licence, `copyleft` the models that you may only pass on under their own
-licence. If something is missing, the command prints how to get it:
+index with a permissive licence, `copyleft` the models with a copyleft licence. If something is
+missing, the command prints how to get it:
 
     cd FOLDER && apt-get download sweethome3d-furniture
     dpkg-deb -x sweethome3d-furniture_*.deb sweethome3d-furniture
@@ -14,10 +14,10 @@ Each source becomes a data set, `records/free/<source>`. Training reads several 
 `--config.data.path=records/free/furniture,records/free/procedural`. `SOURCES.md` and `sources.json`
 list the contents and the licences, and `licences/` has the copyright statements of the packages.
 
-The same command continues a stopped one. `--fraction=0.01` renders a small part of the set.
-`--photo=0.25`, `--angles=0.25` and `--level=0.25` render a quarter of the views of each model with
-the preset of that name (`data_gen/config.py`), in `records/free/photo/<source>` and so on.
-`--variants=8` replaces each model by 8 variants with other proportions.
+The same command continues a stopped command. `--fraction=0.01` renders a small part of the set.
+`--photo=0.25`, `--angles=0.25` and `--level=0.25` render a quarter of each model's views with the
+presets `photo`, `angles` and `level` (`data_gen/config.py`), in `records/free/photo/<source>` and
+so on. `--variants=8` replaces each model by 8 variants with other proportions.
 
 Exit codes: 0 done; 1 done, but some sources could not be rendered; 2 wrong arguments, missing
 packages or no data set; 5 the disk is full; 143 stopped by SIGTERM; 130 stopped by Ctrl-C.
@@ -57,7 +57,7 @@ MESHES = "meshes"
 
 
 class Licence(NamedTuple):
-    """The licence of the models whose names match the pattern `models`, and its holders."""
+    """The licence of models with names that match the pattern `models`, and the holders."""
 
     name: str
     models: str = ""
@@ -69,15 +69,14 @@ class Source:
     """A source of a training set, a catalogue with its options.
 
     Attributes:
-      name: its name and its folder in the training set.
+      name: also its folder in the training set.
       views: number of images of each model.
-      licences: the first one with a matching pattern counts; empty = the index states them.
-      package: name of the Debian package or of the folder of meshes; "" = none is needed.
+      licences: the first licence with a matching pattern counts; () = the index states licences.
+      package: name of the Debian package or of the folder of meshes; "" = none.
       source: source of the catalogue: a path in the package, or a number of models.
-      exclude: pattern of the names of models that are left out.
+      exclude: pattern of the names of models that we leave out.
       missing: see `image.missing` of the settings.
-      families: whether near-duplicates (`family_of`) share a split; otherwise the catalogue
-        decides.
+      families: whether near-duplicates (`family_of`) share a split; False = the catalogue's splits.
     """
 
     name: str
@@ -92,7 +91,7 @@ class Source:
     families: bool = False
 
     def path(self, packages: str | os.PathLike[str]) -> str:
-        """The source of the catalogue, given the folder of the unpacked packages."""
+        """The source of the catalogue; `packages` is the folder of the unpacked packages."""
         parts = (packages, self.package) if self.package else ()
         return os.path.join(*parts, self.source)
 
@@ -114,8 +113,8 @@ def select(
 ) -> Catalogue:
     """A catalogue of the models of a source that are in the training set.
 
-    A hash of their names chooses a `fraction` of the models, so a larger one contains the smaller
-    ones. See `open_catalogue.variants_of` for `variants`.
+    A hash of the names chooses a `fraction` of the models. A larger fraction contains the smaller
+    fractions. See `open_catalogue.variants_of` for `variants`.
 
     Raises:
       ValueError: the catalogue cannot be opened, or no model is left.
@@ -142,7 +141,7 @@ _OF_MESHES = {
     "collections": ("CC0-*", "CC-BY-?.?*", "MIT", "MIT-0", "Apache-*"),
     "copyleft": ("GPL-*", "AGPL-*", "CC-BY-SA-*"),
 }
-"""Patterns of the licences of the sources from an index."""
+"""For the sources from an index, patterns of their licences."""
 
 _OURS = (Licence("Apache-2.0", holders="the authors of psgn_jax"),)
 
@@ -173,11 +172,11 @@ SOURCES = {
 """All sources, by name."""
 
 OTHER_PRESETS = ("photo", "angles", "level")
-"""Presets for a part of each model's views. Their flags are the fractions of the views."""
+"""Presets for a fraction of each model's views. The fractions are flags."""
 
 
 class Part(NamedTuple):
-    """A data set: a source rendered with a preset, in a folder of the training set."""
+    """A data set of the training set: a source rendered with a preset."""
 
     source: Source
     preset: str
@@ -186,7 +185,7 @@ class Part(NamedTuple):
 
 
 def plan(chosen: Sequence[Source], fractions: Mapping[str, float] = {}) -> list[Part]:
-    """The data sets of a training set, from the fractions of the views with each other preset.
+    """The data sets of a training set. `fractions` are the fractions of views by preset.
 
     Raises:
       ValueError: the sum of the fractions exceeds 1.
@@ -217,10 +216,10 @@ def settings_of(
     values = config.get_config(part.preset)
     values.views, values.centre, values.image.missing = part.views, centre, part.source.missing
     if part.preset != "photo":
-        # These textures have few texels per pixel, so that a few samples suffice.
+        # A few samples suffice, because these textures have few texels per pixel.
         values.image.samples = 2
     values.job.workers, values.job.variant = workers, variant
-    # One seed for each preset, so that the cameras of a source's data sets differ.
+    # The data sets of a source have different cameras.
     values.seed = ("authors", *OTHER_PRESETS).index(part.preset)
     return settings.parse(values)
 
@@ -229,7 +228,7 @@ def settings_of(
 
 
 def missing(chosen: Sequence[Source], packages: str | os.PathLike[str]) -> list[str]:
-    """Commands that fetch and unpack the missing packages, and what is missing of the meshes."""
+    """Commands that fetch and unpack missing packages, and a list of missing meshes."""
     lines = []
     for package in dict.fromkeys(s.package for s in chosen if s.package):
         sources = [s for s in chosen if s.package == package]
@@ -244,7 +243,7 @@ def missing(chosen: Sequence[Source], packages: str | os.PathLike[str]) -> list[
 
 
 def _missing_meshes(folder: pathlib.Path, sources: Sequence[Source]) -> list[str]:
-    """Where to get the missing files of a folder of meshes, or its index."""
+    """Where to get missing files of a folder of meshes, or its index."""
     if not (folder / INDEX).exists():
         names = ",".join(name for name, s in SOURCES.items() if s.package != MESHES)
         return [
@@ -267,7 +266,7 @@ def _missing_meshes(folder: pathlib.Path, sources: Sequence[Source]) -> list[str
 
 
 def with_meshes(chosen: Sequence[Source], packages: str | os.PathLike[str]) -> list[Source]:
-    """The sources that have models in the index; we warn of what is left out."""
+    """The sources with models in the index. Warnings name what we leave out."""
     of_index = [source for source in chosen if source.package == MESHES]
     rows = read_index(pathlib.Path(packages) / MESHES) if of_index else []
     counts = Counter(row.get("licence", "") for row in rows)
@@ -281,7 +280,7 @@ def with_meshes(chosen: Sequence[Source], packages: str | os.PathLike[str]) -> l
 
 
 def _documents_of(packages: str | os.PathLike[str], package: str) -> tuple[str, str]:
-    """Version and copyright statement of a package; "" if one is missing."""
+    """Version and copyright statement of a package; "" = missing."""
     folder = pathlib.Path(packages) / package / "usr/share/doc" / package
     version = terms = ""
     with contextlib.suppress(OSError):
@@ -297,7 +296,7 @@ def _documents_of(packages: str | os.PathLike[str], package: str) -> tuple[str, 
 
 
 def _reason(text: str) -> str:
-    """A reason without names and numbers, so that equal reasons can be counted."""
+    """A reason without names and numbers, so that we can count equal reasons."""
     text = re.sub(r"'[^']*'|\"[^\"]*\"", "...", text)
     return re.sub(r"-?\d+(\.\d+)?(e[+-]?\d+)?", "N", text)[:120]
 
@@ -308,7 +307,7 @@ def _row(
     packages: str | os.PathLike[str],
     folders: Sequence[str],
 ) -> dict[str, Any]:
-    """The row of a source, from the lines of `models.jsonl` of all its data sets."""
+    """The row of a source, from the lines of `models.jsonl` of its data sets."""
     good = {line["model_id"]: line for line in lines if line["status"] == "ok"}
     bad = {x["model_id"]: x for x in lines if x["model_id"] not in good}
     refused = Counter(_reason(line["reason"]) for line in bad.values())
@@ -366,8 +365,8 @@ def write_table(
 ) -> str:
     """Writes `SOURCES.md`, `sources.json` and the copyright statements; returns `SOURCES.md`.
 
-    `lines` are the lines of `models.jsonl` by folder of the data set; missing ones do not count.
-    The data sets of earlier calls stay in the table.
+    `lines` are the lines of `models.jsonl` by folder of the data set. Data sets of earlier calls
+    stay in the table.
     """
     table = out / "sources.json"
     rows: dict[str, Any] = {}
@@ -394,20 +393,24 @@ def write_table(
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code."""
+    """Runs the command and returns its exit code."""
     flags = Flags("python recipes/free_set.py --packages=FOLDER", __doc__)
     flags.string("packages", None, "Folder of the unpacked packages.")
-    flags.string("out", None, "Folder of the set.")
+    flags.string("out", None, "Folder of the training set.")
     flags.list("sources", [], f"Names of sources, of {', '.join(SOURCES)}; empty = all.")
     share = {"lower_bound": 0.0, "upper_bound": 1.0}
     flags.float("fraction", 1.0, "Fraction of each source's models, at least 3 models.", **share)
     for name in OTHER_PRESETS:
         flags.float(name, 0.0, f"Fraction of the views rendered with the preset {name}.", **share)
-    flags.enum("centre", "vertices", ["bounds", "vertices"], "Point that is at x = y = 0.")
-    flags.integer("workers", 0, "Processes, 0 = one per processor.", lower_bound=0)
+    flags.enum(
+        "centre", "vertices", ["bounds", "vertices"], "Point of a model that moves to x = y = 0."
+    )
+    flags.integer("workers", 0, "Number of processes; 0 = the number of cores.", lower_bound=0)
     flags.enum("variant", "auto", ["auto", "llvm", "scalar"], "Variant of Mitsuba.")
-    flags.integer("variants", 0, "Variants that replace each model; 0 = none.", lower_bound=0)
-    flags.bool("check", False, "Only report missing packages and the number of models.")
+    flags.integer(
+        "variants", 0, "Number of variants that replace each model; 0 = none.", lower_bound=0
+    )
+    flags.bool("check", False, "Report missing packages and the numbers of models; render nothing.")
     return flags.run(_main, argv, wrong_input=(ValueError, RuntimeError))
 
 
@@ -439,9 +442,10 @@ def _main(flags: Flags) -> int:
 
 
 def _render(parts: Sequence[Part], given: Any) -> tuple[list[str], list[str]]:
-    """Renders the data sets, and writes the table after each; with `--check`, only counts.
+    """Renders the data sets, and writes the table after each. With `--check`, it counts models.
 
-    It returns the folders of the data sets, and a line for each that could not be rendered.
+    Returns:
+      The folders of the data sets, and a line for each data set that failed.
     """
     lines: dict[str, Sequence[Any]] = {}
     problems = []

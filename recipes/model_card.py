@@ -5,19 +5,19 @@
 
 `--photos`: `photos.png` has a row for each photo of docs/photos: the photo; the mask that `psgn
 predict` finds, with the cloud of this mask from the camera of the photo and turned by 75 degrees
-about the vertical axis; then the given mask, `NAME_mask.png`, with its cloud. `three_photos.png`
-and the animation `turning.webp` show the photos of the README, `--readme`, with their given masks;
-`four_clouds.png` shows four clouds of the last one, turned by 75 degrees.
-All clouds are in normal form. The method and the IoU of each mask that was found are printed.
+about the vertical axis; then the mask `NAME_mask.png` with its cloud. `three_photos.png` and the
+animation `turning.webp` show the photos in `--readme` with the masks `NAME_mask.png`, and
+`four_clouds.png` four clouds of the last photo, turned by 75 degrees. All clouds are in normal
+form. The command prints the method and the IoU of each mask that it finds.
 
-`--data`: folders of records, each with the split after a colon (default: validation), are
-evaluated with the images as they are (`--frame=keep` of `psgn evaluate`) and with the object placed
-in them (`--frame=place`), with the clouds of `psgn predict`. The metrics are means over all
-samples. For each frame, `model_card_FRAME.png` shows the first `--cases` cases of the first folder.
-The text between
-`<!-- begin NAME -->` and `<!-- end NAME -->` (weights, sources, figures, certainty) of the card is
-replaced. The last one shows, for the points of each fifth by their spread over the draws, the mean
-distance to the true points, over at most `--most` samples of the first folder.
+`--data`: we evaluate the clouds of `psgn predict` for folders of records, each with the split after
+a colon (default: validation): first with the images as they are (`--frame=keep` of `psgn
+evaluate`), then with the object placed in them (`--frame=place`). The metrics are means over all
+samples. For both frames, `model_card_FRAME.png` shows the first `--cases` cases of the first
+folder. In the card, we replace the text between `<!-- begin NAME -->` and `<!-- end NAME -->`
+(weights, sources, figures, certainty). "certainty" has the mean distance to the true points for
+each fifth of the points by their spread over the draws, over at most `--most` samples of the first
+folder.
 
 All clouds are coloured by height.
 """
@@ -71,7 +71,7 @@ def small_png(picture, largest):
 
 HIGH, WIDE = 150, 200
 STEPS, MILLISECONDS = 40, 90
-"""Pictures of a turn, and the time of each."""
+"""Number of pictures of a turn, and the duration of a picture."""
 
 
 def panel(picture):
@@ -91,7 +91,7 @@ def masked(image, mask, predictor, which, title):
 
 
 def row(image, given, predictor):
-    """The pictures of a photo by title, and the label of the mask that was found."""
+    """The pictures of a photo by title, and the label of the mask that we found."""
     pictures = {"photo": panel(image)}
     try:
         found = masks.find_mask(image)
@@ -236,7 +236,7 @@ def evaluate(weights, data, frame, folder):
 
 
 def certainty(weights, data, most):
-    """The table of the mean spread and distance to the truth of the points, in fifths by spread."""
+    """The mean spread, and distance to the truth, of each fifth of the points by spread."""
     folder, _, split = data.partition(":")
     reader, predictor = RecordReader(folder, split or "validation"), psgn_jax.load(weights)
     rows = []

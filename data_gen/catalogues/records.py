@@ -68,7 +68,7 @@ def _first_records(source: str) -> dict[str, tuple[str, str, int]]:
             name = stored.model_id
             first = found.setdefault(name, (stored.category, split, index))
             if not name or first[:2] != (stored.category, split):
-                expected = "a model to have a single category and split"
+                expected = "a name that belongs to a single model, category and split"
                 what = f"record {index} of split {split!r} has the model name {name!r}"
                 raise ValueError(f"{source}: {what}, expected {expected}")
     return found
