@@ -328,7 +328,7 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
     for part in (
         "source: a folder of records.",
         "--option=first_seed=0",
-        "deviation: how much the variants differ",
+        "deviation: standard deviation of the logarithm of the stretch",
         "views: number of images of each model.",
         "--config.camera.roll='(0.0, 0.0)'",
         "--sample: Number of models, spread over categories and folders",
