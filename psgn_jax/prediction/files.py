@@ -12,6 +12,7 @@ import json
 import os
 import pathlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -55,8 +56,9 @@ def predict_files(
     in it are results of runs before, with other formats or another number of samples.
 
     Args:
-      open_predictor: returns the network; called after the first image and mask were read, so that
-        wrong files are reported before a network is compiled. Its errors end the iteration.
+      open_predictor: returns the network; called after the first image and its given mask were
+        read, so that wrong files are reported before a network is compiled. A mask that is not
+        given is found meanwhile. Its errors end the iteration.
       mask: file of the mask (for one image), or folder of masks: of `NAME.jpg`, an image
         `NAME_mask.*` or another `NAME.*`. None = automatic (`masks.mask_of`).
       mask_options: how masks are found or read.
@@ -78,33 +80,39 @@ def predict_files(
             raise ConfigError(f"{name}: accepted for one image, not {count}")
     masks.check_method(how.get("mask_from", "auto"))
 
-    def read(path: pathlib.Path, start: pathlib.Path) -> tuple[photo.Photo, masks.FoundMask, Clock]:
+    def read(path: pathlib.Path) -> tuple[photo.Photo, Future[masks.FoundMask], Clock]:
         clock = Clock()
         image = photo.read_photo(path)
+        search = masks.search_of(image, None if mask is None else _mask_of(path, mask), **how)
         clock.lap("read")
-        try:
-            found = masks.mask_of(image, None if mask is None else _mask_of(path, mask), **how)
-        except masks.UncertainMaskError as error:
-            raise _proposed(error, image, start) from None
-        clock.lap("mask")
-        return image, found, clock
+
+        def find() -> masks.FoundMask:
+            found = search()
+            clock.lap("mask")
+            return found
+
+        return image, beside.submit(find), clock
 
     def predict(
-        target: _Target, image: photo.Photo, found: masks.FoundMask, clock: Clock
+        target: _Target, image: photo.Photo, found: Future[masks.FoundMask], clock: Clock
     ) -> Prediction:
-        result = predictor(image, found, **options)
+        try:
+            result = predictor(image, found.result(), **options)
+        except masks.UncertainMaskError as error:
+            raise _proposed(error, image, target.start) from None
         result = dataclasses.replace(result, seconds=clock.laps | result.seconds)
         _write(predictor, result, target, formats, options.get("seed", 0))
         return result
 
     predictor: Any = None
     targets = _targets(paths, out, formats, options.get("samples", 1))
-    for path, target in zip(paths, targets, strict=True):
-        result: Any = _tried(path, read, path, target.start)
-        if not isinstance(result, Exception):
-            predictor = predictor or open_predictor()
-            result = _tried(path, predict, target, *result)
-        yield path, result
+    with ThreadPoolExecutor(1) as beside:
+        for path, target in zip(paths, targets, strict=True):
+            result: Any = _tried(path, read, path)
+            if not isinstance(result, Exception):
+                predictor = predictor or open_predictor()
+                result = _tried(path, predict, target, *result)
+            yield path, result
 
 
 def _tried(path: pathlib.Path, function: Callable[..., Any], *arguments: Any) -> Any:

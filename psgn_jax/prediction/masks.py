@@ -13,7 +13,7 @@ nearest to the middle. A box or a point in the photo chooses another one.
 import io
 import pathlib
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
@@ -119,6 +119,13 @@ def mask_of(
       UncertainMaskError: the network is not certain.
       ValueError: an option is wrong or has no effect; `ConfigError` as in `find_mask`.
     """
+    return search_of(read, mask, **options)()
+
+
+def search_of(
+    read: photo.Photo, mask: photo.Source | None = None, **options: Unpack[MaskOptions]
+) -> Callable[[], FoundMask]:
+    """`mask_of` in two steps: this one reads a given mask, and the result finds any other one."""
     method = options.get("mask_from", "auto")
     check_method(method)
     set_options = {name: value for name, value in options.items() if value is not None}
@@ -137,19 +144,22 @@ def mask_of(
         if files:
             note = f"; {files[0].name}, beside the photo, is an unchanged proposal"
     if mask is not None:
-        found = _given(read, mask, name, options)
-    else:
-        for name in ("invert_mask", "mask_label"):
-            if name in set_options:
-                raise ValueError(f"{name}: accepted only with a given mask")
-        scale = np.divide(read.image.shape[1::-1], read.size[::-1])
-        scaled: dict[str, Any] = {key: _scaled(key, hint, scale) for key, hint in hints.items()}
-        accept = options.get("accept_mask", False)
+        given = _given(read, mask, name, options)
+        return lambda: _with_doubts(given)
+    for name in ("invert_mask", "mask_label"):
+        if name in set_options:
+            raise ValueError(f"{name}: accepted only with a given mask")
+    scale = np.divide(read.image.shape[1::-1], read.size[::-1])
+    scaled: dict[str, Any] = {key: _scaled(key, hint, scale) for key, hint in hints.items()}
+    accept = options.get("accept_mask", False)
+
+    def search() -> FoundMask:
         try:
-            found = find_mask(read.image, read.alpha, method, accept=accept, **scaled)
+            return _with_doubts(find_mask(read.image, read.alpha, method, accept=accept, **scaled))
         except UncertainMaskError as error:
             raise UncertainMaskError(f"{error}{note}", error.mask) from None
-    return found._replace(warnings=(*found.warnings, *_doubts(found)))
+
+    return search
 
 
 def _given(read: photo.Photo, mask: photo.Source, name: str, options: MaskOptions) -> FoundMask:
@@ -409,6 +419,10 @@ def _chosen(mask: np.ndarray, at: np.ndarray | None) -> np.ndarray:
 def _looks_inverted(mask: np.ndarray) -> bool:
     border = _border(mask).mean()
     return bool(border >= _INVERTED or (border >= 0.5 and mask.mean() >= _INVERTED_WITHIN))
+
+
+def _with_doubts(found: FoundMask) -> FoundMask:
+    return found._replace(warnings=(*found.warnings, *_doubts(found)))
 
 
 def _doubts(found: FoundMask) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 import json
 import re
+import threading
 
 import numpy as np
 import pytest
@@ -232,6 +233,28 @@ def test_a_network_that_cannot_be_opened_is_reported_once(tmp_path):
 
     with pytest.raises(ConfigError, match="weights=nosuch"):
         next(predict_files(fail, [tmp_path], tmp_path))
+
+
+def test_the_network_is_opened_after_the_files_were_read_and_beside_the_search_for_a_mask(
+    predictor, tmp_path, monkeypatch
+):
+    image, searched = tmp_path / "a.png", threading.Event()
+    Image.fromarray(np.random.default_rng(0).integers(0, 255, (80, 80, 3), np.uint8)).save(image)
+
+    def probabilities(*_):
+        searched.set()
+        return np.pad(np.full((4, 4), 0.99, np.float32), 2)
+
+    def opened():
+        assert searched.wait(60)
+        return predictor
+
+    monkeypatch.setattr(mask_networks, "probabilities", probabilities)
+    ((_, error),) = predict_files(opened, [image], tmp_path, mask=str(tmp_path / "no_such.png"))
+    assert "no such file" in str(error)
+    assert not searched.is_set()
+    ((_, result),) = predict_files(opened, [image], tmp_path)
+    assert result.mask_from == "network, 99% certain"
 
 
 def test_results_never_replace_other_files_and_are_no_inputs(predictor, tmp_path):
