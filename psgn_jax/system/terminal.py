@@ -1,6 +1,7 @@
 """Settings of a command's process: output, log, limits, messages of other packages."""
 
 import contextlib
+import gc
 import io
 import logging
 import os
@@ -24,7 +25,9 @@ def start_command() -> None:
       encoding of stdout lacks are escaped, as on stderr.
     - The limit of open files is raised, because readers keep their shards open, and some systems
       allow only 256.
+    - Garbage is collected less often: imports and JAX's tracing make many objects and few cycles.
     """
+    gc.set_threshold(10_000)
     os.environ.update(environment())
     # After a kill, the resource tracker would warn when it removes the workers' shared memory.
     warned = [os.environ.get("PYTHONWARNINGS", ""), "ignore:resource_tracker:UserWarning"]
