@@ -8,7 +8,7 @@ import contextlib
 import os
 import pathlib
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from absl import logging
 
@@ -17,8 +17,10 @@ from psgn_jax.config.structured import flatten
 from psgn_jax.system import locks
 from psgn_jax.system.files import remove_temporaries
 from psgn_jax.system.untrusted import refuse_special_files
-from psgn_jax.weights.checkpoint import Checkpoint, CheckpointError, Checkpoints
 from psgn_jax.weights.leaves import params_from_named_leaves
+
+if TYPE_CHECKING:
+    from psgn_jax.weights.checkpoint import Checkpoint
 
 
 class Trained(NamedTuple):
@@ -55,6 +57,9 @@ def open_run(
       ConfigError: there is no run, or its configuration does not fit the checkpoint.
       CheckpointError: there is no checkpoint that can be read, or a later version wrote it.
     """
+    # Imported here because weights do not need orbax, which takes an eighth of all imports.
+    from psgn_jax.weights.checkpoint import CheckpointError, Checkpoints
+
     config, damaged = None, None
     try:
         config = load_config(workdir, name)
@@ -80,7 +85,7 @@ def open_run(
 
 
 def trained_config(
-    checkpoint: Checkpoint, workdir: str | os.PathLike[str], name: str = "workdir"
+    checkpoint: "Checkpoint", workdir: str | os.PathLike[str], name: str = "workdir"
 ) -> Config:
     """The configuration in a checkpoint; `ConfigError` if it has none."""
     try:
