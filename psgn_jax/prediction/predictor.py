@@ -120,8 +120,8 @@ class Predictor:
         batch = {name: getattr(view, name)[None] for name in fields}
         options = {"refine": refine, "placed": view.placed, "samples": samples, "first": first}
         fitted, clouds = self._network(self._params, batch, r, **options)
-        points = np.asarray(fitted.points[0])
-        view = dataclasses.replace(view, extrinsics=np.asarray(fitted.extrinsics[0]))
+        points = np.asarray(fitted.points)[0]
+        view = dataclasses.replace(view, extrinsics=np.asarray(fitted.extrinsics)[0])
         clock.lap("network")
         if not np.isfinite(points).all():
             raise ConfigError("the network's points are not finite; expected intact weights")
