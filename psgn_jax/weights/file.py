@@ -31,6 +31,7 @@ from safetensors.numpy import save
 from psgn_jax.config.experiment import Config, ConfigError, from_json, require_points_task, to_json
 from psgn_jax.config.structured import Bounds, build
 from psgn_jax.models import networks
+from psgn_jax.models.cpu_convolution import convolutions_for
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import write_atomic
 from psgn_jax.system.untrusted import brief, parse_json, read_json, size_of
@@ -242,7 +243,9 @@ def _common_dtype(path: pathlib.Path, dtypes: Mapping[str, str]) -> str:
 def _check_fits(config: Config, leaves: Mapping[str, np.ndarray], path: pathlib.Path) -> Any:
     """The parameters as a tree; `WeightsError` unless they are exactly the network's."""
     try:
-        shapes = jax.eval_shape(lambda: networks.init_params(config, networks.build(config.model)))
+        with convolutions_for("export"):  # the simplest to trace
+            model = networks.build(config.model)
+            shapes = jax.eval_shape(lambda: networks.init_params(config, model))
         return from_named_leaves({"params": shapes}, dict(leaves))["params"]
     except (ValueError, TypeError, ArithmeticError) as error:
         raise WeightsError(
