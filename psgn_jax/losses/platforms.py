@@ -12,8 +12,11 @@ from psgn_jax.array_types import Array
 def per_platform(cpu: Callable[..., Any], other: Callable[..., Any], *arrays: Array) -> Any:
     """`cpu(*arrays)` where the arrays are on a CPU or XLA compiles for one, else `other(*arrays)`.
 
-    Inside `jit`, both are traced, and XLA compiles the program of its device.
+    Inside `jit`, both are traced, and XLA compiles the program of its device. Only `cpu` is traced
+    where JAX computes on a CPU by default; `jax.export` writes a program for a CPU there.
     """
+    if jax.default_backend() == "cpu":
+        return cpu(*arrays)
     if any(isinstance(x, jax.core.Tracer) for x in arrays):
         return jax.lax.platform_dependent(*arrays, cpu=cpu, default=other)
     placed = [x for x in arrays if isinstance(x, jax.Array)] or [jnp.zeros(())]

@@ -139,7 +139,7 @@ from jax._src.interpreters import mlir
 from psgn_jax import tasks
 from psgn_jax.models import networks
 from psgn_jax.training import step
-of_the_cpu, jax.default_backend = jax.default_backend, lambda: "gpu"
+jax.default_backend = lambda: "gpu"
 def stand_in(ctx, *arguments, **_):  # the real one needs a GPU
     types = [mlir.aval_to_ir_type(ctx.module_context, x) for x in ctx.avals_out]
     return mlir.custom_call("solve", result_types=types, operands=arguments).results
@@ -156,7 +156,6 @@ batches = standin.train_batches(config.data, batch_size=8, seed=0, start_step=0)
 batch = {k: v for k, v in next(batches).items() if k in networks.input_keys(config)}
 program = text(train_step, state, batch)
 assert program.count("custom_call @solve") == 1 and "while" not in program
-jax.default_backend = of_the_cpu
 
 both = losses.map_pairs(configured_loss(LossConfig("emd_mean@20 + 5*chamfer_sq_mean")))
 more = np.concatenate([b] * 60, 1)  # 1,200 points: two tiles for a GPU
