@@ -32,7 +32,7 @@ def table_points(count, seed=0):
     areas = [2 * (a * b + b * c + a * c) for _, (a, b, c) in boxes]
     numbers = np.ceil(1.1 * count * np.array(areas) / sum(areas)).astype(int)
     parts = [
-        drawn_solids.box(np.array(size) / 2).sample(rng, n)[0] + middle
+        drawn_solids.box(np.array(size) / 2)(rng, n)[0] + middle
         for (middle, size), n in zip(boxes, numbers, strict=True)
     ]
     points = np.concatenate(parts)
