@@ -34,9 +34,8 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 gc.disable()  # until the tests are collected
 
 # The shapes and dtypes that annotations promise are checked at every call, in tests only.
-install_import_hook(
-    ["psgn_jax.losses", "psgn_jax.models", "psgn_jax.evaluation"], "beartype.beartype"
-)
+CHECKED = ["psgn_jax.losses", "psgn_jax.models", "psgn_jax.evaluation"]
+install_import_hook(CHECKED, "beartype.beartype")
 
 
 def pytest_collection_finish():
@@ -92,9 +91,8 @@ def authors_batches() -> pathlib.Path:
 def browser():
     """Chromium, if installed. It is closed before the next module, as asyncio needs."""
     api = pytest.importorskip("playwright.sync_api")
-    path = next(
-        filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-    )
+    names = ("chromium", "chromium-browser", "google-chrome")
+    path = next(filter(None, map(shutil.which, names)), None)
     if path is None:
         pytest.skip("no Chromium")
     with api.sync_playwright() as playwright:

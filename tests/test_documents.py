@@ -3,11 +3,10 @@
 import ast
 import re
 import shlex
-import subprocess
 import sys
 
 import pytest
-from helpers.commands import ROOT
+from helpers.commands import ROOT, run
 
 import psgn_jax
 from psgn_jax import losses
@@ -140,10 +139,8 @@ def test_each_loss_is_in_the_tables_of_its_page():
 @pytest.mark.slow
 def test_the_site_builds(tmp_path):
     pytest.importorskip("mkdocstrings_handlers.python", reason="the extra `docs` is not installed")
-    done = subprocess.run(
-        [sys.executable, "-m", "mkdocs", "build", "--strict", f"--site-dir={tmp_path / 'site'}"],
-        capture_output=True, text=True, cwd=ROOT, timeout=600,
-    )  # fmt: skip
+    command = (sys.executable, "-m", "mkdocs", "build", "--strict")
+    done = run(*command, f"--site-dir={tmp_path / 'site'}", cwd=ROOT)
     assert done.returncode == 0, done.stdout + done.stderr
     reference = (tmp_path / "site" / "reference" / "losses" / "index.html").read_text()
     assert "chamfer_sq_mean" in reference

@@ -4,7 +4,6 @@ import json
 import os
 import pathlib
 import shutil
-import subprocess
 import sys
 import zipfile
 
@@ -12,6 +11,7 @@ import jax
 import numpy as np
 import onnxruntime
 import pytest
+from helpers.commands import run
 
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
@@ -49,9 +49,8 @@ def test_an_exported_network_of_version_1_runs(stored):
     image = np.arange(48 * 64 * 3).reshape(1, 48, 64, 3).astype(np.uint8)
     mask = np.ones((1, 48, 64), bool)
     expected = np.load(stored / "network" / "points.npy")
-    program = jax.export.deserialize(
-        bytearray((stored / "network" / "network.stablehlo").read_bytes())
-    )
+    content = (stored / "network" / "network.stablehlo").read_bytes()
+    program = jax.export.deserialize(bytearray(content))
     np.testing.assert_allclose(program.call(image, mask), expected, atol=1e-5)
     session = onnxruntime.InferenceSession(stored / "network" / "network.onnx")
     (points,) = session.run(None, {"image": image, "mask": mask})
@@ -86,8 +85,7 @@ def test_the_example_of_an_exported_network_refuses_a_later_version(stored):
     about.write_text(about.read_text().replace("psgn_jax network 1", "psgn_jax network 3"))
     template = pathlib.Path(folder.__file__).with_name("templates") / "example.py.txt"
     example = shutil.copy(template, stored / "network" / "example.py")
-    command, environment = [sys.executable, example], os.environ | {"PYTHONSAFEPATH": ""}
     shutil.copy(template.with_name("silhouette.py.txt"), example.with_name("silhouette.py"))
-    done = subprocess.run(command, capture_output=True, text=True, timeout=100, env=environment)
+    done = run(sys.executable, example, env=os.environ | {"PYTHONSAFEPATH": ""})
     assert done.returncode == 1
     assert done.stderr.endswith("has the format 'psgn_jax network 3': use the example beside it\n")

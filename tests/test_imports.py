@@ -4,10 +4,9 @@ import ast
 import functools
 import os
 import re
-import subprocess
 import sys
 
-from helpers.commands import ROOT, python
+from helpers.commands import ROOT, python, run
 from helpers.small_runs import write_solids
 from helpers.weights import config as tiny
 
@@ -114,10 +113,8 @@ for key in before:
 
 
 def test_importing_any_module_changes_nothing_else():
-    own = [
-        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-        for path in PATHS
-    ]
+    own = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in PATHS]
+    own = [name.removesuffix(".__init__") for name in own]
     third = {
         name.name if isinstance(node, ast.Import) else node.module
         for path in PATHS
@@ -162,10 +159,8 @@ def test_a_program_with_its_own_modules_trains_and_starts_scripts(tmp_path):
     }.items():
         (tmp_path / path).parent.mkdir(exist_ok=True)
         (tmp_path / path).write_text(text)
-    done = subprocess.run(
-        [sys.executable, "-m", "mypkg.run"], capture_output=True, text=True, cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)}, timeout=400,
-    )  # fmt: skip
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = run(sys.executable, "-m", "mypkg.run", cwd=tmp_path, env=environment)
     assert done.returncode == 0, done.stderr
     assert done.stdout == "done\n"
     assert (tmp_path / "run" / "checkpoints" / "2").is_dir()

@@ -42,9 +42,8 @@ def config(data):
 def run(config, tmp_path_factory):
     """The folder of a run after 6 steps."""
     workdir = tmp_path_factory.mktemp("run")
-    loop.train(
-        dataclasses.replace(config, train=dataclasses.replace(config.train, steps=6)), workdir
-    )
+    shorter = dataclasses.replace(config.train, steps=6)
+    loop.train(dataclasses.replace(config, train=shorter), workdir)
     return workdir
 
 

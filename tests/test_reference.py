@@ -35,9 +35,8 @@ def test_examples_of_the_reference(page, tmp_path, monkeypatch):
 def test_every_name_of_the_reference_has_an_example(page):
     text, examples = (ROOT / "docs" / "reference" / f"{page}.md").read_text(), examples_of(page)
     names = [name for name in losses.__all__ if name not in losses.LOSSES and page == "losses"]
-    for module, members in re.findall(
-        r"^::: (\S+)\n(?:(?!:::).)*?members:\s*\[(.*?)\]", text, re.M | re.S
-    ):
+    block = r"^::: (\S+)\n(?:(?!:::).)*?members:\s*\[(.*?)\]"
+    for module, members in re.findall(block, text, re.M | re.S):
         listed = re.findall(r"\w+", members)
         assert set(listed) <= set(dir(importlib.import_module(module))), module
         names += [n for n in listed if not n.endswith(("Config", "Effects"))]  # all have one form

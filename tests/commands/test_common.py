@@ -1,10 +1,9 @@
 import errno
 import os
-import subprocess
 import sys
 
 import pytest
-from helpers.commands import PHOTOS, ROOT, psgn_each, python
+from helpers.commands import PHOTOS, ROOT, psgn_each, python, run
 from jax.errors import JaxRuntimeError
 
 from psgn_jax.commands import psgn
@@ -107,10 +106,7 @@ common.use_cores(1)  # too late, and without effect
     environment["TF_CPP_MIN_LOG_LEVEL"] = "1"  # as in the children of a process that imported jax
 
     def start(lines=0, **more):
-        done = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT,
-            env=environment | more,
-        )  # fmt: skip
+        done = run(sys.executable, "-c", code, cwd=ROOT, env=environment | more)
         assert done.returncode == 0, done.stderr
         assert len(done.stderr.splitlines()) == lines, done.stderr
         return done.stdout

@@ -45,9 +45,8 @@ def test_every_sample_counts_once():
     config = standin.config(eval__batch_size=4)
     result = evaluate_split(config, {}, fake_step)
     np.testing.assert_array_equal(result.metrics["cd_sq_radius2"], expected(config))
-    assert result.names == [
-        SampleName(n, standin.CATEGORIES[n % 3], f"model{n}", n) for n in range(11)
-    ]
+    kinds = standin.CATEGORIES
+    assert result.names == [SampleName(n, kinds[n % 3], f"model{n}", n) for n in range(11)]
     assert len(evaluate_split(config, {}, fake_step, max_samples=6).names) == 6
 
 

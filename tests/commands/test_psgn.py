@@ -2,11 +2,10 @@
 
 import os
 import re
-import subprocess
 import sys
 
 import pytest
-from helpers.commands import ROOT, psgn_each
+from helpers.commands import ROOT, psgn_each, run
 from helpers.small_runs import write_solids
 
 from psgn_jax.commands import psgn as cli
@@ -23,9 +22,8 @@ def test_help_and_errors_list_commands_and_configurations(capsys):
     shown = capsys.readouterr()
     assert shown.out == ""
     (line,) = shown.err.splitlines()
-    assert line.startswith(
-        "error: psgn trian: no such command; did you mean 'train'? expected one of train"
-    )
+    said = "error: psgn trian: no such command; did you mean 'train'? expected one of train"
+    assert line.startswith(said)
     assert cli.main(["train", "--workdir=runs/none"]) == 2
     first, *lines = capsys.readouterr().err.splitlines()
     assert first == "error: --config is missing: a file, or one of these names"
@@ -44,15 +42,13 @@ def test_help_and_errors_list_commands_and_configurations(capsys):
         ('set -o pipefail; "$@" | true', ["--help"], 141, ""),
     ],
 )
-def test_output_that_nothing_can_take_ends_without_a_traceback(
-    shell, command, code, error, tmp_path
-):
+def test_output_that_nothing_can_take_ends_in_no_traceback(shell, command, code, error, tmp_path):
     write_solids(tmp_path / "datä")
     script = "import sys; from psgn_jax.commands.psgn import main; sys.exit(main())"
     program = ["bash", "-c", shell, "bash", sys.executable, "-c", script, *command]
     environment = {key: v for key, v in os.environ.items() if key != "PYTHONUNBUFFERED"}
     environment["PYTHONPATH"] = str(ROOT)
-    done = subprocess.run(program, capture_output=True, text=True, cwd=tmp_path, env=environment)
+    done = run(*program, cwd=tmp_path, env=environment)
     assert (done.returncode, done.stderr) == (code, error)
 
 

@@ -31,16 +31,10 @@ def test_a_folder_that_cannot_be_written_can_be_checked(copied, capsys, monkeypa
 
 
 def test_records_of_odd_proportions_fit_on_a_sheet(make, rng, tmp_path, capsys):
-    odd = [
-        make.sample(
-            rng,
-            image=np.zeros((*size, 3), np.uint8),
-            mask=np.ones(size, bool),
-            depth=None,
-            model_id=f"{size}",
-        )
-        for size in ((4096, 8), (8, 4096))
-    ]
+    odd = []
+    for size in ((4096, 8), (8, 4096)):
+        fields = {"image": np.zeros((*size, 3), np.uint8), "mask": np.ones(size, bool)}
+        odd.append(make.sample(rng, **fields, depth=None, model_id=f"{size}"))
     write_dataset(tmp_path, {"train": odd}, source="test")
     assert inspect.main([str(tmp_path)]) == 0
     with Image.open(tmp_path / "sheet.png") as sheet:

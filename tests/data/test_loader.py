@@ -60,9 +60,7 @@ def test_resuming_and_several_processes_change_nothing(cfg, whole):
     # Even far into a run this is immediate, because nothing is replayed.
     take(1, cfg, start_step=10**7)
     parts = [take(1, cfg, start_step=8, process_index=i, process_count=3)[0] for i in range(3)]
-    np.testing.assert_equal(
-        [{k: np.concatenate([p[k] for p in parts]) for k in parts[0]}], [whole[8]]
-    )
+    np.testing.assert_equal({k: np.concatenate([p[k] for p in parts]) for k in parts[0]}, whole[8])
 
 
 def test_each_epoch_holds_every_sample_once_in_a_new_order(cfg):
@@ -158,9 +156,8 @@ def test_visibility_is_that_of_the_records_own_depth(cfg, dataset):
     reader = RecordReader(dataset, "validation")
     for row in (0, 10):
         s = decode(reader.read(row))
-        want = visibility.visible_points(
-            batch["points"][row], s.depth, s.intrinsics, s.extrinsics, 0.03
-        )
+        case = s.depth, s.intrinsics, s.extrinsics
+        want = visibility.visible_points(batch["points"][row], *case, 0.03)
         np.testing.assert_array_equal(batch["visible"][row], want)
         assert 0 < want.mean() < 1
     small = dataclasses.replace(plain, image_size=(12, 16))
@@ -168,9 +165,7 @@ def test_visibility_is_that_of_the_records_own_depth(cfg, dataset):
     np.testing.assert_array_equal(again["visible"], batch["visible"])
 
 
-def test_several_folders_are_joined_and_count_several_times_in_training(
-    cfg, dataset, tmp_path, make, rng
-):
+def test_several_folders_are_joined_and_count_several_times(cfg, dataset, tmp_path, make, rng):
     """`more` has no validation split; its records follow those of the first folder."""
     extra = [make.sample(rng, num_points=120, model_id=f"extra{i}") for i in range(3)]
     more, other = tmp_path / "more", tmp_path / "other"

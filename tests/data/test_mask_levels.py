@@ -34,9 +34,8 @@ def with_palette(indices, *colours):
 
 def in_file(picture, kind="PNG", **options):
     stream = io.BytesIO()
-    (picture if isinstance(picture, Image.Image) else Image.fromarray(picture)).save(
-        stream, kind, **options
-    )
+    picture = picture if isinstance(picture, Image.Image) else Image.fromarray(picture)
+    picture.save(stream, kind, **options)
     return stream
 
 

@@ -4,17 +4,15 @@ import io
 import json
 import os
 import struct
-import subprocess
-import sys
 import zlib
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers.commands import python
 from PIL import Image
 
 from psgn_jax.data import framing, photo, resample
-from psgn_jax.system.processes import ROOT
 
 GREY = 191
 
@@ -221,16 +219,7 @@ def test_no_shape_of_40_megapixels_takes_more_than_one_and_a_half_gb(tmp_path):
     """A small file can have any shape, and a thin object needs a view that is much larger."""
     shapes = [(16, 65_500, "RGB"), (65_500, 260, "RGB"), (610, 65_500, "RGB")]
     shapes += [(20_000, 2_000, "RGB"), (6_300, 6_300, "RGBA")]
-    done = subprocess.run(
-        [sys.executable, "-c", _PEAK, json.dumps(shapes)],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert int(done.stdout) < 1.5e9
+    assert int(python(_PEAK, json.dumps(shapes), cwd=tmp_path).stdout) < 1.5e9
 
 
 def orientation_as(kind, data, count=1):

@@ -14,10 +14,7 @@ def test_the_surroundings_of_the_object_are_enough(rng, factor):
     other = image.copy()
     other[4, 4] = 190  # with another pixel than grey, the whole image is computed
     source = 27.3 + (np.arange(56) + 0.5 - 27.3) / factor
-    for function, arguments in (
-        (resample.stretch, [source]),
-        (resample.recrop, [factor, (-0.6, 2.9)]),
-    ):
+    for function, *arguments in (resample.stretch, source), (resample.recrop, factor, (-0.6, 2.9)):
         got, want = (function(picture, mask, *arguments) for picture in (image, other))
         np.testing.assert_array_equal(got[1], want[1])
         difference = np.abs(got[0].astype(int) - want[0])

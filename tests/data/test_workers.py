@@ -37,14 +37,10 @@ def start(dataset, tmp_path):
 
     def begin(workers, parts, text=SCRIPT):
         script.write_text(text)
+        command = [sys.executable, script, dataset, str(workers), str(parts)]
+        options = {"env": os.environ | {"PYTHONPATH": os.getcwd()}, "start_new_session": True}
         with log.open("w") as file:
-            process = subprocess.Popen(
-                [sys.executable, script, dataset, str(workers), str(parts)],
-                stdout=file,
-                stderr=subprocess.STDOUT,
-                env=os.environ | {"PYTHONPATH": os.getcwd()},
-                start_new_session=True,
-            )
+            process = subprocess.Popen(command, stdout=file, stderr=file, **options)
         groups.append(process.pid)
         return process, log
 

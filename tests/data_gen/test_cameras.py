@@ -60,9 +60,8 @@ def test_size_in_the_image_is_kept_whatever_the_focal_length(rng):
 
 def test_off_centre_moves_the_object_and_cuts_nothing_off(rng):
     points = 0.7 * hemisphere(rng)
-    chosen = CameraSettings(
-        off_centre=1.0, distance=(5, 5), roll=(-20, 20), aim=(0.3, 0.3), elevation=(-5, 60)
-    )
+    ranges = {"distance": (5, 5), "roll": (-20, 20), "aim": (0.3, 0.3), "elevation": (-5, 60)}
+    chosen = CameraSettings(off_centre=1.0, **ranges)
     middles = []
     for seed in range(15):
         drawn = cameras.draw(np.random.default_rng(seed), chosen, points)

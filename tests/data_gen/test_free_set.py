@@ -185,9 +185,8 @@ def test_the_table(write, tmp_path):
     for folder in ("chairs", "photo/chairs"):
         write(f"{folder}/models.jsonl", "".join(json.dumps(x) + "\n" for x in lines[folder]))
     more = free_set.plan([small("more"), small(package="thing")], {"level": 1})
-    text = free_set.write_table(
-        tmp_path, more, "", {"level/more": first, "level/chairs": lines["photo/chairs"]}
-    )
+    added = {"level/more": first, "level/chairs": lines["photo/chairs"]}
+    text = free_set.write_table(tmp_path, more, "", added)
     rows = json.loads((tmp_path / "sources.json").read_text())
     assert [(row["source"], row["images"]) for row in rows] == [("chairs", 6), ("more", 4)]
     assert rows[0]["folders"] == ["level/chairs", "chairs", "photo/chairs"]

@@ -12,11 +12,8 @@ def area(points, corners):
 
 def comb(teeth):
     """A row of squares of edge 1, one apart, on a bar of height 1."""
-    top = [
-        (x + dx, y)
-        for x in range(2 * teeth - 2, -1, -2)
-        for dx, y in ((1, 1), (1, 2), (0, 2), (0, 1))
-    ]
+    tooth = ((1, 1), (1, 2), (0, 2), (0, 1))
+    top = [(x + dx, y) for x in range(2 * teeth - 2, -1, -2) for dx, y in tooth]
     return np.array([(0, 0), (2 * teeth - 1, 0), *top], float)
 
 

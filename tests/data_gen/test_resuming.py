@@ -35,10 +35,7 @@ def listed(
 ):
     """A catalogue of given names."""
     find = file and (lambda: file)
-    entries = [
-        Entry(name, name.rpartition("/")[0] or "thing", split(name), lambda: None, find_file=find)
-        for name in names
-    ]
+    entries = [Entry(n, "thing", split(n), lambda: None, find_file=find) for n in names]
     return Catalogue("listed", entries, fractions)
 
 
@@ -66,15 +63,7 @@ def no_renderer():
 
 
 def make(
-    out,
-    names,
-    *,
-    options=OPTIONS,
-    stop_after=None,
-    first=lambda: None,
-    failing=None,
-    warnings=None,
-    **more,
+    out, names, *, options=OPTIONS, stop_after=None, first=None, failing=None, warnings=None, **more
 ):
     """Does a job, which stops after a number of models; returns the names of those it made, too.
 
@@ -87,7 +76,7 @@ def make(
         for index, entry in tasks:
             if len(made) == stop_after:
                 raise KeyboardInterrupt
-            if not made:
+            if first and not made:
                 first()
             made.append(entry.model_id)
             status = failing.get(entry.model_id, "refused" if "refused" in entry.model_id else "ok")
@@ -122,9 +111,8 @@ def once(no_renderer, tmp_path_factory):
 def test_each_kind_of_warning_is_logged_for_the_first_models_and_counted(tmp_path, caplog):
     warnings = ["textures missing: 'a.png', 'b.png' and 3 more", "degenerate faces dropped: 3"]
     names = [f"m{k}" for k in range(45)]
-    summary, _ = make(
-        tmp_path / "out", names, warnings={name: warnings[k > 1 :] for k, name in enumerate(names)}
-    )
+    own = {name: warnings[k > 1 :] for k, name in enumerate(names)}
+    summary, _ = make(tmp_path / "out", names, warnings=own)
     assert [caplog.text.count(f"warning: m{k}: {warnings[0]}\n") for k in (0, 1, 2)] == [1, 1, 0]
     assert caplog.text.count(f": {warnings[1]}") == 40
     for line in ("2 models: textures missing", "45 models: degenerate faces dropped"):
@@ -231,14 +219,8 @@ def test_calls_that_see_a_complete_set_leave_a_retry_alone(once, tmp_path):
     mesh.write_text("1")
     make(out, listed(TEN, file=mesh), failing={"m1": "refused", "m5": "refused"})
     mesh.write_text("2")
-    assert make(out, listed(TEN, file=mesh), first=others)[1] == [
-        "m0",
-        "m1",
-        "m2",
-        "m4",
-        "m5",
-        "m6",
-    ]
+    retried = make(out, listed(TEN, file=mesh), first=others)[1]
+    assert retried == ["m0", "m1", "m2", "m4", "m5", "m6"]
     assert contents(out) == contents(once)
 
 
@@ -365,9 +347,8 @@ def test_a_worker_whose_parent_was_killed_at_the_start_ends_in_silence():
         ours, theirs = multiprocessing.connection.Pipe()
         with theirs:
             command = processes.python("data_gen.pool", str(theirs.fileno()))
-            workers.append(
-                subprocess.Popen(command, pass_fds=[theirs.fileno()], stderr=subprocess.PIPE)
-            )
+            pipes = {"pass_fds": [theirs.fileno()], "stderr": subprocess.PIPE}
+            workers.append(subprocess.Popen(command, **pipes))
         if given:
             ours.send(Context(OPTIONS, "test", Variant("scalar_rgb"), None))
         ours.close()
@@ -379,9 +360,8 @@ def test_a_worker_whose_parent_was_killed_at_the_start_ends_in_silence():
 def test_the_pool_runs_where_processes_have_no_affinity(monkeypatch):
     """As on macOS."""
     monkeypatch.delattr(os, "sched_getaffinity", raising=False)
-    monkeypatch.setattr(
-        pool.Renderer, "render", lambda self, number, entry: shards.Result(number, {}, [])
-    )
+    nothing = lambda self, number, entry: shards.Result(number, {}, [])  # noqa: E731
+    monkeypatch.setattr(pool.Renderer, "render", nothing)
     context = Context(OPTIONS, "listed", Variant("none"), None)
     found = pool.render_local(list(enumerate(listed(TEN).models)), context)
     assert sorted(result.number for result in found) == list(range(10))

@@ -46,9 +46,8 @@ def test_normals_of_a_stretched_ball_are_those_of_an_ellipsoid(trimesh, tmp_path
 def test_variants_of_a_source_keep_its_families(write, tmp_path):
     for name in ("stool", "stool2", "table", "lamp", "sofa", "bed"):
         write(f"{name}.obj", CUBE + FACES)
-    source = Source(
-        "boxes", "folder", views=1, licences=(Licence("MIT"),), source=str(tmp_path), families=True
-    )
+    fields = {"views": 1, "licences": (Licence("MIT"),), "source": str(tmp_path)}
+    source = Source("boxes", "folder", families=True, **fields)
     models = {e.model_id: e.split for e in select(source, "").models}
     variants = list(select(source, "", variants=2).models)
     assert len(variants) == 12

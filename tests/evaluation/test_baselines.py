@@ -45,10 +45,9 @@ def test_intervals_and_files(rows):
     assert (low < mean).all()
     assert (mean < high).all()
     # Four equal views of a model are worth one of them.
-    few = baselines.intervals(values[::4], np.arange(100))
-    np.testing.assert_allclose(
-        baselines.intervals(values[::4].repeat(4, axis=0), np.arange(100).repeat(4)), few
-    )
+    few, models = values[::4], np.arange(100)
+    many = baselines.intervals(few.repeat(4, axis=0), models.repeat(4))
+    np.testing.assert_allclose(many, baselines.intervals(few, models))
     document = json.loads(baselines.json_text(*rows, split="validation"))
     assert document["rows"]["floor"]["cd_sq_radius2"][0] == rows[0]["floor"][:, 0].mean()
 

@@ -37,8 +37,14 @@ print(json.dumps(done))
 """
 
 
+def run(*command, **options):
+    """A command in a process of its own; its output is captured as text."""
+    command = [*map(str, command)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=600, **options)
+
+
 def python(code, *arguments, cwd=ROOT, **environment):
-    """Python code in a process of its own, which must succeed; its output is captured as text."""
+    """Python code in a process of its own, which must succeed."""
     return _succeeds(["-c", code, *map(str, arguments)], cwd, environment)
 
 
@@ -56,9 +62,6 @@ def psgn_each(*commands, cwd=ROOT, imports=_USUAL, **environment):
 
 def _succeeds(arguments, cwd, environment):
     environment = {**os.environ, "JAX_PLATFORMS": "cpu", "PYTHONPATH": str(ROOT), **environment}
-    command = [sys.executable, *arguments]
-    done = subprocess.run(
-        command, capture_output=True, text=True, cwd=cwd, env=environment, timeout=400
-    )
+    done = run(sys.executable, *arguments, cwd=cwd, env=environment)
     assert done.returncode == 0, done.stderr
     return done

@@ -19,11 +19,8 @@ class Gltf:
 
     def __init__(self, **fields):
         self.json = {
-            "asset": {"version": "2.0"},
-            "buffers": [{}],
-            "bufferViews": [],
-            "accessors": [],
-        }
+            "asset": {"version": "2.0"}, "buffers": [{}], "bufferViews": [], "accessors": [],
+        }  # fmt: skip
         self.json |= fields
         self.data = b""
 
@@ -50,18 +47,16 @@ class Gltf:
     def square(self, indices=TWO, positions=SQUARE, **attributes):
         """A primitive of two triangles; `attributes` are arrays or numbers of accessors."""
         given = {"POSITION": positions, **attributes}
-        part = {
-            "attributes": {k: v if isinstance(v, int) else self.array(v) for k, v in given.items()}
-        }
+        given = {k: v if isinstance(v, int) else self.array(v) for k, v in given.items()}
+        part = {"attributes": given}
         return part if indices is None else part | {"indices": self.array(indices)}
 
     def show(self, *meshes, **node):
         """Adds meshes, each a list of primitives in a node of its own; returns the file."""
         first = len(self.json.setdefault("meshes", []))
         self.json["meshes"] += [{"primitives": parts} for parts in meshes]
-        self.json.setdefault("nodes", []).extend(
-            {"mesh": first + k, **node} for k in range(len(meshes))
-        )
+        nodes = self.json.setdefault("nodes", [])
+        nodes.extend({"mesh": first + k, **node} for k in range(len(meshes)))
         return self
 
     def image(self, data, kind="image/png", **sampler):

@@ -31,11 +31,9 @@ def table_points(count, seed=0):
     boxes = [TOP, *LEGS]
     areas = [2 * (a * b + b * c + a * c) for _, (a, b, c) in boxes]
     numbers = np.ceil(1.1 * count * np.array(areas) / sum(areas)).astype(int)
-    parts = [
-        drawn_solids.box(np.array(size) / 2)(rng, n)[0] + middle
-        for (middle, size), n in zip(boxes, numbers, strict=True)
-    ]
-    points = np.concatenate(parts)
+    drawn = [drawn_solids.box(np.array(size) / 2) for _, size in boxes]
+    parts = zip(drawn, numbers, boxes, strict=True)
+    points = np.concatenate([draw(rng, n)[0] + middle for draw, n, (middle, _) in parts])
     bottom = TOP[0][2] - TOP[1][2] / 2
     under = np.abs(points[:, 2] - bottom) < 1e-9
     near = np.abs(np.abs(points[:, :2]) - LEG[0][:2]).max(axis=1) < LEG[1][0] / 2

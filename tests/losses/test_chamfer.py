@@ -68,10 +68,8 @@ def test_loss_and_gradient_equal_the_reference(rng, name):
 
 def test_is_the_definition_also_in_the_tiles_of_an_accelerator(rng, monkeypatch):
     a, b = clouds(rng, 130, 200)
-    fast, slow = (
-        jax.jit(jax.value_and_grad(f, (0, 1)))(a, b)
-        for f in (losses.chamfer_sq_mean, chamfer.chamfer_by_definition)
-    )
+    both = (losses.chamfer_sq_mean, chamfer.chamfer_by_definition)
+    fast, slow = (jax.jit(jax.value_and_grad(f, (0, 1)))(a, b) for f in both)
     jax.tree.map(lambda x, y: np.testing.assert_allclose(x, y, rtol=1e-6, atol=1e-8), fast, slow)
     a, b = clouds(rng, 1100, 71)  # no other test traces this size
     monkeypatch.setattr(chamfer, "per_platform", lambda cpu, other, *arrays: other(*arrays))

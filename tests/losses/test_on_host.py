@@ -177,10 +177,9 @@ def start(code, *arguments, devices=1):
              f"--xla_force_host_platform_device_count={devices}")  # fmt: skip
     path = f"{ROOT}:{ROOT / 'tests'}"
     environment = {"JAX_PLATFORMS": "cpu", "PYTHONPATH": path, "PATH": "/usr/bin:/bin"}
+    environment["XLA_FLAGS"] = " ".join(flags)
     command = [sys.executable, "-c", START + PAIRS + code, *arguments]
-    return subprocess.Popen(
-        command, stderr=subprocess.PIPE, text=True, env=environment | {"XLA_FLAGS": " ".join(flags)}
-    )
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment)
 
 
 def check(*processes):

@@ -15,9 +15,8 @@ def naive_splat(points, size=32):
     """`splat` by loops over points and cells: the intersections with each point's cube."""
     grid, cells = np.zeros((size,) * 3), np.arange(size)
     for u in np.add(points, [1, 1, 0], dtype=np.float64) * size / 2:
-        overlap = [
-            np.clip(np.minimum(cells + 1, x + 0.5) - np.maximum(cells, x - 0.5), 0, 1) for x in u
-        ]
+        ends = [(np.minimum(cells + 1, x + 0.5), np.maximum(cells, x - 0.5)) for x in u]
+        overlap = [np.clip(high - low, 0, 1) for high, low in ends]
         grid += np.einsum("i,j,k->ijk", *overlap)
     return np.minimum(grid, 1)
 

@@ -99,10 +99,8 @@ def any_network(x, r):
 
 
 def test_a_new_network_needs_no_code_for_its_file():
-    inputs = [
-        InputSpec("x", "float32", ("batch", 8, 6, 4)),
-        InputSpec("r", "float32", ("batch", "draws", 60)),
-    ]
+    shapes = {"x": ("batch", 8, 6, 4), "r": ("batch", "draws", 60)}
+    inputs = [InputSpec(name, "float32", shape) for name, shape in shapes.items()]
     run = session(onnx_file.to_onnx(any_network, inputs, "y", "float32", {}))
     rng = np.random.default_rng(0)
     x, r = (rng.normal(size=shape).astype("f4") for shape in ((2, 8, 6, 4), (2, 3, 60)))

@@ -92,9 +92,8 @@ return input.sizes.map(([width, height, box]) =>
   resample.resize(input.image, 90, 70, 3, width, height, box, resample.LANCZOS));
 """
     sizes = [(32, 32, (0, 0, 90, 70)), (120, 100, (11, 3, 60, 65)), (20, 90, (5, 0, 90, 33))]
-    for (width, height, box), own in zip(
-        sizes, run_node(body, image=image, sizes=sizes), strict=True
-    ):
+    results = run_node(body, image=image, sizes=sizes)
+    for (width, height, box), own in zip(sizes, results, strict=True):
         expected = Image.fromarray(image).resize((width, height), Image.Resampling.LANCZOS, box)
         np.testing.assert_array_equal(np.reshape(own, (height, width, 3)), expected)
 

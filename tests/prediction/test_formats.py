@@ -28,9 +28,8 @@ def arrays(**changes):
 def test_a_prediction_is_read(tmp_path):
     np.savez(tmp_path / "a.npz", **arrays(points=np.ones((2, 50, 3), ">f8")))
     read = read_prediction(tmp_path / "a.npz", FIELDS)
-    assert {name: value.shape for name, value in read.items()} == {
-        name: value.shape for name, value in arrays().items()
-    }
+    shapes, wanted = ({n: v.shape for n, v in each.items()} for each in (read, arrays()))
+    assert shapes == wanted
     assert read["points"].dtype == np.float32
     assert (read["points"] == 1).all()
     np.savez(tmp_path / "b.npz", **arrays(spread=np.ones((2, 50), np.float32)))

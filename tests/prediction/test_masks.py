@@ -114,9 +114,8 @@ def test_of_several_parts_one_is_chosen(monkeypatch, hints, chosen):
 
 def test_hints_are_pixels_of_the_photo_in_its_full_size(monkeypatch, tmp_path):
     monkeypatch.setattr(photo, "MAX_SIDE", 100)
-    monkeypatch.setattr(
-        mask_networks, "probabilities", given_by({"whole": [BESIDE, MIDDLE], "part": []})
-    )
+    network = given_by({"whole": [BESIDE, MIDDLE], "part": []})
+    monkeypatch.setattr(mask_networks, "probabilities", network)
     Image.new("RGB", (300, 300)).save(tmp_path / "a.png")
     Image.fromarray(square(*MIDDLE)).save(tmp_path / "a_mask.png")
     read = photo.read_photo(tmp_path / "a.png")
@@ -132,10 +131,7 @@ def test_hints_are_pixels_of_the_photo_in_its_full_size(monkeypatch, tmp_path):
     ("hints", "message"),
     [
         ({"box": (1, 2, 3)}, "box=1,2,3: accepted: x0,y0,x1,y1 in pixels of the photo"),
-        (
-            {"box": (50, 10, 20, 90)},
-            "box=50,10,20,90: accepted: .* at least 16 pixels a side in .*",
-        ),
+        ({"box": (50, 10, 20, 90)}, "box=50,10,20,90: accepted: .* at least 16 pixels a side .*"),
         ({"point": (np.nan, 2)}, "point=nan,2: accepted: x,y in pixels of the photo"),
         ({"point": (10, 100)}, "point=10,100: accepted: a place in the image of 100x100"),
         ({"point": (1, 2), "mask": square(*MIDDLE)}, "point: accepted only without a mask"),
@@ -182,12 +178,8 @@ def test_the_page_chooses_the_same_mask(monkeypatch, tmp_path):
     for path in modules:
         shutil.copy(path, tmp_path)
     image = np.random.default_rng(0).integers(0, 30, (150, 210, 3), np.uint8)
-    for x, y, wide, high, level in (
-        (10, 20, 60, 50, 240),
-        (90, 60, 70, 60, 210),
-        (80, 30, 9, 9, 250),
-    ):
-        image[y : y + high, x : x + wide] = level
+    for x, y, wide, high, v in (10, 20, 60, 50, 240), (90, 60, 70, 60, 210), (80, 30, 9, 9, 250):
+        image[y : y + high, x : x + wide] = v
     monkeypatch.setattr(mask_networks, "_u2netp", lambda: red_of)
     rules = {name.lower(): getattr(masks, name) for name in MASK_RULES}
     rules |= {"side": 320, "mean": mask_networks.MEAN, "deviation": mask_networks.DEVIATION}

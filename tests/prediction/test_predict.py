@@ -174,9 +174,8 @@ def test_heic_is_refused_with_advice_unless_a_copy_is_beside_it(brand, predictor
     out, advice = tmp_path / "out", "known format; accepted: .* such as HEIC, to PNG or JPEG$"
     for images in ([folder], [folder / "a.HEIC", folder / "b.jpg"]):
         for given in (None, str(tmp_path / "mask.png")):
-            (path, error), (other, result) = predict_files(
-                lambda: predictor, images, out, mask=given
-            )
+            results = predict_files(lambda: predictor, images, out, mask=given)
+            (path, error), (other, result) = results
             assert (path.name, other.name) == ("a.HEIC", "b.jpg")
             assert re.search(advice, str(error))
             assert isinstance(result, Prediction)
@@ -297,9 +296,8 @@ def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch
 
     def predicted(folder=out, accept=False, mask=None):
         how = {"accept_mask": accept}
-        ((_, result),) = predict_files(
-            lambda: predictor, [image], folder, mask=mask, mask_options=how
-        )
+        options = {"mask": mask, "mask_options": how}
+        ((_, result),) = predict_files(lambda: predictor, [image], folder, **options)
         return result
 
     refused = predicted()
@@ -341,9 +339,8 @@ def test_a_mask_in_stored_orientation_is_turned(predictor, tmp_path, monkeypatch
     image = np.full((90, 90, 3), 191, np.uint8)
     image[10:40, 50:80] = (200, 60, 20)
     upright = (image != 191).any(axis=2)
-    monkeypatch.setattr(
-        mask_networks, "probabilities", lambda image, box: upright.astype(np.float32)
-    )
+    found = upright.astype(np.float32)
+    monkeypatch.setattr(mask_networks, "probabilities", lambda image, box: found)
     exif = Image.Exif()
     exif[0x0112] = 6
     turned = Image.Transpose.ROTATE_90

@@ -14,9 +14,8 @@ from psgn_jax.prediction import sampling
 
 
 def network(**changes):
-    config = standin.config(
-        model__name="vanilla", model__widths=(4, 6, 8), model__fc_points=16, **changes
-    )
+    tiny = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__fc_points": 16}
+    config = standin.config(**tiny, **changes)
     return config, networks.build(config.model), random_params(config)
 
 

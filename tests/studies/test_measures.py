@@ -150,9 +150,7 @@ def test_surfaces_thin_cells_and_empty_predictions(monkeypatch):
 
 
 def test_a_row_for_each_category():
-    names = [
-        SampleName(i, category, "m", 0) for i, category in enumerate(("chair", "chair", "box"))
-    ]
+    names = [SampleName(i, name, "m", 0) for i, name in enumerate(("chair", "chair", "box"))]
     iou, thin = np.array([0.2, 0.4, 0.6]), np.array([np.nan, 0.5, np.nan])
     clouds = {f"{m}_{t}": np.full(3, 0.01) for m in ("cd", "emd") for t in ("volume", "surface")}
     every = {name: iou for name in comparison.METRICS if name.startswith("iou")}

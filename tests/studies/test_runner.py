@@ -120,9 +120,8 @@ def test_means_differences_and_their_errors():
         "a": [measured({"cd_": [1.0, 2, 3, np.nan]}), measured({"cd_": [3.0, 2, 3, np.nan]})],
         "b": [measured({"cd_": [2.0, 4, 3, np.nan], "iou": [0.5]})] * 2,
     }
-    study = dataclasses.replace(
-        STUDY, metrics={"cd_": "CD [radius^2]", "iou": "IoU [%]"}, pairs=[("b", "a")]
-    )
+    metrics = {"cd_": "CD [radius^2]", "iou": "IoU [%]"}
+    study = dataclasses.replace(STUDY, metrics=metrics, pairs=[("b", "a")])
     a, b, iou, change = lib.summarise(results, study)
     assert (a.mean, a.samples, a.seeds) == (pytest.approx(7 / 3), 3, 2)
     assert a.error_samples == pytest.approx(np.std([2, 2, 3], ddof=1) / np.sqrt(3))
@@ -132,10 +131,7 @@ def test_means_differences_and_their_errors():
     assert change.error_samples == pytest.approx(np.std([0, 2, 0], ddof=1) / np.sqrt(3))
     assert change.better == 0
     for metric, better in (("precision", 1), ("emd_radius", 0), ("visible_share", math.nan)):
-        pair = {
-            "a": [measured({metric: [1.0, 2]}, "ab")],
-            "b": [measured({metric: [3.0, 4]}, "ab")],
-        }
+        pair = {k: [measured({metric: v}, "ab")] for k, v in {"a": [1.0, 2], "b": [3.0, 4]}.items()}
         one = dataclasses.replace(STUDY, metrics={metric: metric}, pairs=[("b", "a")])
         *_, change = lib.summarise(pair, one)
         np.testing.assert_equal(change.better, better)

@@ -1,14 +1,13 @@
 """Variables of the environment with which nothing can run end a command in one line."""
 
 import os
-import subprocess
 import sys
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers.commands import ROOT
+from helpers.commands import ROOT, run
 
 from psgn_jax.system.environment import explained
 
@@ -17,12 +16,10 @@ TRAIN = ["train", "--config=debug", "--config.data.path="]
 
 
 def psgn_with(name, value, *arguments, cwd):
-    command = [sys.executable, "-m", "psgn_jax.commands.psgn", *map(str, arguments)]
     others = {key: x for key, x in os.environ.items() if key not in ("JAX_PLATFORMS", "XLA_FLAGS")}
     environment = {**others, "PYTHONPATH": str(ROOT), name: value}
-    return subprocess.run(
-        command, capture_output=True, text=True, cwd=cwd, env=environment, timeout=200
-    )
+    program = (sys.executable, "-m", "psgn_jax.commands.psgn")
+    return run(*program, *arguments, cwd=cwd, env=environment)
 
 
 @pytest.mark.parametrize(

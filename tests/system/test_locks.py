@@ -21,9 +21,8 @@ with lock_part(pathlib.Path(sys.argv[1]), (0, 2)):
 def test_a_claim_ends_with_its_process(tmp_path):
     folder = tmp_path / "job" / ".work"
     command = [sys.executable, "-c", HOLD, str(folder)]
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as process:
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen(command, **pipes, text=True) as process:
         assert process.stdout.readline() == "held\n"
         message = rf"\(pid {process.pid}\) does part 0/2"
         with pytest.raises(TakenError, match=message), lock_part(folder, (0, 2)):

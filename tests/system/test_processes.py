@@ -4,21 +4,16 @@
 """
 
 import os
-import subprocess
 import sys
 
 import pytest
+from helpers import commands
 from helpers.commands import ROOT
 from helpers.processes import write_modules
 
 from data_gen.engine import has_mitsuba
 from psgn_jax.system import processes
 
-CONSOLE_SCRIPT = """import sys
-from psgn_jax.commands.psgn import main
-if __name__ == "__main__":  # as in the scripts that pip installs
-    sys.exit(main())
-"""
 MESH = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 
@@ -30,18 +25,13 @@ def hostile(tmp_path_factory):
     folder.mkdir()
     write_modules(folder, base / "executed")
     (folder / "mesh.obj").write_text(MESH)
-    (base / "bin").mkdir()
-    (base / "bin/psgn").write_text(CONSOLE_SCRIPT)
     return folder
 
 
-def run(folder, *arguments, script="bin/psgn"):
+def run(folder, script, *arguments):
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     environment.pop("PYTHONSAFEPATH", None)
-    done = subprocess.run(
-        [sys.executable, folder.parent / script, *arguments], cwd=folder, env=environment,
-        capture_output=True, text=True, check=False, timeout=600,
-    )  # fmt: skip
+    done = commands.run(sys.executable, ROOT / script, *arguments, cwd=folder, env=environment)
     executed = folder.parent / "executed"
     assert not executed.exists(), executed.read_text()
     return done
@@ -53,8 +43,7 @@ def test_a_child_process_imports_from_absolute_folders_only(hostile, monkeypatch
     assert environment["PYTHONPATH"].split(os.pathsep) == [str(ROOT), "/absolute"]
     assert environment["ADDED"] == "1"
     command = processes.python("psgn_jax.commands.psgn", "--version")
-    done = subprocess.run(command, cwd=hostile, env=environment, capture_output=True, check=True)
-    assert b"psgn_jax" in done.stdout
+    assert "psgn_jax" in commands.run(*command, cwd=hostile, env=environment).stdout
     assert not (hostile.parent / "executed").exists()
 
 
@@ -62,23 +51,21 @@ def test_a_command_may_open_many_files():
     code = """import resource; from psgn_jax.system.terminal import start_command
 start_command(); print(*resource.getrlimit(resource.RLIMIT_NOFILE))"""
     shell = ["bash", "-c", 'ulimit -S -n 256; exec "$@"', "bash", sys.executable, "-c", code]
-    done = subprocess.run(shell, capture_output=True, text=True, check=True, cwd=ROOT)
-    soft, hard = map(int, done.stdout.split())
+    soft, hard = map(int, commands.run(*shell, cwd=ROOT).stdout.split())
     assert soft == (min(hard, 10_240) if hard >= 0 else 10_240)
 
 
 @pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba is not installed")
 def test_render_executes_no_file_of_the_current_folder(hostile):
     done = run(
-        hostile, "--catalogue=folder", "--source=.", "--out=out", "--config.views=1",
-        "--config.job.variant=scalar", "--config.job.workers=1", "--config.light.source=mixed",
-        "--config.camera.image_size=(48,64)", script=ROOT / "data_gen/render.py",
+        hostile, "data_gen/render.py", "--catalogue=folder", "--source=.", "--out=out",
+        "--config.views=1", "--config.job.variant=scalar", "--config.job.workers=1",
+        "--config.light.source=mixed", "--config.camera.image_size=(48,64)",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert (hostile / "out" / "manifest.json").exists()
 
 
 def test_free_set_executes_no_file_of_the_current_folder(hostile):
-    script = ROOT / "recipes/free_set.py"
-    done = run(hostile, "--packages=.", "--sources=procedural", "--check", script=script)
+    done = run(hostile, "recipes/free_set.py", "--packages=.", "--sources=procedural", "--check")
     assert done.returncode == 0, done.stderr

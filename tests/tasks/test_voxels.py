@@ -64,10 +64,8 @@ def config(data, **changes):
     }  # fmt: skip
     of_task = {
         "refiner": {"voxels__widths": (2,) * 5},
-        "views": {
-            "voxels__width_multiplier": 1e-3, "voxels__max_views": VIEWS,
-            "voxels__eval_views": (1, VIEWS),
-        },
+        "views": {"voxels__width_multiplier": 1e-3, "voxels__max_views": VIEWS,
+                  "voxels__eval_views": (1, VIEWS)},
     }  # fmt: skip
     return standin.config(**small | of_task.get(changes.get("task"), {}) | changes)
 
@@ -103,9 +101,8 @@ def test_batches_of_views(data):
     assert counts == {1, 2, 3}
     assert sorted(seen) == sorted(4 * [(n, v) for n in range(4) for v in range(VIEWS)])
     # The batches are the same if reading starts in the middle, and if two processes share them.
-    again = loader.train_batches(
-        cfg, batch_size=4, seed=1, start_step=5, process_index=1, process_count=2
-    )
+    second = {"process_index": 1, "process_count": 2}
+    again = loader.train_batches(cfg, batch_size=4, seed=1, start_step=5, **second)
     np.testing.assert_array_equal(next(again)["image"], kept[5]["image"][2:])
     again.close()
     # In an evaluation, the record itself is the first view.

@@ -206,15 +206,11 @@ def command(config, tmp_path_factory):
     environment = quick_environment(folder)
 
     def start(workdir, *flags, delay=0.01):
-        program = [sys.executable, str(ROOT / "tests/helpers/standin.py"), f"--config={file}"]
+        program = [sys.executable, "tests/helpers/standin.py", f"--config={file}"]
+        program += [f"--workdir={workdir}", *flags]
+        own = environment | {"PSGN_STANDIN_DELAY": str(delay)}
         with open(f"{workdir}.log", "a") as log:
-            return subprocess.Popen(
-                [*program, f"--workdir={workdir}", *flags],
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                env=environment | {"PSGN_STANDIN_DELAY": str(delay)},
-                cwd=ROOT,
-            )
+            return subprocess.Popen(program, stdout=log, stderr=log, env=own, cwd=ROOT)
 
     return start
 

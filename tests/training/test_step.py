@@ -39,9 +39,8 @@ def run(config, steps, devices=None):
     """Trains from scratch; returns the state and the metrics of every step, as numpy."""
     create, train_step, mesh = compiled(config, tuple(devices) if devices else None)
     current = step.put_replicated(jax.tree.map(np.asarray, create()), mesh)
-    batches = standin.train_batches(
-        config.data, batch_size=config.train.batch_size, seed=config.seed, start_step=0
-    )
+    plan = {"batch_size": config.train.batch_size, "seed": config.seed, "start_step": 0}
+    batches = standin.train_batches(config.data, **plan)
     history = []
     for _, batch in zip(range(steps), batches, strict=False):
         placed = step.put_batch(batch, mesh, networks.input_keys(config))
@@ -181,9 +180,8 @@ def test_l2_of_the_authors_and_schedules():
     np.testing.assert_allclose(points.l2_authors({"conv": conv, "fc": fc}), want, rtol=1e-6)
     _, constant = step.optimizer(OptimConfig(learning_rate=2.0, warmup_steps=4), 100)
     assert [float(constant(s)) for s in (0, 2, 4, 99)] == [0, 1, 2, 2]
-    _, cosine = step.optimizer(
-        OptimConfig(learning_rate=2.0, schedule="cosine", warmup_steps=10, final_fraction=0.1), 110
-    )
+    falling = {"schedule": "cosine", "warmup_steps": 10, "final_fraction": 0.1}
+    _, cosine = step.optimizer(OptimConfig(learning_rate=2.0, **falling), 110)
     np.testing.assert_allclose([cosine(5), cosine(10), cosine(60), cosine(110)], [1, 2, 1.1, 0.2])
 
 

@@ -14,9 +14,8 @@ RED, BLUE = (220, 20, 20), (20, 20, 220)
 
 
 def draw(points, colours, **options):
-    return spheres.render(
-        np.array(points, np.float32), np.array(colours, np.uint8), *CAMERA, SIZE, **options
-    ).astype(int)
+    cloud = np.array(points, np.float32), np.array(colours, np.uint8)
+    return spheres.render(*cloud, *CAMERA, SIZE, **options).astype(int)
 
 
 def test_a_sphere_is_where_its_point_projects_and_as_large():

@@ -106,9 +106,8 @@ def test_sources_and_licences_are_inherited(run, file, config, weights, tmp_path
     """Of a file and of a run that started from one; only what is new is not stated."""
     changes = {"data__path": "/b/mine,/b/records", "train__init": f"{file},{run}"}
     middle = write_run(tmp_path / "middle", tiny.config(**changes), weights)
-    last = write_run(
-        tmp_path / "last", tiny.config(data__path="/b/more", train__init=str(middle)), weights
-    )
+    config = tiny.config(data__path="/b/more", train__init=str(middle))
+    last = write_run(tmp_path / "last", config, weights)
     out = tmp_path / "last.safetensors"
     assert command.main(["export", f"--workdir={last}", f"--out={out}"]) == 0
     assert "CC-BY-3.0 (7 models: Ada, Bo)" in capsys.readouterr().out
@@ -128,22 +127,16 @@ def test_sources_and_licences_are_inherited(run, file, config, weights, tmp_path
     assert list(export.open_to_export(values).sources) == list(sources)
 
 
-def test_list_shows_figures_data_and_licences_and_errors_are_one_line(
-    file, shipped, capsys, tmp_path
-):
+def test_list_shows_figures_and_licences_and_errors_are_one_line(file, shipped, capsys, tmp_path):
     for name in (DEFAULT, "small-50"):
         shutil.copy(file, shipped / f"{name}.safetensors")
     assert command.main(["list"]) == 0
     text = capsys.readouterr().out
     for part in (
-        f"{DEFAULT} (default)\n",
-        "vanilla",
-        "rgb+mask of 16x32 pixels to 8 points",
-        "  training  400 samples seen, averaged",
-        "chairs (84 samples)",
-        "CC-BY-3.0 (7 models: Ada, Bo)",
-        "cars: CC0-1.0",
-    ):
+        f"{DEFAULT} (default)\n", "vanilla", "rgb+mask of 16x32 pixels to 8 points",
+        "  training  400 samples seen, averaged", "chairs (84 samples)",
+        "CC-BY-3.0 (7 models: Ada, Bo)", "cars: CC0-1.0",
+    ):  # fmt: skip
         assert part in text
     wrong = tmp_path / "wrong.safetensors"
     wrong.write_bytes(b"abc")

@@ -12,10 +12,8 @@ from psgn_jax.weights.run_folder import locked, open_run
 
 def test_a_folder_is_locked_and_cleared_of_what_killed_trainings_left(tmp_path):
     (tmp_path / "checkpoints").mkdir()
-    left = [
-        tmp_path / ".config.json.0123abcd.tmp",
-        tmp_path / "checkpoints/.scores.json.9876fedc.tmp",
-    ]
+    names = (".config.json.0123abcd.tmp", "checkpoints/.scores.json.9876fedc.tmp")
+    left = [tmp_path / name for name in names]
     others = [tmp_path / "config.json", tmp_path / ".mine.tmp"]
     for path in left + others:
         path.touch()

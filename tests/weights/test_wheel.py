@@ -5,14 +5,13 @@ They run in a folder with Python files of others, which must not be executed.
 
 import pathlib
 import shutil
-import subprocess
 import sys
 import tarfile
 import venv
 
 import numpy as np
 import pytest
-from helpers import shapenet_trees
+from helpers import commands, shapenet_trees
 from helpers import weights as tiny
 from helpers.commands import ROOT
 from helpers.processes import write_modules
@@ -27,9 +26,7 @@ pytestmark = pytest.mark.slow
 
 
 def run(*command, **options):
-    done = subprocess.run(
-        [*map(str, command)], capture_output=True, text=True, timeout=400, **options
-    )
+    done = commands.run(*command, **options)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 

@@ -111,9 +111,7 @@ def test_a_mirrored_and_turned_shape_is_the_same_and_another_is_not(rng):
     assert not held.has(sampled(stretch=1.25))
 
 
-def test_another_conversion_or_a_full_disk_ends_one_that_goes_on_later(
-    authors_file, tmp_path, capsys
-):
+def test_another_conversion_or_a_full_disk_ends_one_that_goes_on(authors_file, tmp_path, capsys):
     target = tmp_path / "target"
     command = ["authors", str(authors_file.parent), str(target)]
     with lock_part(target / ".work", (0, 1)):

@@ -53,9 +53,8 @@ def test_conversion_and_damage(tmp_path, capsys):
     root = trees.write_occnet(tmp_path / "src")
     chair = root / CHAIR
     (chair / "a" / "img_choy2016" / "001.jpg").write_bytes(b"no picture")
-    (chair / "b" / "pointcloud.npz").write_bytes(
-        (chair / "b" / "pointcloud.npz").read_bytes()[:5000]
-    )
+    points = chair / "b" / "pointcloud.npz"
+    points.write_bytes(points.read_bytes()[:5000])
     cameras = dict(np.load(chair / "c" / "img_choy2016" / "cameras.npz"))
     del cameras["world_mat_1"]
     cameras["camera_mat_2"] = np.eye(4)
@@ -91,10 +90,9 @@ def test_conversion_and_damage(tmp_path, capsys):
 
 
 def test_own_categories_are_converted(tmp_path):
-    root = trees.write_occnet(
-        tmp_path / "src", {"train": ["a"], "val": [], "test": []}, "my chairs"
-    )
-    trees.write_occnet(root, {"train": ["a"], "val": [], "test": []}, CHAIR)
+    splits = {"train": ["a"], "val": [], "test": []}
+    root = trees.write_occnet(tmp_path / "src", splits, "my chairs")
+    trees.write_occnet(root, splits, CHAIR)
     command = ["occnet", str(root), str(tmp_path / "dst"), "--views=1", "--points=40"]
     assert convert.main(command) == 0
     records = RecordReader(tmp_path / "dst", "train")

@@ -19,6 +19,7 @@ INSTANCE = (
 )
 U = "0 0 0 3 0 0 3 3 0 2 3 0 2 1 0 1 1 0 1 3 0 0 3 0"
 COLOURED = "<diffuse><color>1 0 0 1</color></diffuse>"
+SHARE = "<transparency><float>{}</float></transparency>"
 TEXTURED = "<diffuse><texture texture='sa' texcoord='UV'/></diffuse>"
 
 
@@ -63,6 +64,7 @@ def primitive(tag, body, points="0 0 0 1 0 0 1 1 0 0 1 0"):
     return mesh(f"<{tag} count='1'>{VERTEX}{body}</{tag}>", points)
 
 
+CONCAVE = primitive("polylist", "<vcount>8</vcount><p>0 1 2 3 4 5 6 7</p>", U)
 SKIN = "<library_controllers><controller id='c'>{}</controller></library_controllers>"
 CONTROLLED = "<node id='n'><instance_controller url='#c'/></node>"
 TWO = f"<node>{INSTANCE.format(target='red', inputs='')}<instance_geometry url='#{{}}'/></node>"
@@ -85,13 +87,15 @@ def textured(shading=TEXTURED, inputs="", shader="lambert"):
     return dae(mesh(body, more=sets), nodes, shading, shader=shader)
 
 
+def wrapped(mode):
+    return textured().replace("<source>su", f"<wrap_s>{mode}</wrap_s><source>su")
+
+
 def test_features_are_read_as_the_table_says(write):
     write("halves.png", RED_BLUE)
     scaled = "<extra><technique profile='MAYA'><repeatU>2</repeatU></technique></extra></texture>"
     texts = {
-        "concave polygons": dae(
-            primitive("polylist", "<vcount>8</vcount><p>0 1 2 3 4 5 6 7</p>", U)
-        ),
+        "concave polygons": dae(CONCAVE),
         "faces with missing vertices": dae(primitive("triangles", "<p>0 1 2 0 1 9</p>")),
         "missing materials": dae(nodes=f"<node>{INSTANCE.format(target='x', inputs='')}</node>"),
         "missing textures": textured().replace("halves.png", "gone.png"),
@@ -107,14 +111,12 @@ def test_features_are_read_as_the_table_says(write):
         "lines and points": dae(mesh(
             HALVES.format(inputs=VERTEX, p="0 1 2") + f"<linestrips>{VERTEX}<p>0 1</p></linestrips>"
         )),
-        "transparency": dae(shading=COLOURED + "<transparency><float>.5</float></transparency>"),
+        "transparency": dae(shading=COLOURED + SHARE.format(0.5)),
         "normal maps, emission, maps of roughness": dae(
             shading="<emission><color>0 0 1 1</color></emission>" + COLOURED
         ),
         "transforms of textures": textured(TEXTURED.replace("/>", ">" + scaled)),
-        "textures that do not repeat": textured().replace(
-            "<source>su", "<wrap_s>CLAMP</wrap_s><source>su"
-        ),
+        "textures that do not repeat": wrapped("CLAMP"),
         "skins": dae(nodes=CONTROLLED, more=SKIN.format("<skin source='#g'/>")),
         "morph targets": dae(nodes=CONTROLLED, more=SKIN.format("<morph source='#g'/>")),
         "parts that are damaged": dae(
@@ -136,7 +138,7 @@ def test_features_are_read_as_the_table_says(write):
     [
         (primitive("triangles", "<p>0 1 2 0 2 3</p>"), 2, 1),
         (primitive("polylist", "<vcount>4 3</vcount><p>0 1 2 3 0 1 2</p>"), 3, 1.5),
-        (primitive("polylist", "<vcount>8</vcount><p>0 1 2 3 4 5 6 7</p>", U), 6, 7 / 9),
+        (CONCAVE, 6, 7 / 9),
         (primitive("polygons", "<p>0 1 2 3</p><p>0 1 2</p>"), 3, 1.5),
         (primitive("tristrips", "<p>0 1 3 2</p><p>0 1 2</p>"), 3, 1.5),
         (primitive("trifans", "<p>0 1 2 3</p>"), 2, 1),
@@ -180,20 +182,15 @@ def test_collada_textures_and_colours(write):
     bound = "<bind_vertex_input semantic='UV' input_semantic='TEXCOORD' input_set='1'/>"
     assert colours(load_model(write("a.dae", textured()))) == [RED] * 2
     assert colours(load_model(write("a.dae", textured(inputs=bound)))) == [BLUE] * 2
-    direct = (
-        textured()
-        .replace("texture='sa'", "texture='i'")
-        .replace("halves.png", "file:///C:/a/halves.png")
-    )
+    direct = textured().replace("texture='sa'", "texture='i'")
+    direct = direct.replace("halves.png", "file:///C:/a/halves.png")
     assert colours(load_model(write("a.dae", direct))) == [RED] * 2
     for wrap, u, shown in (
         ("WRAP", 1.1, RED), ("MIRROR", 1.1, BLUE), ("CLAMP", 1.1, BLUE),
         ("MIRROR", 2.1, RED), ("CLAMP", 2.1, BLUE),
     ):  # fmt: skip
-        text = textured().replace("<source>su", f"<wrap_s>{wrap}</wrap_s><source>su")
-        assert (
-            colours(load_model(write("a.dae", text.replace("0.1 0.5", f"{u} 0.5")))) == [shown] * 2
-        )
+        path = write("a.dae", wrapped(wrap).replace("0.1 0.5", f"{u} 0.5"))
+        assert colours(load_model(path)) == [shown] * 2
     cut_out = TEXTURED + "<transparent><texture texture='sa' texcoord='UV'/></transparent>"
     write("halves.png", png((255, 0, 0, 51), mode="RGBA"))
     assert not load_model(write("a.dae", textured())).materials[0].has_alpha  # it states none
@@ -288,9 +285,7 @@ def test_collada_refusals(write, monkeypatch):
         r"empty: parts not readable, left out: n \(a word in <translate> that is not": dae(
             nodes="<node id='n'><translate>1,5 0 0</translate><instance_geometry url='#g'/></node>"
         ),
-        "all faces are transparent": dae(
-            shading=COLOURED + "<transparency><float>0</float></transparency>"
-        ),
+        "all faces are transparent": dae(shading=COLOURED + SHARE.format(0)),
     }.items():
         with pytest.raises(UnusableModelError, match=words):
             load_model(write("a.dae", text))

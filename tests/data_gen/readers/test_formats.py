@@ -8,9 +8,7 @@ from data_gen.mesh import UnusableModelError
 from data_gen.readers.load import load_model
 
 # Words of Python and its libraries, which a reason must not have.
-PYTHON = (
-    r"\w+(Error|Exception)\b|object has no|<_io|NoneType|literal|could not convert|out of bounds"
-)
+PYTHON = r"\w+(Error|Exception)\b|object has no|<_io|NoneType|literal|not convert|out of bounds"
 
 
 def broken(data, rng):

@@ -121,11 +121,10 @@ def draco_damaged():
     return draco(garbage=True)
 
 
-@case(
-    feature="KTX2 textures",
-    colours=[W, W],
-    warns=("extensions not read: 'KHR_texture_basisu'", "textures not readable"),
-)
+UNREAD = ("extensions not read: 'KHR_texture_basisu'", "textures not readable")
+
+
+@case(feature="KTX2 textures", colours=[W, W], warns=UNREAD)
 def ktx2():
     g = Gltf(extensionsRequired=["KHR_texture_basisu"])
     g.show([textured(g, b"\xabKTX 20\xbb")])
@@ -610,9 +609,8 @@ def test_negative_scales_leave_the_outside_outside(write, scale):
     g = Gltf()
     turned = {"rotation": [0, 0.5**0.5, 0, 0.5**0.5], "translation": [5, 0, 0]}
     with_normals = box(g, NORMAL=BOX / np.float32(0.75**0.5))
-    model = load_model(
-        write("a.glb", g.show([with_normals], [box(g)], scale=scale, **turned).glb())
-    )
+    path = write("a.glb", g.show([with_normals], [box(g)], scale=scale, **turned).glb())
+    model = load_model(path)
     outward = model.corners() - model.vertices.mean(axis=0)
     flat = face_normals(model.vertices, model.faces)[:, None]
     assert (outward * flat).sum(axis=2).min() > 0

@@ -8,10 +8,10 @@ from data_gen.readers import model_files
 from data_gen.readers.load import load_model
 from data_gen.readers.model_files import FolderFiles
 
+OUTSIDE = ["../secret.png", "/etc/hostname", "C:\\x\\secret.png", "..\\secret.png"]
 
-@pytest.mark.parametrize(
-    "name", ["../secret.png", "/etc/hostname", "C:\\x\\secret.png", "..\\secret.png"]
-)
+
+@pytest.mark.parametrize("name", OUTSIDE)
 def test_nothing_outside_of_the_root_is_read(write, tmp_path, name):
     write("secret.png", png((255, 0, 0)))
     write("root/m.mtl", f"newmtl a\nmap_Kd {name}\n")

@@ -180,22 +180,16 @@ def test_mtl_names_and_comments(write):
         ("big5", ("椅", "許")),
         ("utf-8", ("a", "ä")),
     ):
-        write(
-            "m.mtl",
-            "".join(f"newmtl {n}\nKd {k} 0 {1 - k}\n" for k, n in enumerate(names)).encode(
-                encoding
-            ),
-        )
+        text = "".join(f"newmtl {n}\nKd {k} 0 {1 - k}\n" for k, n in enumerate(names))
+        write("m.mtl", text.encode(encoding))
         faces = "".join(f"usemtl {n}\nf {q}\n" for n, q in zip(names, QUADS, strict=False))
         model = load_model(write("a.obj", ("mtllib m.mtl\n" + CUBE + faces).encode(encoding)))
         assert [m.diffuse for m in model.materials] == [BLUE, RED]
         assert model.warnings == ()
         assert all(m.name.isprintable() for m in model.materials)
     write("bild ü.png", png((255, 0, 0)))
-    write(
-        "m.mtl",
-        "newmtl a b  # 1\nmap_Kd bild ü.png # 2\nnewmtl M #2\nKd 0 0 1 # 3\n".encode("latin-1"),
-    )
+    text = "newmtl a b  # 1\nmap_Kd bild ü.png # 2\nnewmtl M #2\nKd 0 0 1 # 3\n"
+    write("m.mtl", text.encode("latin-1"))
     faces = f"vt 0 0\nusemtl a b\nf 4/1 3/1 2/1 1/1\nusemtl M #2\nf {QUADS[1]} # 4\n"
     model = load_model(write("a.obj", f"mtllib m.mtl # 0\n{CUBE}{faces}"))
     assert (colours(model), model.warnings) == ([RED] * 2 + [BLUE] * 2, ())
@@ -272,9 +266,8 @@ def test_neither_textures_nor_material_files_are_read_without_end(write, monkeyp
     assert [m.texture is not None for m in model.materials] == [True] * 3 + [False] * 3
     assert "too many textures, the plain colour is used for some of them" in model.warnings
     asked, find = [], FolderFiles.find
-    monkeypatch.setattr(
-        FolderFiles, "find", lambda self, name: asked.append(name) or find(self, name)
-    )
+    found = lambda self, name: asked.append(name) or find(self, name)  # noqa: E731
+    monkeypatch.setattr(FolderFiles, "find", found)
     write("m.mtl", "newmtl a\nKd 1 0 0\n")
     names = ["m"] * 2000 + [str(i) for i in range(3000)]
     text = "".join(f"mtllib {name}.mtl\n" for name in names)

@@ -23,9 +23,7 @@ def test_features_are_read_as_the_table_says(write):
         "coordinates that are not finite": off([*POINTS[:3], "0 nan 0"]),
         "colours of vertices": off(head="COFF\n", after=("255 0 0 255", "")),
         "colours of faces": off(after=("", "255 0 0")),
-        "colours of faces beside those of vertices": off(
-            head="COFF\n", after=("255 0 0 255", "0 0 1")
-        ),
+        "colours of faces beside those of vertices": off(head="COFF\n", after=("255 0 0", "0 0 1")),
         "alpha 0 in all colours": off(head="COFF\n", after=("255 0 0 0", "")),
         "indices of a colour map": off(after=("", "3")),
         "bytes after the end": off() + "1 2\n",

@@ -42,6 +42,7 @@ PLAIN, TRIANGLES = rows(*SQUARE), rows(*((3, *f) for f in HALVES))
 def test_features_are_read_as_the_table_says(write):
     write("x.png", png((255, 0, 0)))
     st, red = with_each(PLAIN, "0 0"), with_each(PLAIN, "255 0 0")
+    red_faces = with_each(TRIANGLES, "255 0 0")
     uv, image = "float s,float t", "comment TextureFile x.png"
     texts = {
         "concave polygons": ply(rows(*((*p, 0) for p in U)), ["8 0 1 2 3 4 5 6 7"]),
@@ -49,10 +50,8 @@ def test_features_are_read_as_the_table_says(write):
         "missing textures": ply(st, properties=uv, head="comment TextureFile gone.png"),
         "coordinates that are not finite": ply([*PLAIN[:3], "nan 1 0"]),
         "colours of vertices": ply(red, properties=RGB),
-        "colours of faces": ply(faces=with_each(TRIANGLES, "255 0 0"), of_faces=RGB),
-        "colours of faces beside those of vertices": ply(
-            red, with_each(TRIANGLES, "255 0 0"), RGB, RGB
-        ),
+        "colours of faces": ply(faces=red_faces, of_faces=RGB),
+        "colours of faces beside those of vertices": ply(red, red_faces, RGB, RGB),
         "colours of faces with a texture": ply(
             with_each(st, "255 0 0"), properties=f"{uv},{RGB}", head=image
         ),
@@ -117,11 +116,8 @@ def test_ply_colours(write, properties, more, shown):
 
 def test_ply_textures_are_files_of_the_folder(write):
     def textured(name):
-        text = ply(
-            with_each(PLAIN, "0 0"),
-            properties="float s,float t",
-            head=f"comment TextureFile {name}",
-        )
+        head = f"comment TextureFile {name}"
+        text = ply(with_each(PLAIN, "0 0"), properties="float s,float t", head=head)
         return load_model(write("a.ply", text))
 
     missing = "textures missing, the plain colour is used: '/dev/zero'"
@@ -151,9 +147,8 @@ def test_ply_several_textures(write):
 
 
 def test_ply_headers_and_strips(write):
-    text = (
-        ply(head="comment Jürgen|obj_info a|").replace("element", "\n  element ").encode("latin-1")
-    )
+    text = ply(head="comment Jürgen|obj_info a|").replace("element", "\n  element ")
+    text = text.encode("latin-1")
     blank = text.replace(b"0 1 0\n", b"0 1 0\n\n \n")
     other = text.replace(b"indices", b"index")
     for data in (text, b"\xef\xbb\xbf" + text, text.replace(b"\n", b"\r\n"), blank, other):

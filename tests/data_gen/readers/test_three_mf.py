@@ -38,9 +38,8 @@ def test_3mf_places_and_parts_in_other_files(write):
     model = load_model(write("a.3mf", three_mf(SHAPE + TWO, moved)))
     assert len(model.faces) == 8
     size = np.ptp(model.vertices, axis=0)
-    np.testing.assert_allclose(
-        np.sort(size / size.min()), [1, 1, 6]
-    )  # from -2 to 1, stretched by 2
+    # The longest is from -2 to 1, stretched by 2.
+    np.testing.assert_allclose(np.sort(size / size.min()), [1, 1, 6])
     for faces in (model.faces[:4], model.faces[4:]):  # the mirrored one is not inside out
         corners = model.vertices[faces]
         outward = corners.mean(axis=1) - corners.mean(axis=(0, 1))
@@ -49,9 +48,8 @@ def test_3mf_places_and_parts_in_other_files(write):
 
 def test_3mf_what_is_not_read_is_named_or_refused(write):
     painted = SHAPE.replace("v3='1'", "v3='1' pid='7'")
-    assert load_model(write("a.3mf", three_mf(painted))).warnings == (
-        "colours and textures of 3MF not read",
-    )
+    (line,) = load_model(write("a.3mf", three_mf(painted))).warnings
+    assert line == "colours and textures of 3MF not read"
     lost = three_mf(items="<item objectid='1'/><item objectid='9'/>")
     assert load_model(write("a.3mf", lost)).warnings == ("objects of 3MF missing: 9",)
     loop = "<object id='1'><components><component objectid='1'/></components></object>"
@@ -62,9 +60,7 @@ def test_3mf_what_is_not_read_is_named_or_refused(write):
         "XML entities": three_mf(head="<!DOCTYPE a [<!ENTITY b 'b'>]>"),
         "not readable as 3MF: XML": three_mf(SHAPE[:-3]),
         "not readable as 3MF: the file is damaged": three_mf()[:300],
-        "not readable as 3MF: a word that is not a number": three_mf(
-            SHAPE.replace("v1='0'", "v1='a'")
-        ),
+        "as 3MF: a word that is not a number": three_mf(SHAPE.replace("v1='0'", "v1='a'")),
     }.items():
         with pytest.raises(UnusableModelError, match=words):
             load_model(write("a.3mf", content))

@@ -77,9 +77,8 @@ def test_a_table_is_modelled_saved_and_restored(page, study_folder, tmp_path):
     assert [(a.done, a.parts, len(a.solids)) for a in answers] == [(True, 2, 5), (False, 0, 0)]
     boxes = [np.unique(np.round(turn(corners(*box)), 4), axis=0) for box in (TOP, *LEGS)]
     found = [np.unique(np.round(solid, 4), axis=0) for solid in answers[0].solids]
-    np.testing.assert_allclose(
-        sorted(map(np.ravel, found), key=tuple), sorted(map(np.ravel, boxes), key=tuple), atol=2e-4
-    )
+    found, boxes = (sorted(map(np.ravel, each), key=tuple) for each in (found, boxes))
+    np.testing.assert_allclose(found, boxes, atol=2e-4)
     page.goto("about:blank")
     untouched.goto("about:blank")  # a tab that is left last replaces nothing
     page.goto(address)

@@ -40,9 +40,8 @@ def test_points_are_uniform_also_where_parts_share_faces_or_are_inside_others():
         assert share[0] == pytest.approx(share[1], abs=0.012)
     # There are no points under the top where the legs touch it.
     angle = np.deg2rad(TURN)
-    own = points[:, :2] @ np.array(
-        [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    )
+    cosine, sine = np.cos(angle), np.sin(angle)
+    own = points[:, :2] @ np.array([[cosine, -sine], [sine, cosine]])
     near = np.abs(np.abs(own) - LEG[0][:2]).max(axis=1) < 0.039
     assert not (near & (np.abs(points[:, 2] - 0.62) < 1e-4)).any()
     left, right = (corners((0, y, 0.5), (1, 0.6, 1)) for y in (-0.2, 0.2))

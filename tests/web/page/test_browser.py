@@ -81,9 +81,8 @@ def give(page, *paths, to="#file"):
 
 def clouds(page):
     """Points float32 [k, n, 3] and colours uint8 [k, n, 3]."""
-    state = page.evaluate(
-        "psgn.page.clouds.map(c => [Array.from(c.points), Array.from(c.colours)])"
-    )
+    arrays = "psgn.page.clouds.map(c => [Array.from(c.points), Array.from(c.colours)])"
+    state = page.evaluate(arrays)
     points = np.array([p for p, _ in state], np.float32)
     colours = np.array([c for _, c in state], np.uint8)
     return points.reshape(len(state), -1, 3), colours.reshape(len(state), -1, 3)
@@ -160,9 +159,8 @@ def test_a_mask_is_found_as_by_python_or_proposed_and_corrected(open_page, tmp_p
         found = masks.find_mask(np.asarray(Image.open(file)), method="network")
         assert masks.mask_iou(mask_of(page, found.mask.shape), found.mask) > 0.999
         percent = re.findall(r"\d+ ?%", found.method)[0].replace("%", " %")
-        assert bool(found.warnings) == (
-            f"not certain which part is the object ({percent})" in status(page)
-        )
+        doubt = f"not certain which part is the object ({percent})"
+        assert bool(found.warnings) == (doubt in status(page))
     assert found.warnings
     chair = np.asarray(Image.open(CHAIR))
     two = np.concatenate([chair, chair[:, ::-1]], axis=1)

@@ -47,9 +47,8 @@ def test_masks_are_read_or_refused_as_by_python(tmp_path):
   catch (error) { return error.message; }
 });"""
     masks = [np.asarray(mask.convert("RGBA")) for mask in MASKS.values()]
-    results = node(
-        body, {"levels": tmp_path / "levels.js"}, masks=masks, width=WIDTH, height=HEIGHT
-    )
+    path = {"levels": tmp_path / "levels.js"}
+    results = node(body, path, masks=masks, width=WIDTH, height=HEIGHT)
     read = photo.read_photo(np.zeros((HEIGHT, WIDTH, 3), np.uint8))
     for (name, mask), result in zip(MASKS.items(), results, strict=True):
         if name in ("labels", "empty", "full", "photo", "cut-out"):
