@@ -267,9 +267,7 @@ def steps_table(args, whole):
         yield loss, f"{1e3 * np.mean(times):.0f}"
 
 
-TABLES = {
-    "cd": cd_table, "emd": emd_table, "tolerances": tolerances_table, "steps": steps_table,
-}  # fmt: skip
+TABLES = {"cd": cd_table, "emd": emd_table, "tolerances": tolerances_table, "steps": steps_table}
 
 
 def main():

@@ -85,9 +85,8 @@ def test_table_as_text_csv_and_json(table):
     assert [r["model_id"] for r in samples] == list("abcd")
     assert [r["record"] for r in samples] == list("0123")
     assert samples[3]["view"] == "7"
-    assert [row["category"] for row in rows] == [
-        "car", "lamp", "mean over samples", "mean over categories",
-    ]  # fmt: skip
+    means = ["mean over samples", "mean over categories"]
+    assert [row["category"] for row in rows] == ["car", "lamp", *means]
     assert [float(row["cd_sq_radius2"]) for row in rows] == [2, 6, 3, 4]
     assert rows[-1]["samples"] == "4"
     assert "1024 predicted points against 4096 true ones.\n" in text

@@ -20,9 +20,8 @@ def test_default_camera_is_the_authors(rng):
 def test_inside_mask():
     mask = np.zeros((10, 12), np.bool_)
     mask[4, 5] = True
-    pixels = np.array(
-        [[5.0, 4.0], [5.99, 4.99], [6.0, 4.5], [4.99, 4.5], [7.9, 6.9], [8.1, 4.5], [np.nan, 4]]
-    )
+    pixels = [[5, 4], [5.99, 4.99], [6, 4.5], [4.99, 4.5], [7.9, 6.9], [8.1, 4.5], [np.nan, 4]]
+    pixels = np.array(pixels)
     assert camera.inside_mask(pixels, mask).tolist() == [True, True] + [False] * 5
     assert camera.inside_mask(pixels, mask, 2).tolist() == [True] * 5 + [False] * 2
     outside = np.array([[-1e30, 4.5], [1e30, 4.5], [5.5, -np.inf]])

@@ -14,13 +14,7 @@ import pytest
 from psgn_jax.commands import inspect_records as inspect
 from psgn_jax.data import codec, schema
 from psgn_jax.data.codec import QuantisedPoints, decode, decode_stored, encode
-from psgn_jax.data.dataset import (
-    RecordReader,
-    ShardWriter,
-    doubts_of,
-    shard_name,
-    write_dataset,
-)
+from psgn_jax.data.dataset import RecordReader, ShardWriter, doubts_of, shard_name, write_dataset
 from psgn_jax.data.manifest import MANIFEST, load_manifest
 from psgn_jax.data.schema import RecordError
 
@@ -269,9 +263,7 @@ def test_a_failed_call_leaves_no_shard_for_the_next_one(tmp_path, sample):
     assert {path.name for path in tmp_path.iterdir()} == {"train-00000.arrayrecord", MANIFEST}
 
 
-def test_probable_mistakes_are_told_where_records_are_written_and_inspected(
-    tmp_path, make, rng, caplog, capsys
-):
+def test_probable_mistakes_are_told_by_writing_and_inspecting(tmp_path, make, rng, caplog, capsys):
     def told(**splits):
         caplog.clear()
         folder = tmp_path / str(len(list(tmp_path.iterdir())))

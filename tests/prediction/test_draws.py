@@ -96,9 +96,8 @@ def test_the_first_cloud_is_that_of_zero_or_the_mean_of_the_draws(config, predic
 
 def test_an_evaluated_batch_has_the_clouds_of_single_photos():
     # Few points: many bijections of two large random clouds are within the auction's tolerance.
-    config = standin.config(
-        data__image_size=(48, 64), model__random_size=3, model__name="vanilla", model__fc_points=32
-    )
+    few = {"model__name": "vanilla", "model__fc_points": 32}
+    config = standin.config(data__image_size=(48, 64), model__random_size=3, **few)
     predictor = Predictor(Trained(config, 7, random_params(config), {}, "runs/x"))
     photos = [photo(colour) for colour in ((200, 60, 20), (20, 90, 10), (0, 0, 250))]
     single = [predictor(image, frame="keep", normal_form="no") for image in photos]

@@ -25,12 +25,8 @@ def test_outliers_missed_and_uneven_points():
     assert even["unevenness"] == pytest.approx(0, abs=1e-6)
 
 
-CONFIG = parse(
-    {
-        "data": {"image_size": (24, 32)},
-        "model": {"widths": (4, 6, 8), "deconv_level": 1, "fc_points": 30, "fc_widths": (8,)},
-    }
-)
+SMALL = {"widths": (4, 6, 8), "deconv_level": 1, "fc_points": 30, "fc_widths": (8,)}
+CONFIG = parse({"data": {"image_size": (24, 32)}, "model": SMALL})
 
 
 def sheet_and_tips(rng):

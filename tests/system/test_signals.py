@@ -37,10 +37,8 @@ with signals.StopSignal(0.1, last) as stop:
 
 
 def start(code, *arguments):
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, *arguments],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+    command, pipe = [sys.executable, "-c", code, *arguments], subprocess.PIPE
+    process = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True)
     assert process.stdout.readline() == "ready\n"
     return process
 
@@ -80,9 +78,8 @@ def test_a_command_without_checkpoints_names_the_signal():
 )
 def test_ctrl_c_ends_imports_at_once_and_raises_elsewhere(statement, code, said, tmp_path):
     """The module loses an exception, as extension modules do."""
-    (tmp_path / "module.py").write_text(
-        "import signal\ntry:\n    signal.raise_signal(2)\nexcept BaseException:\n    pass\n"
-    )
+    lost = "import signal\ntry:\n    signal.raise_signal(2)\nexcept BaseException:\n    pass\n"
+    (tmp_path / "module.py").write_text(lost)
     script = f"""
 import signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may start tests that ignore it

@@ -114,9 +114,8 @@ def test_sources_and_licences_are_inherited(run, file, config, weights, tmp_path
     sources = read_weights(out).sources
     stated = {row["source"] for row in weights.sources}
     assert {row["source"] for row in sources if row["licences"]} == stated
-    assert [row["source"] for row in sources if not row["licences"]] == [
-        "more", "mine", "the data of run"
-    ]  # fmt: skip
+    unstated = [row["source"] for row in sources if not row["licences"]]
+    assert unstated == ["more", "mine", "the data of run"]
     table = tmp_path / "sources.json"
     table.write_text(json.dumps([{"source": "more", "licences": {"MIT": {}}}]))
     arguments = ["export", f"--workdir={last}", f"--out={out}", f"--sources={table}"]

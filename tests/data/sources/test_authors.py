@@ -30,9 +30,8 @@ def test_own_batch_file(authors_file, make):
     assert abs(found.lowest) < 0.006  # stands on the ground, up to the 8-bit lattice
     # Nothing is lost in a record.
     stored = decode_stored(entry.encode())
-    np.testing.assert_array_equal(
-        np.sort(_point_keys(stored.points.codes)), np.sort(_point_keys(content["points"][3]))
-    )
+    keys = [np.sort(_point_keys(x)) for x in (stored.points.codes, content["points"][3])]
+    np.testing.assert_array_equal(*keys)
     np.testing.assert_array_equal(stored.depth.codes, content["depth"][3])
     np.testing.assert_array_equal(stored.image, entry.sample.image)
 

@@ -64,6 +64,7 @@ def primitive(tag, body, points="0 0 0 1 0 0 1 1 0 0 1 0"):
     return mesh(f"<{tag} count='1'>{VERTEX}{body}</{tag}>", points)
 
 
+OTHER = "<visual_scene id='other'/>"
 CONCAVE = primitive("polylist", "<vcount>8</vcount><p>0 1 2 3 4 5 6 7</p>", U)
 SKIN = "<library_controllers><controller id='c'>{}</controller></library_controllers>"
 CONTROLLED = "<node id='n'><instance_controller url='#c'/></node>"
@@ -124,9 +125,7 @@ def test_features_are_read_as_the_table_says(write):
             + mesh("", name="g2").replace("mesh>", "spline>"),
             TWO.format("g2"),
         ),
-        "scenes other than the default": dae().replace(
-            "<visual_scene", "<visual_scene id='other'/><visual_scene"
-        ),
+        "scenes other than the default": dae().replace("<visual_scene", OTHER + "<visual_scene"),
         "animations": dae(more="<library_animations><animation/></library_animations>"),
         "cut-off files": dae()[:-400],
     }  # fmt: skip

@@ -173,11 +173,10 @@ def glossy(g, image, **fields):
     return g.show([part])
 
 
-@case(
-    "SpecGlossVsMetalRough",
-    feature="specular-glossiness materials",
-    colours=[(0.73, 0, 0), (0, 0, 0.73)],
-)
+DARK = [(0.73, 0, 0), (0, 0, 0.73)]
+
+
+@case("SpecGlossVsMetalRough", feature="specular-glossiness materials", colours=DARK)
 def specular_glossiness_with_a_palette():
     stream = io.BytesIO()
     Image.open(io.BytesIO(RED_BLUE)).convert("P").save(stream, "PNG")

@@ -42,7 +42,7 @@ PLAIN, TRIANGLES = rows(*SQUARE), rows(*((3, *f) for f in HALVES))
 def test_features_are_read_as_the_table_says(write):
     write("x.png", png((255, 0, 0)))
     st, red = with_each(PLAIN, "0 0"), with_each(PLAIN, "255 0 0")
-    red_faces = with_each(TRIANGLES, "255 0 0")
+    red_faces, both = with_each(TRIANGLES, "255 0 0"), with_each(st, "255 0 0")
     uv, image = "float s,float t", "comment TextureFile x.png"
     texts = {
         "concave polygons": ply(rows(*((*p, 0) for p in U)), ["8 0 1 2 3 4 5 6 7"]),
@@ -52,9 +52,7 @@ def test_features_are_read_as_the_table_says(write):
         "colours of vertices": ply(red, properties=RGB),
         "colours of faces": ply(faces=red_faces, of_faces=RGB),
         "colours of faces beside those of vertices": ply(red, red_faces, RGB, RGB),
-        "colours of faces with a texture": ply(
-            with_each(st, "255 0 0"), properties=f"{uv},{RGB}", head=image
-        ),
+        "colours of faces with a texture": ply(both, properties=f"{uv},{RGB}", head=image),
         "alpha 0 in all colours": ply(with_each(red, "0"), properties=f"{RGB},uchar alpha"),
         "several textures": ply(
             faces=with_each(TRIANGLES, "6 0 0 1 0 1 1 1"), head=f"{image}|{image}",

@@ -111,9 +111,8 @@ def test_the_table_is_scored_beside_networks(study, answers, tmp_path):
     assert list(numbers["networks"]) == ["cd", "emd"]
     assert (numbers["cases_modelled"], numbers["cases_in_study"]) == (1, 2)
     (case,) = numbers["cases"]
-    assert [case[key] for key in ("case", "category", "seconds", "parts")] == [
-        "Case 1", "table", 90, 2
-    ]  # fmt: skip
+    keys = ("case", "category", "seconds", "parts")
+    assert [case[key] for key in keys] == ["Case 1", "table", 90, 2]
     person, *others = case["metrics"].values()
     assert all(person["emd_radius"] < other["emd_radius"] for other in others)
     assert all(person["cd_sq_radius2"] < 0.1 * other["cd_sq_radius2"] for other in others)

@@ -46,9 +46,7 @@ def test_a_folder_or_an_archive_of_the_runtime_and_nothing_else(tmp_path, small_
         lib.runtime_files(tmp_path / "none.tgz")
 
 
-def test_npm_fills_the_cache_and_without_it_the_way_out_is_named(
-    tmp_path, small_runtime, monkeypatch
-):
+def test_npm_fills_the_cache_or_the_way_out_is_named(tmp_path, small_runtime, monkeypatch):
     monkeypatch.setenv("PSGN_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(lib.shutil, "which", lambda _: "npm")
     commands = []
