@@ -1,13 +1,15 @@
 """Results that no refactoring may change: records, leaves, metrics, tables.
 
-`oracles/golden.json` has the measurements of a run that was stopped after 6 of 12 steps. They were
-taken on 2026-11-27 with code that still gave those of version 0.1.0.dev0, on other samples.
+`oracles/golden.json` has the measurements of a run that was stopped after 6 of 12 steps, from the
+code of version 0.1.0.dev0. The digests of records are newer: those of their bytes date from the
+last change of the compression level, those of their contents are from 2026-11-22.
 """
 
 import dataclasses
 import hashlib
 import json
 import pathlib
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -71,8 +73,16 @@ def test_leaves_of_a_checkpoint_and_its_evaluation(run):
     result = evaluate_run(open_run(run, "last"))
     for name, value in GOLDEN["means"].items():
         np.testing.assert_allclose(result.means[name], value, rtol=1e-4, atol=1e-6, err_msg=name)
-    # Numbers may differ in the last digit on another processor.
-    assert _words(table_lib.text(result)) == _words(GOLDEN["table"])
+    table = table_lib.text(result)
+    # The numbers may differ in the last digit on another processor; the rest may not. The titles
+    # are in several lines now.
+    (titles, old), (lines, new) = (t.split("---", 1) for t in (GOLDEN["table"], table))
+    assert not Counter(titles.split()) - Counter(lines.split())
+    old, new = old.splitlines(), new.splitlines()
+    for before, now in zip(old, new, strict=False):
+        if not before.startswith("---"):
+            assert _words(now)[: len(_words(before))] == _words(before)
+    assert new[len(old) :][0].startswith("Aligned: ")
 
 
 def test_a_run_goes_on_as_before(config, run):
@@ -92,5 +102,5 @@ def test_a_run_goes_on_as_before(config, run):
                 np.testing.assert_allclose(line[name], value, rtol=1e-3, atol=1e-6, err_msg=name)
 
 
-def _words(text):
-    return [word for word in text.split() if not word.replace(".", "").isdigit()]
+def _words(line):
+    return [word for word in line.split() if not word.replace(".", "").isdigit()]
