@@ -7,7 +7,7 @@
     cloud.points  # float32 [1, n, 3]: +z up, +y image right, +x to the camera
     cloud.save("chair.ply")
 
-`psgn_jax.losses` has the distances. Both are imported when they are first used.
+`psgn_jax.losses` has the distances. Both are imported at their first use.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ __version__ = "0.1.0"
 
 
 def load(network: str | os.PathLike[str] = "") -> Predictor:
-    """Opens a trained network; calling it with an image predicts clouds.
+    """Opens a trained network; call the result with an image to predict clouds.
 
     Args:
       network: the name of weights in the package ("" = the default), a file of weights, or the
-        folder of a run, whose best checkpoint is used.
+        folder of a run (its best checkpoint).
 
     Raises:
       ConfigError: there is no such network.

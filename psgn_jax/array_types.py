@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 if TYPE_CHECKING:
     from jax import Array
 else:
-    # For checks at run time: like JAX itself, accept NumPy arrays too.
+    # At run time, the checks accept NumPy arrays too, as JAX does.
     Array = jax.Array | np.ndarray
 
 PRNGKey = jax.Array

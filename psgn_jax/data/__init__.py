@@ -1,8 +1,7 @@
 """Samples, records and batches; photos and their masks.
 
-A sample becomes a row of a batch: `schema` defines it, `codec` makes a record of it, `dataset`
-reads the record, `batches` resizes it (`resize`) and draws its points, `augment` changes it
-(`framing`, `resample`, `effects`), and `loader` makes batches in threads or processes.
-`photo` and `framing` prepare a photo for a network. `shards` writes data sets of many files or
-models, for `conversion` and `data_gen`.
+From a sample to a batch: `schema` defines samples, `codec` encodes them as records, `dataset` reads
+records, `batches` resizes them (`resample`) and draws points, `augment` augments them (`framing`,
+`effects`), and `loader` makes batches in threads or processes. `photo` and `framing` prepare a
+photo for a network. `shards` writes data sets for `conversion` and `data_gen`.
 """

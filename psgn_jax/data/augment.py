@@ -1,8 +1,8 @@
-"""Random changes of a training sample that keep image, mask, depth, camera and points consistent.
+"""Augmentations of training samples that keep image, mask, depth, camera and points consistent.
 
-After each change, the sample's camera still projects the points onto the object in the image, and
-the camera is still valid (right-handed rotation, positive focal lengths). The exception is
-`reframe` of a view from another angle than the authors': its points do not move with its image.
+After each augmentation, the camera still projects the points onto the object in the image and is
+still valid (right-handed rotation, positive focal lengths). The exception is `reframe` of a view
+from another angle than the authors': its points do not move with its image.
 """
 
 import dataclasses
@@ -18,7 +18,7 @@ from psgn_jax.data.effects import disturb
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class View:
-    """The fields of a `schema.Sample` that augmentations change; `points` [P, 3] is any subset."""
+    """The fields of a `schema.Sample` that augmentations change, with a subset of the points."""
 
     image: np.ndarray
     mask: np.ndarray
@@ -57,9 +57,9 @@ def stretch(view: View, factor: float) -> View:
 
     This is exact if the image's x axis is parallel to the frame's y axis. Then y affects only the
     column, column - cx = fx (+-y + t0) / z, and t0 is multiplied by the same factor. Colours are
-    interpolated between columns, mask and depth take the nearest one. Columns without a source
-    become background: grey if the image's background is grey, otherwise an extension of the image
-    (`resample`). The occupancy is not transformed; `config.experiment` refuses the combination.
+    interpolated between columns; mask and depth take the nearest column. Columns without a source
+    become background: grey if the image's background is grey, otherwise the image is extended
+    (`resample`). The occupancy does not change; `config.experiment` refuses the combination.
     """
     width = view.image.shape[1]
     centre = float(view.intrinsics[0, 2])
@@ -76,11 +76,11 @@ def stretch(view: View, factor: float) -> View:
 
 
 def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
-    """Scales the image about its middle, then moves it: another crop of the same scene.
+    """Scales the image about its middle and shifts it: another crop of the same scene.
 
-    The camera changes, not the points. Colours are interpolated, mask and depth take the nearest
-    pixel, and pixels without a source become background as in `stretch`. Scale and shift (down,
-    right) in pixels are reduced where part of the object would leave the image.
+    The camera changes, the points do not. Colours are interpolated; mask and depth take the nearest
+    pixel; pixels without a source become background as in `stretch`. The scale and the shift (down,
+    right), in pixels, are reduced if the object would leave the image.
     """
     height, width = view.mask.shape
     # Per axis, for output coordinate o and input coordinate i (edges at integers): o = s i + t.
@@ -106,9 +106,9 @@ def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
 
 
 def follow(view: View, move: framing.Move) -> View:
-    """Moves image, mask, depth and points together; the camera does not change (`data.framing`).
+    """Moves image, mask, depth and points together and keeps the camera (`data.framing`).
 
-    The background becomes grey. A view without an object is returned unchanged.
+    The background becomes grey. A view without an object does not change.
     """
     if not view.mask.any():
         return view
@@ -123,9 +123,9 @@ def follow(view: View, move: framing.Move) -> View:
 
 
 def place(view: View) -> View:
-    """Moves image and points so that the object's box has the position of `data.framing`'s rule.
+    """Places the object, with its points, by the rule of `data.framing`.
 
-    A view that shows too little of its object is returned unchanged (`framing.rule_move_within`).
+    A view that shows too little of its object does not change (`framing.rule_move_within`).
     """
     move = framing.rule_move_within(view.mask)
     return view if move is None else follow(view, move)
@@ -139,10 +139,10 @@ def reframe(
     scale_deviation: float = 0.0,
     shift_deviation: float = 0.0,
 ) -> View:
-    """Places image and points by the rule, with a probability; then scales and shifts at random.
+    """Places image and points by the rule with a probability, then scales and shifts at random.
 
-    The random move is reduced if the object would leave the image. The logarithm of the scale and
-    both shifts are normally distributed and clipped at two standard deviations.
+    The logarithm of the scale and both shifts are normally distributed and clipped at two standard
+    deviations. They are reduced if the object would leave the image.
 
     A view without depth from another angle than the authors' (`framing.has_authors_angle`) is
     always placed, unless `place_share` is 0 or the view shows too little of its object. Its points
@@ -150,7 +150,7 @@ def reframe(
     nearly the same scale and position for every angle.
 
     Args:
-      rng: source of the random numbers; how many are drawn does not depend on the other arguments.
+      rng: the random generator; the number of draws does not depend on the other arguments.
       place_share: probability of the placement by the rule.
       scale_deviation: standard deviation of the logarithm of the scale about the object's middle.
       shift_deviation: standard deviation of the shifts along rows and columns, as a fraction of the
@@ -168,16 +168,16 @@ def reframe(
     def scattered(
         first: framing.Move, box: tuple[float, float, float, float], shape: tuple[int, ...]
     ) -> framing.Move:
-        """`first`, then the random scale about the middle of the box, then the random shift."""
+        """`first`, then the random scale about the middle of the box and the random shift."""
         top, bottom, left, right_edge = box
         column = first.scale * (left + right_edge) / 2 + first.right
         row = first.scale * (top + bottom) / 2 + first.down
-        # Both shifts are fractions of the height of the view. `across` is this height, measured in
-        # columns of the array, whose pixels need not be square.
+        # Both shifts are fractions of the view's height. `across` is this height in columns of the
+        # array, whose pixels need not be square.
         across = framing.VIEW_SIZE[0] / framing.VIEW_SIZE[1] * shape[1]
         shift = (shift_deviation * right) * across, (shift_deviation * down) * shape[0]
-        again = framing.Move(scale, (1 - scale) * column + shift[0], (1 - scale) * row + shift[1])
-        return first.then(again)
+        second = framing.Move(scale, (1 - scale) * column + shift[0], (1 - scale) * row + shift[1])
+        return first.then(second)
 
     move = rule
     if scale_deviation or shift_deviation:
@@ -191,9 +191,9 @@ def reframe(
     first = framing.rule_move_of(box) if box else None
     if box is None or first is None:
         return moved
-    own = scattered(first, box, framing.VIEW_SIZE)
+    move = scattered(first, box, framing.VIEW_SIZE)
     intrinsics, extrinsics = camera.default_camera(framing.VIEW_SIZE)
-    points = framing.move_points(view.points, own, intrinsics, extrinsics)
+    points = framing.move_points(view.points, move, intrinsics, extrinsics)
     intrinsics = camera.scale_intrinsics(intrinsics, framing.VIEW_SIZE, view.mask.shape)
     return dataclasses.replace(moved, points=points, intrinsics=intrinsics, extrinsics=extrinsics)
 
@@ -201,8 +201,8 @@ def reframe(
 def colour_jitter(view: View, rng: np.random.Generator, strength: float) -> View:
     """Changes brightness, contrast (about middle grey) and each channel's gain on the object.
 
-    Each is uniform within +-`strength` (channel gains within half of it), brightness in units of a
-    quarter of the full range. The background keeps its colour.
+    Each change is uniform within +-`strength` (gains within half of it), the brightness in units of
+    a quarter of the full range. The background keeps its colour.
     """
     brightness, contrast = rng.uniform(-strength, strength, 2)
     gains = 1 + rng.uniform(-strength, strength, 3) / 2
@@ -224,7 +224,7 @@ def augment(
 ) -> View:
     """Applies the augmentations that the configuration enables.
 
-    `rng` serves mirroring, width, crop and colours, `photo_seeds` the effects and the framing.
+    `rng` draws mirroring, width, crop and colours; `photo_seeds` seed the effects and the framing.
     """
     mirrored, factor = rng.random(), 1 + cfg.stretch * rng.uniform(-1, 1)
     zoom, move = rng.uniform(-1, 1), rng.uniform(-1, 1, 2)
@@ -248,7 +248,7 @@ def augment(
             depth = None if view.depth is None else np.where(mask, view.depth, np.float32(0))
             view = dataclasses.replace(view, image=image, mask=mask, depth=depth)
         if framed:
-            # The rule uses the disturbed mask: in a prediction, masks are imperfect too.
+            # The rule uses the disturbed mask, because masks of photos are imperfect too.
             view = reframe(
                 view,
                 framing_rng,

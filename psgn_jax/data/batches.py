@@ -1,6 +1,6 @@
-"""Makes a batch from records: decodes, resizes and augments them, and chooses their points.
+"""Makes batches from records: decodes, resizes and augments samples, and draws their points.
 
-Row j of the batch of step s is a function of (records, configuration, batch size, seed, s, j) only.
+Row j of step s depends only on the records, the configuration, the batch size, the seed, s and j.
 """
 
 import copy
@@ -19,24 +19,24 @@ from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import RecordError
 
 Batch = dict[str, Any]
-# For each record, itself and all views of its model: one list a model. The N copies of a record in
-# a folder with the factor N have the number of the first one.
+# Record number -> the number of its first copy (a folder may count N times), and the numbers of all
+# views of its model.
 ModelViews = dict[int, tuple[int, list[int]]]
 
-# Each purpose of random numbers has its own stream.
+# Streams of random numbers, one for each purpose.
 ORDER, _TRAIN, _EVAL, _VIEWS, _PHOTO = 0, 1, 2, 3, 4
 
-_LOCK = threading.Lock()  # of the samples that are kept; here because a lock cannot be pickled
+_LOCK = threading.Lock()  # for the kept samples; global, because a lock cannot be pickled
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Item:
-    """One record, decoded and resized. It does not depend on the training step."""
+    """One record, decoded and resized, independent of the training step."""
 
     view: View  # without points
     points: QuantisedPoints  # all points of the record
     labels: dict[str, Any]  # category, model_id and view
-    # Depth at the record's own size and the intrinsics that go with it, for visibility.
+    # Depth at its original size, and the intrinsics for that size, to compute visibility.
     measured: tuple[DepthCodes, np.ndarray] | None
 
     def nbytes(self) -> int:
@@ -45,12 +45,12 @@ class Item:
         return self.points.codes.nbytes + sum(a.nbytes for a in arrays if a is not None)
 
     def view_with_points(self, rng: np.random.Generator, wanted: int) -> View:
-        """The view with random points, distinct; if there are too few, all occur equally (+-1)."""
+        """The view with random points: distinct, or if too few, each equally often (+-1)."""
         available = len(self.points.codes)
         index: np.ndarray | slice = slice(None)
         if wanted != available:
             whole, rest = divmod(wanted, available)
-            # The order of a cloud's points has no meaning, so the choice need not be shuffled.
+            # The order of points has no meaning, so the choice need not be shuffled.
             index = rng.choice(available, rest, replace=False, shuffle=False)
             if whole:
                 index = np.concatenate([np.tile(np.arange(available), whole), index])
@@ -58,12 +58,12 @@ class Item:
 
 
 def _further_view(item: Item) -> View:
-    """A further view of a model, of which a batch only has the image and the mask."""
+    """The view without the fields that a batch has for the first view of a model only."""
     return dataclasses.replace(item.view, depth=None, occupancy=None)
 
 
 class Items:
-    """Maps a record number to its `Item`; keeps up to `cache_gb` if they are used `repeatedly`."""
+    """Maps a record number to its `Item`; keeps up to `cache_gb` of them if used `repeatedly`."""
 
     def __init__(
         self, cfg: DataConfig, reader: RecordReader, *, visibility: bool = False,
@@ -114,10 +114,10 @@ class Items:
 
 
 def model_views(reader: RecordReader, wanted: int, name: str) -> ModelViews:
-    """For each record, all views of its model, itself included; reads every record once."""
+    """The `ModelViews` of all records; reads every record once."""
     members: dict[tuple[str, ...], list[int]] = {}
     first: dict[Any, int] = {}
-    own = [first.setdefault(reader.locate(index), index) for index in range(len(reader))]
+    firsts = [first.setdefault(reader.locate(index), index) for index in range(len(reader))]
     for index in first.values():
         stored = reader.stored(index, ())
         folder = str(reader.locate(index)[0].parent)
@@ -129,11 +129,11 @@ def model_views(reader: RecordReader, wanted: int, name: str) -> ModelViews:
                 f"{wanted}, as set by {name}"
             )
     views_of = {index: views for views in members.values() for index in views}
-    return {number: (index, views_of[index]) for number, index in enumerate(own)}
+    return {number: (index, views_of[index]) for number, index in enumerate(firsts)}
 
 
 def _after(index: int, views: list[int]) -> list[int]:
-    """The other views, beginning with those after `index`."""
+    """The other views in cyclic order, beginning after `index`."""
     at = views.index(index)
     return views[at + 1 :] + views[:at]
 
@@ -141,7 +141,7 @@ def _after(index: int, views: list[int]) -> list[int]:
 def _stack(rows: Iterable[Sequence[View]], count: int, *, several: bool) -> Batch:
     """A batch from the views of each row; if `several`, image and mask have an axis of views.
 
-    A row is copied as soon as it is made, while the processor's cache holds it.
+    Each row is copied when it is made, while it is in the processor's cache.
     """
     batch: Batch = {}
     for number, views in enumerate(rows):
@@ -158,7 +158,7 @@ def _stack(rows: Iterable[Sequence[View]], count: int, *, several: bool) -> Batc
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TrainBatch:
-    """Maps step s to this process's rows; row j is record `order[s * batch_size + j]`."""
+    """Maps a step s to this process's rows; row j is record `order[s * batch_size + j]`."""
 
     cfg: DataConfig
     items: Items
@@ -172,7 +172,7 @@ class TrainBatch:
         cfg = self.cfg
         num_views = 0
         if self.model_views:
-            # One number for the whole batch, so it must be the same in all processes.
+            # The number of views is the same in all rows and processes.
             rng = np.random.default_rng([self.seed, _VIEWS, step])
             num_views = int(rng.integers(1, cfg.train_views + 1))
         rows = (self._views(step, row, num_views) for row in self.rows)
@@ -186,14 +186,14 @@ class TrainBatch:
         if self.model_views and num_views > 1:
             chosen = rng.permutation(_after(*self.model_views[index]))[: num_views - 1]
             views += [_further_view(self.items[int(i)]) for i in chosen]
-        # All views of a model get the same random numbers, so that all or none are mirrored.
+        # All views of a model get the same random numbers: all or none are mirrored.
         seeds = [self.seed, _PHOTO, step, row]
         return [augment.augment(view, cfg, copy.deepcopy(rng), seeds) for view in views]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class EvalBatch:
-    """Maps a number to a batch of an evaluation; the last one is padded with its last sample."""
+    """Maps a number to an evaluation batch; the last batch is padded with its last sample."""
 
     cfg: DataConfig
     items: Items
@@ -216,7 +216,7 @@ class EvalBatch:
             others = others[: cfg.eval_views - 1]
             view = item.view_with_points(rng, cfg.num_eval_points)
             if item.measured:
-                # Visibility is computed before the move, which does not change it.
+                # Computed before the move, which does not change visibility.
                 depth, intrinsics = item.measured
                 seen = view.points, depth.depth(), intrinsics, view.extrinsics
                 visible.append(visibility.visible_points(*seen, self.visible_tolerance))

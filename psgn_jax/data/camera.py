@@ -17,9 +17,9 @@ def default_camera(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Intrinsics float32 [3, 3] and extrinsics [3, 4] of the authors' camera.
 
-    It was fitted to the silhouettes in their images, to half a pixel. It looks at the object from
-    +x, down by `tilt_degrees`. The origin is at the depth `DISTANCE` and 0.252 below the optical
-    axis. The focal length is 400 pixels at 192x256 pixels.
+    It was fitted to the silhouettes in their images, with an error of half a pixel. It looks from
+    +x, down by `tilt_degrees`. The origin is at depth `DISTANCE`, 0.252 below the optical axis. The
+    focal length is 400 pixels at 192x256 pixels.
     """
     intrinsics = np.array([[400.0, 0, 128.0], [0, 400.0, 96.0], [0, 0, 1]])
     sine, cosine = np.sin(np.deg2rad(tilt_degrees)), np.cos(np.deg2rad(tilt_degrees))
@@ -46,8 +46,8 @@ def project(
     """Projects points [n, 3] of the project's frame.
 
     Returns:
-      pixels [n, 2] as continuous (column, row), and the depth [n] along the optical axis. The
-      pixels of points at or behind the camera (depth <= 0) are not finite or have no meaning.
+      pixels [n, 2] as continuous (column, row), and depth [n] along the optical axis. For points
+      with depth <= 0, the pixels are not finite or have no meaning.
     """
     camera = to_camera(points, extrinsics)
     depth = camera[:, 2]
@@ -57,7 +57,7 @@ def project(
 
 
 def back_project(depth: np.ndarray, intrinsics: np.ndarray, extrinsics: np.ndarray) -> np.ndarray:
-    """The centres of all pixels with depth [H, W] > 0 in the project's frame, float32 [n, 3]."""
+    """Points float32 [n, 3] in the project's frame, one for each pixel with depth [H, W] > 0."""
     rows, columns = np.nonzero(depth > 0)
     z = depth[rows, columns].astype(np.float64)
     rays = np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))])
@@ -67,9 +67,9 @@ def back_project(depth: np.ndarray, intrinsics: np.ndarray, extrinsics: np.ndarr
 
 
 def inside_mask(pixels: np.ndarray, mask: np.ndarray, radius: int = 0) -> np.ndarray:
-    """Whether each of `pixels` [n, 2], as of `project`, is on the mask or `radius` pixels from it.
+    """Whether each of `pixels` [n, 2] from `project` is within `radius` pixels of the mask.
 
-    False for non-finite pixels, and for those more than `radius` outside the image.
+    False for pixels that are not finite or more than `radius` outside the image.
     """
     # The border of the padding stays False, so clipped coordinates give False.
     near = ndimage.maximum_filter(np.pad(mask, radius + 1), 2 * radius + 1, mode="constant")

@@ -1,20 +1,20 @@
 """Encodes and decodes one record.
 
-A record is a CRC-32 (4 bytes, little-endian) followed by a msgpack map, over which the CRC is
-computed. The map has one key per field of `psgn_jax.data.schema.Sample`. Nothing is pickled.
+A record is a CRC-32 (4 bytes, little-endian) and a msgpack map, over which the CRC is computed. The
+map has a key for each field of `psgn_jax.data.schema.Sample`. Nothing is pickled.
 
 image      Lossless WebP, exact.
 mask       Bits, deflated, exact.
-depth      16-bit codes of the pixels with a depth, z = offset + scale * code. Exact for 16-bit
-           sources given as `DepthCodes`; otherwise the error is at most (max - min) / 131070.
-points     Unsigned integers, sorted, stored as deflated differences, and the affine map [3, 4] to
-           the project's frame. Exact for sources given as `QuantisedPoints`; otherwise the
-           error is at most half a step, extent / 8190 on each axis at 12 bits.
+depth      16-bit codes of the pixels with a depth, z = offset + scale * code. Exact for
+           `DepthCodes`; otherwise the error is at most (max - min) / 131070.
+points     Unsigned integers, sorted, as deflated differences, and the affine map [3, 4] to the
+           project's frame. Exact for `QuantisedPoints`; otherwise the error is at most half a
+           step, extent / 8190 on each axis at 12 bits.
 normals    Octahedral, 2 x 8 bits, in the order of the points; the error is below 1 degree.
 occupancy  Bits, deflated, exact.
 extra      Text, absent if empty.
 
-Duplicate points are kept. The order of the points is not kept; it has no meaning.
+Duplicate points are kept, their order is not.
 """
 
 import dataclasses
@@ -33,7 +33,7 @@ from psgn_jax.data.schema import Sample
 DEFAULT_POINT_BITS = 12
 _NORMAL_BITS = 8
 
-# Compared with level 9: half a percent more bytes, a third of the time.
+# Half a percent more bytes than level 9, in a third of the time.
 _DEFLATE_LEVEL = 5
 
 
@@ -67,7 +67,7 @@ class DepthCodes:
 
 
 def quantised(points: np.ndarray, bits: int = DEFAULT_POINT_BITS) -> QuantisedPoints:
-    """Rounds points [M, 3] to 2**bits levels on each axis of their bounding box, bits = 1 to 16."""
+    """Rounds points [M, 3] to 2**bits levels along each axis of their box, bits = 1 to 16."""
     points = np.asarray(points, np.float64)
     low, high = points.min(axis=0), points.max(axis=0)
     top = 2**bits - 1
@@ -92,7 +92,7 @@ def _deflate(data: np.ndarray) -> bytes:
 
 
 def _inflate(data: Any, size: int, field: str) -> bytes:
-    """Inflates to exactly `size` bytes, and never allocates much more."""
+    """Inflates to exactly `size` bytes, in bounded memory."""
     if not isinstance(data, bytes):
         raise ValueError(f"field {field!r} is {type(data).__name__}, expected bytes")
     stream = zlib.decompressobj()
@@ -112,7 +112,7 @@ def _integer(value: Any, low: int, high: int, what: str) -> int:
 
 
 def _byte_planes(values: np.ndarray, count: int) -> np.ndarray:
-    """The bytes of unsigned integers, all lowest bytes first; similar neighbours deflate well."""
+    """The bytes of unsigned integers, all lowest bytes first, which deflates well."""
     return np.stack([(values >> (8 * i)) & 255 for i in range(count)]).astype(np.uint8)
 
 
@@ -143,7 +143,7 @@ def _decode_image(stored: Mapping[str, Any], size: tuple[int, int]) -> np.ndarra
         picture = Image.open(io.BytesIO(stored["image"]["webp"]), formats=("WEBP",))
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
         raise ValueError(f"image is far larger than {size[::-1]}, as the record says") from None
-    # Check the header before decoding, because it decides how much memory the pixels take.
+    # The header decides how much memory decoding takes, so it is checked first.
     if picture.size != size[::-1] or picture.mode != "RGB":
         raise ValueError(
             f"image is {picture.mode} {picture.size}, the record says RGB {size[::-1]}"
@@ -165,7 +165,7 @@ def _encode_depth(depth: DepthCodes, mask: np.ndarray) -> dict[str, Any]:
     return {
         "scale": depth.scale,
         "offset": depth.offset,
-        # None: the pixels of the mask have a depth, as usual.
+        # None: the pixels with a depth are those of the mask, as usual.
         "valid": None if np.array_equal(depth.valid, mask) else _deflate(np.packbits(depth.valid)),
         "steps": _deflate(_byte_planes(zigzag, 2)),
     }
@@ -220,7 +220,7 @@ def _decode_points(stored: Mapping[str, Any]) -> QuantisedPoints:
     dtype: Any = np.uint32 if small else np.uint64
     steps = _from_byte_planes(_inflate(field["steps"], planes * count, "points"), planes, dtype)
     keys = np.cumsum(steps, dtype=dtype)
-    # Little-endian keys are the codes of z, y and x, and zeros.
+    # A little-endian key consists of the codes of z, y and x, and zeros.
     fields = keys.astype("<u4" if small else "<u8").view(np.uint8 if bits == 8 else "<u2")
     codes = np.ascontiguousarray(fields.reshape(count, -1)[:, 2::-1])
     matrix = np.frombuffer(field["matrix"], "<f8").reshape(3, 4).astype(np.float64)
@@ -263,10 +263,10 @@ def encode(
     depth: DepthCodes | None = None,
     point_bits: int = DEFAULT_POINT_BITS,
 ) -> bytes:
-    """Encodes one sample as the bytes of a record; ValueError if `schema.validate` refuses it.
+    """The bytes of a sample's record; ValueError if `schema.validate` refuses the sample.
 
-    `points` and `depth`, the codes of the sample's fields in the same order, are stored exactly.
-    Other points are quantised to `point_bits`.
+    `points` and `depth`, if given, are the codes of the sample's fields and are stored exactly.
+    Otherwise the points are quantised to `point_bits`.
     """
     try:
         schema.validate(sample)
@@ -298,7 +298,7 @@ def encode(
 
 
 def unpack(data: bytes) -> dict[str, Any]:
-    """The msgpack map of a record; ValueError if its checksum does not match, or it is no map."""
+    """The msgpack map of a record; ValueError if the checksum does not match or it is no map."""
     body = data[4:]
     if len(data) < 5 or zlib.crc32(body) != int.from_bytes(data[:4], "little"):
         raise ValueError("its checksum does not match")
@@ -315,8 +315,8 @@ def field_sizes(data: bytes) -> dict[str, int]:
 def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Any:
     """A `Sample` whose points are `QuantisedPoints` and whose depth is `DepthCodes`.
 
-    Fields that are missing or not in `fields` are None; `depth` includes `mask`. Cameras, strings
-    and `view` are always present. ValueError if a field is invalid.
+    Arrays that are missing or not in `fields` are None; `depth` includes `mask`. The other fields
+    are always present. ValueError if a field is invalid.
     """
     stored = unpack(data)
     present = {field for field in fields if field in stored}
@@ -343,7 +343,7 @@ def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Any:
         schema.check_camera(decoded.intrinsics, decoded.extrinsics)
         schema.check_labels(decoded)
     except (KeyError, TypeError, OSError, EOFError, SyntaxError, OverflowError) as error:
-        # The checksum matches but a field is invalid: another program wrote the record.
+        # The checksum matches, so another program wrote the record.
         raise ValueError(f"a field is not as expected: {type(error).__name__} {error}") from error
     return decoded
 

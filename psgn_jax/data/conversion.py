@@ -1,6 +1,6 @@
 """Converts published data sets to records, shard by shard (`data.shards`).
 
-`commands.convert` says what is left out, and what a further call converts again.
+`commands.convert` says what is left out and what a later call converts again.
 """
 
 import contextlib
@@ -25,13 +25,13 @@ from psgn_jax.system.untrusted import message_line, one_line
 FILES_PER_SHARD = 8
 MODELS_PER_SHARD = 64
 LAYOUTS = {"r2n2": r2n2, "occnet": occnet}
-_INCOMPLETE = "incomplete"  # status of an input of which something is missing
+_INCOMPLETE = "incomplete"  # status of an input from which something was left out
 
 ConvertedRecord = tuple[str, bytes, schema.Sample] | str
-"""What is read from an input: split, bytes and sample of a record, or a message about a bad one."""
+"""Split, bytes and sample of a record, or a message about what could not be read."""
 
 Input = tuple[Tag, Callable[[], Iterator[ConvertedRecord]]]
-"""A file or a model that is converted as a whole."""
+"""A file or a model, and the function that reads it."""
 
 
 def _natural(path: pathlib.Path) -> tuple[int | str, ...]:
@@ -103,14 +103,14 @@ def convert_models(
     Args:
       layout: "r2n2" or "occnet"; the modules of these names describe the layouts.
       num_points: maximum number of points per sample.
-      views: use only the first views of each model; None: all of the layout.
+      views: number of views of each model, the first ones; None = all.
 
     Returns:
-      The manifest, and a message for everything that was left out.
+      The manifest, and a message for each thing that was left out.
 
     Raises:
-      ValueError: `source` does not have the layout, or so many views; nothing in it can be read.
-      OtherSettingsError: `destination` contains a data set from another source.
+      ValueError: `source` does not have the layout or so many views, or nothing can be read.
+      OtherSettingsError: `destination` has a data set from another source.
     """
     source, destination = pathlib.Path(source), pathlib.Path(destination)
     reader: Any = LAYOUTS[layout]
@@ -148,7 +148,7 @@ def convert(
     destination: pathlib.Path,
     per_shard: int,
 ) -> tuple[Manifest, list[str]]:
-    """Converts inputs, or continues a conversion; result and errors as in `convert_models`."""
+    """Converts inputs or continues a conversion; result and errors as in `convert_models`."""
 
     def make(todo: Sequence[tuple[int, Any]]) -> Generator[shards.Result]:
         for number, read in todo:
@@ -165,7 +165,7 @@ def convert(
                 "status": _INCOMPLETE if messages else "ok",
                 "reason": "\n".join(messages),
                 "samples": sum(map(len, records.values())),
-                "splits": {split: len(own) for split, own in records.items()},
+                "splits": {split: len(found) for split, found in records.items()},
             }
             yield shards.Result(number, line, list(itertools.chain(*records.values())))
 
@@ -183,7 +183,7 @@ def convert(
 
 
 def _readable(read: Callable[[], Iterator[ConvertedRecord]]) -> Iterator[ConvertedRecord]:
-    """The records of an input that show an object, and a message for each that is left out."""
+    """The records of an input that show an object, and messages about the others."""
     try:
         for result in read():
             if isinstance(result, str):

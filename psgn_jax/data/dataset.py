@@ -1,12 +1,12 @@
 """Data sets on disk: shards of records with random access and checksums.
 
 A data set is a folder with a `manifest.json` (`data.manifest`) and shards
-`<split>-<number>.arrayrecord`: ArrayRecord files with one record (`data.codec`) per group. In data
-sets written by `data.shards`, the checksum of the file follows the number.
+`<split>-<number>.arrayrecord`, ArrayRecord files with one record (`data.codec`) per group. If
+`data.shards` writes a data set, the file's checksum follows the number.
 
-Shards are written under a temporary name, fsynced and renamed. Last, the field `complete` of the
-manifest becomes true. ArrayRecord detects damaged blocks by its own hashes; the CRC-32 of a record
-also detects changes between encoder and decoder.
+Shards are written under a temporary name, fsynced and renamed. At the end, the manifest's field
+`complete` becomes true. ArrayRecord's hashes detect damaged blocks; the CRC-32 of a record also
+detects changes between encoder and decoder.
 """
 
 import collections
@@ -42,12 +42,11 @@ from psgn_jax.system.untrusted import brief, kind_of, one_line
 
 T = TypeVar("T")
 
-# With one record per group, reading a record does not decode its neighbours. The records are
-# compressed already.
+# One record per group: reading a record does not decode its neighbours. Records are compressed.
 _WRITER_OPTIONS = "group_size:1,uncompressed"
-# Read-ahead only helps sequential reads, and costs memory.
+# Read-ahead costs memory and helps only sequential reads.
 _READER_OPTIONS = "readahead_buffer_size:0"
-_LOCK = threading.Lock()  # of the open shards; here because a lock cannot be pickled
+_LOCK = threading.Lock()  # for the open shards; global, because a lock cannot be pickled
 
 
 def shard_name(split: str, number: int, tag: str = "") -> str:
@@ -58,11 +57,11 @@ def shard_name(split: str, number: int, tag: str = "") -> str:
 
 
 class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
-    """Context that writes one shard; the file gets its name when the block ends without error.
+    """Context that writes one shard; the file gets its name when the context ends without error.
 
-    After the block, `shard` describes the file. If a `digest` identifies its inputs, its checksum
-    is part of the name. If the file cannot be written, `write` or the end of the block raises
-    `OSError`, and no file is left.
+    Afterwards, `shard` describes the file. With a `digest` of the shard's inputs, the file's
+    checksum is part of its name. If the file cannot be written, `write` or the end of the context
+    raises `OSError`, and no file remains.
     """
 
     def __init__(self, folder: pathlib.Path, split: str, number: int, digest: str = "") -> None:
@@ -73,10 +72,10 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
         self._fields = set(schema.FIELDS)
         self._writer = array_record_module.ArrayRecordWriter(str(self._temporary), _WRITER_OPTIONS)
         self.count = 0
-        self.shard: Shard  # set at the end of the block
+        self.shard: Shard  # set at the end of the context
 
     def write(self, record: bytes) -> dict[str, Any]:
-        """Writes a record, and returns its `codec.unpack`."""
+        """Writes a record and returns its `codec.unpack`."""
         stored = unpack(record)
         with self._os_errors():
             self._writer.write(record)
@@ -104,7 +103,7 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
                     self._path = self._path.with_name(name)
                 install(self._temporary, self._path)
         except OSError:
-            if kind is None:  # otherwise the first error is reported
+            if kind is None:  # otherwise the earlier error is raised
                 raise
         finally:
             self._temporary.unlink(missing_ok=True)
@@ -130,10 +129,10 @@ def write_dataset(
     source: str,
     records_per_shard: int = 512,
 ) -> Manifest:
-    """Writes a data set, one sample in memory at a time; `RecordError` if the folder has one.
+    """Writes a data set with one sample in memory at a time; `RecordError` if the folder has one.
 
-    We log what is probably wrong (`data.doubts`). A wrong argument raises ValueError before the
-    first sample is taken. A call that fails leaves no file.
+    Probable mistakes are logged (`data.doubts`). A wrong argument raises ValueError before the
+    first sample is taken. If the call fails, no file remains.
     """
     for split in splits:
         shard_name(split, 0)  # checks the name
@@ -183,12 +182,12 @@ class RecordReader:
     """Random access to the records of one split of one or more data sets, concatenated.
 
     Folders without the split are skipped; a repeated folder counts again. A reader can be pickled
-    and shared between threads. The constructor checks that every shard is the one of the manifest.
-    Decoding a record checks its CRC-32; `read` does not.
+    and shared between threads. The constructor compares the shards with the manifest. Decoding a
+    record checks its CRC-32; `read` does not.
 
     Raises:
-      RecordError: a folder has no complete data set, none has the split, or a shard is missing or
-        another file.
+      RecordError: a folder has no complete data set, no folder has the split, or a shard is missing
+        or is another file.
     """
 
     def __init__(
@@ -220,14 +219,14 @@ class RecordReader:
         return int(self._ends[-1]) if len(self._ends) else 0
 
     def _find(self, index: int) -> tuple[int, int]:
-        """The number of the shard of record `index`, and of the record in the shard."""
+        """Number of the shard of record `index`, and number of the record in the shard."""
         if not 0 <= index < len(self):
             raise IndexError(f"record {index}: expected 0 to {len(self) - 1}")
         number = int(np.searchsorted(self._ends, index, side="right"))
         return number, index - int(self._ends[number]) + self.shards[number].count
 
     def locate(self, index: int) -> tuple[pathlib.Path, int]:
-        """The file of record `index` and its number within the file."""
+        """The file of record `index`, and the record's number in the file."""
         number, position = self._find(index)
         return self._paths[number], position
 
@@ -250,15 +249,15 @@ class RecordReader:
             return decoder(reader.read([position])[0])
 
     def read(self, index: int) -> bytes:
-        """The bytes of one record; `RecordError` names the file and record that cannot be read."""
+        """The bytes of record `index`; `RecordError` names the file and record if it is damaged."""
         return self._decoded(index, bytes)
 
     def unpacked(self, index: int) -> dict[str, Any]:
-        """The map of record `index`, as `codec.unpack` gives it."""
+        """`codec.unpack` of record `index`."""
         return self._decoded(index, unpack)
 
     def stored(self, index: int, fields: Iterable[str] = schema.FIELDS) -> Any:
-        """Record `index` as `codec.decode_stored` gives it; decodes only `fields`."""
+        """`codec.decode_stored` of record `index`."""
         return self._decoded(index, lambda data: decode_stored(data, fields))
 
     def __getitem__(self, index: int) -> Sample:
@@ -278,9 +277,9 @@ class RecordReader:
 
 
 def doubts_of(splits: Mapping[str, RecordReader], most: int = 4096) -> list[str]:
-    """What is probably wrong with named splits of data sets (`data.doubts`), a line each.
+    """Probable mistakes in named splits (`data.doubts`), a line each.
 
-    At most `most` records of each split are read, evenly spaced, and the points and masks of 64.
+    We read at most `most` evenly spaced records of each split, and the points and masks of 64.
     """
     doubts = Doubts()
     for name, reader in splits.items():
@@ -296,7 +295,7 @@ def doubts_of(splits: Mapping[str, RecordReader], most: int = 4096) -> list[str]
 
 
 def spread(count: int, most: int) -> list[int]:
-    """At most `most` indices, evenly spaced in range(count)."""
+    """At most `most` evenly spaced indices of range(count)."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int)).tolist()
 
 
@@ -315,10 +314,9 @@ def check_shard(path: pathlib.Path, shard: Shard) -> None:
 
 
 def _ends(path: pathlib.Path) -> int:
-    """CRC-32 of what identifies a shard: the hash of its first record, the sizes of all records.
+    """CRC-32 of the first 104 bytes and the last 64 KiB of a shard, which identify it.
 
-    The first 104 bytes of an ArrayRecord file end with the header of the first record, which has
-    its hash; the last 64 KiB block has the positions of the records. Damage elsewhere spares these.
+    They contain the hash of the first record and the positions of all records.
     """
     with path.open("rb") as file:
         head = file.read(104)
@@ -328,7 +326,7 @@ def _ends(path: pathlib.Path) -> int:
 
 @contextlib.contextmanager
 def _shard_errors(path: pathlib.Path, what: str) -> Iterator[None]:
-    """Turns errors in the block into `RecordError`: `what`, or that the file cannot be read."""
+    """Turns errors into `RecordError`: `what`, or that the file cannot be read."""
     try:
         yield
     except (RuntimeError, IndexError, OSError, ValueError) as error:
@@ -341,7 +339,7 @@ def _remedy(path: pathlib.Path) -> str:
 
 
 def _check_readable(path: pathlib.Path) -> None:
-    """Distinguishes a shard that is missing or cannot be read from a damaged one."""
+    """Raises `RecordError` if a shard is missing or cannot be read, unlike a damaged shard."""
     try:
         if (kind := kind_of(path)) is not None:
             raise RecordError(f"shard {path} is {kind}, expected a file")

@@ -1,6 +1,5 @@
-"""Tells what is probably wrong with the samples of a data set: units, ground, and the splits."""
+"""Finds probable mistakes in a data set: wrong units, objects off the ground, mixed splits."""
 
-import itertools
 import zlib
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -10,17 +9,17 @@ import numpy as np
 from psgn_jax.data.manifest import DUPLICATES
 from psgn_jax.data.schema import SMALLEST_EXTENT
 
-# Accepted radii of objects, and heights of their lowest points as a share of the radius.
+# Accepted radii, and the accepted height of the lowest point as a share of the radius.
 _RADII, _GROUND = (0.5, 2.0), 0.1
 
 
 class Doubts:
-    """Samples are added one by one; `lines` tells what is probably wrong with them."""
+    """Collects samples by `add`; `lines` lists the probable mistakes."""
 
     def __init__(self) -> None:
         # Radius, lowest z, extent, and the number of pixels of the mask.
         self._sizes: list[tuple[float, float, float, int]] = []
-        # The split in which a model or a cloud was first; then the models that are in two splits.
+        # First split of a model or a cloud. Models that are, or whose cloud is, in two splits.
         self._models: dict[tuple[str, str], str] = {}
         self._clouds: dict[tuple[int, int], str] = {}
         self._twice: dict[tuple[str, str], tuple[str, str]] = {}
@@ -29,13 +28,14 @@ class Doubts:
     def add(
         self, split: str, stored: Mapping[str, Any], content: tuple[np.ndarray, np.ndarray] | None
     ) -> None:
-        """Adds a record, the map of `codec.unpack`, and its points [n, 3] and mask.
+        """Adds the `codec.unpack` of a record, with its points [n, 3] and mask if they are known.
 
         Without them, only models and clouds are compared. ValueError if it is no record.
         """
         try:
-            model, own = (str(stored["category"]), str(stored["model_id"])), stored["points"]
-            cloud = len(own["steps"]), zlib.crc32(own["steps"], zlib.crc32(own["matrix"]))
+            model, cloud_of = (str(stored["category"]), str(stored["model_id"])), stored["points"]
+            steps = cloud_of["steps"]
+            cloud = len(steps), zlib.crc32(steps, zlib.crc32(cloud_of["matrix"]))
         except (KeyError, TypeError) as error:
             raise ValueError(f"a field is not as expected: {error}") from None
         if content is not None:
@@ -51,7 +51,7 @@ class Doubts:
             self._same.setdefault(model, (other, split))
 
     def lines(self) -> Iterator[str]:
-        """One line for each kind of doubt, with the remedy."""
+        """A line for each kind of mistake, with the remedy."""
         radius, lowest, extent, pixels = np.array(self._sizes).reshape(-1, 4).T
         one_place = extent <= SMALLEST_EXTENT * np.minimum(radius, 1)
         far = ~one_place & ((radius < _RADII[0]) | (radius > _RADII[1]))
@@ -83,9 +83,11 @@ def _range(values: np.ndarray) -> str:
 
 
 def _in_two_splits(what: str, found: Mapping[tuple[str, str], tuple[str, str]]) -> Iterator[str]:
-    for (category, model), (one, other) in itertools.islice(found.items(), 1):
-        shown = repr(model) + (f" ({category})" if category else "")
-        yield (
-            f"{len(found)} {what} in two splits, such as {shown} in {one!r} and {other!r}: keep "
-            "all samples of an object in one split, or the evaluation measures what was trained on"
-        )
+    if not found:
+        return
+    (category, model), (first, second) = next(iter(found.items()))
+    shown = repr(model) + (f" ({category})" if category else "")
+    yield (
+        f"{len(found)} {what} in two splits, such as {shown} in {first!r} and {second!r}: keep all "
+        "samples of an object in one split, or the evaluation measures what was trained on"
+    )

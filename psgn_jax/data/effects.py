@@ -1,11 +1,11 @@
-"""Augmentation of training images with the effects of photos and of their masks: `disturb`.
+"""Augmentation of training images with typical defects of photos and their masks: `disturb`.
 
 `psgn_jax.config.data.PhotoEffects` describes the settings; lengths are in pixels of an image with
-192 rows. The effects are applied in the order in which they arise in a photo:
+192 rows. The effects are applied in this order:
 
-1. An occluder in front of an edge of the object's box.
-2. A background of smooth colours instead of plain grey, because masks of photos include pixels of
-   the background at their edges. At the end, it is grey again.
+1. An occluder at an edge of the object's box.
+2. A background of smooth colours instead of plain grey, because the masks of photos include
+   background pixels at their edges. At the end, the background is grey again.
 3. Light: exposure and white balance as factors of linear values, v -> 255 (g (v/255)^2.2)^(1/2.2).
 4. Lens and sensor: Gaussian blur, Gaussian noise.
 5. JPEG compression.
@@ -23,7 +23,7 @@ from psgn_jax.data.camera import VIEW_SIZE
 from psgn_jax.data.resample import box_of, on_mask
 
 LEAST_LEFT = 0.4
-"""A step that would reduce the mask to less than this share of its area is skipped."""
+"""An effect that would leave less than this share of the mask is skipped."""
 
 _GAMMA = 2.2
 _GRAIN = 8  # node distance of the random field of ragged edges, in pixels for 192 rows
@@ -32,15 +32,15 @@ _GRAIN = 8  # node distance of the random field of ragged edges, in pixels for 1
 def disturb(
     image: np.ndarray, mask: np.ndarray, rng: np.random.Generator, effects: PhotoEffects
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Image uint8 [h, w, 3], grey 191 outside the mask, and mask bool [h, w], with the effects.
+    """Applies the effects to image uint8 [h, w, 3] and mask bool [h, w]; grey 191 outside the mask.
 
-    Each effect has its own random generator, so its choices do not depend on the others. Without
-    an effect or an object, the arguments are returned.
+    Each effect has its own random generator, so its choices do not depend on the other effects.
+    Without an effect or an object, the arguments are returned.
     """
     if not effects.any() or not mask.any():
         return image, mask
     pixel = mask.shape[0] / VIEW_SIZE[0]
-    # The object's box with a margin for its edge and the blur; all other pixels become grey.
+    # The object's box with a margin for its edge and the blur; the other pixels become grey.
     margin = int(np.ceil((effects.dilate + effects.ragged + 3 * effects.blur) * pixel)) + 2
     top, bottom, left, right = box_of(mask)
     part = np.s_[max(0, top - margin) : bottom + margin, max(0, left - margin) : right + margin]
@@ -54,7 +54,7 @@ def _disturbed(
     image: np.ndarray, mask: np.ndarray, rng: np.random.Generator, effects: PhotoEffects,
     pixel: float,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """`disturb` for the surroundings of an object; lengths are multiplied by `pixel`."""
+    """`disturb` of the object's box; lengths are multiplied by `pixel`."""
     occlusion, scene, light, sensor, jpeg, edge = rng.spawn(6)
     image = image.copy()
     if occlusion.random() < effects.occluders:
@@ -76,7 +76,7 @@ def _disturbed(
 
 
 def _has_grey_surroundings(image: np.ndarray, mask: np.ndarray) -> bool:
-    """Whether almost all of the background is plain grey."""
+    """Whether more than 90 % of the background is plain grey."""
     grey = image == schema.BACKGROUND_GREY
     plain = grey[..., 0] & grey[..., 1] & grey[..., 2] & ~mask
     outside = mask.size - np.count_nonzero(mask)
@@ -96,7 +96,7 @@ def smooth_colours(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarr
 def _occlude(
     image: np.ndarray, mask: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Adds an ellipse or a box of another colour over an edge of the object's box."""
+    """Adds an ellipse or a rectangle of another colour at an edge of the object's box."""
     top, bottom, left, right = box_of(mask)
     high, wide = bottom - top, right - left
     side, along = rng.integers(4), rng.random()
@@ -124,7 +124,7 @@ def _occlude(
 def change_light(
     image: np.ndarray, rng: np.random.Generator, exposure: float, white_balance: float
 ) -> np.ndarray:
-    """The image with random changes of at most `exposure` stops and of the white balance."""
+    """The image with a random exposure, within +-`exposure` stops, and white balance."""
     gain = 2 ** (exposure * rng.uniform(-1, 1))
     red, blue = 1 + white_balance * rng.uniform(-1, 1, 2)
     levels = np.arange(256) / 255
@@ -136,7 +136,7 @@ def change_light(
 
 
 def degrade(image: np.ndarray, rng: np.random.Generator, blur: float, noise: float) -> np.ndarray:
-    """The image with random blur and noise; `blur` and `noise` are the largest deviations."""
+    """The image with random blur and noise; the arguments are the largest standard deviations."""
     radius, deviation = rng.random(2) * (blur, noise)
     if radius:
         picture = Image.fromarray(image).filter(ImageFilter.GaussianBlur(float(radius)))
@@ -156,7 +156,7 @@ def compress(image: np.ndarray, quality: float) -> np.ndarray:
 
 
 def _step(mask: np.ndarray, *, diagonal: bool) -> np.ndarray:
-    """The mask dilated by one pixel, with four or eight neighbours."""
+    """The mask dilated by one pixel in four or, if `diagonal`, eight directions."""
     grown = mask.copy()
     grown[1:] |= mask[:-1]
     grown[:-1] |= mask[1:]
@@ -170,9 +170,9 @@ def _step(mask: np.ndarray, *, diagonal: bool) -> np.ndarray:
 def _move_edge(
     mask: np.ndarray, length: float, ragged: float, grain: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """The mask with its edge moved out by `length` pixels plus a random field within +-`ragged`.
+    """Moves the mask's edge outward by `length` pixels plus a random field within +-`ragged`.
 
-    The field is smooth over `grain` pixels. The border of the array does not count as an edge.
+    The field is smooth over `grain` pixels. The border of the array is no edge.
     """
     height, width = mask.shape
     nodes = rng.random((height // grain + 2, width // grain + 2), np.float32)

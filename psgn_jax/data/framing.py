@@ -1,25 +1,25 @@
 """The position of an object in the image: one rule for training, evaluation and prediction.
 
-**Training objects.** The authors scale an object to a bounding hemisphere of radius 1 and use one
-camera, so its proportions determine its position in the image. In their 1,504 images (192x256), the
-bounding box of the mask, `h` x `w` pixels, is near the curve
+**Training objects.** The authors scale each object to a bounding hemisphere of radius 1 and use one
+camera, so an object's proportions determine its position in the image. In their 1,504 images
+(192x256), the bounding box of the mask, `h` x `w` pixels, is near the curve
 
     (w / 223)^4 + (h / 124)^4 = 1
 
 (standard deviation of the scale 12 %), with its centre at column 128 (sd 11) and row 63 + 0.224 w
-(sd 14). This is a least-squares fit over the images whose boxes have sides of at least 20 pixels.
-`rule_move` maps the box of an object to this curve and this centre.
+(sd 14). We fitted this by least squares to the images whose boxes have sides of at least 20 pixels.
+`rule_move` maps an object's box to this curve and this centre.
 
 **Images and points together.** A photo determines neither the size nor the position of its object.
 If we move a training image, from column and row `p` to `s p + (right, down)`, we therefore move its
 points as well, and keep the camera (K, R, T). In the frame of the camera, rays `q = (x, y) / z`
 become `s q + (u, v)`, where (u, v, 1) is the last column of
-`K^-1 [[s, 0, right], [0, s, down], [0, 0, 1]] K`. The object is scaled about its centre, at depth
-`z0` (mean over the points), and moved perpendicular to the optical axis:
+`K^-1 [[s, 0, right], [0, s, down], [0, 0, 1]] K`. We scale the object about its centre, whose depth
+`z0` is the mean over the points, and move it perpendicular to the optical axis:
 
     X' = s X + z0 (u, v, 1 - s)
 
-This keeps its shape and its angle to the ground; an exact move would have to shear it. The
+This keeps the shape and the angle to the ground; an exact move would shear the object. The
 projection of a point at depth `z0 + d` is wrong by
 
     q' - (s q + (u, v)) = s d / (z0 + s d) * ((1 - s) q - (u, v))
@@ -45,12 +45,11 @@ SMALLEST_BOX = 8
 """An object is not placed if the longer side of its box has fewer pixels."""
 
 LARGEST_CHANGE = 2.0
-"""A sample is not placed if its size would change by more than this factor: the mask then shows
-little of the object, such as a plate seen edge-on."""
+"""A sample is not placed if its size would change by more than this factor: its mask shows little
+of the object, such as a plate seen edge-on."""
 
-
-_LARGE_VIEW = 1 << 24  # pixels of the array
-_THINNEST = 0.5  # pixels of the view; a thinner object covers less than half of each
+_LARGE_VIEW = 1 << 24  # pixels
+_THINNEST = 0.5  # pixels of the view; a thinner object covers less than half of each pixel
 _VANISHES = "the object vanishes at the resolution of the network; expected a larger one"
 
 
@@ -77,18 +76,18 @@ class Move:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Framed:
-    """A photo as framed for a network, with the authors' camera for this view.
+    """A photo framed for a network, with the authors' camera for this view.
 
     `to_view` maps homogeneous (column, row) of the photo to (column, row) of the view, so
     `inv(to_view) @ intrinsics` is the photo's camera.
     """
 
-    image: np.ndarray  # uint8 [h, w, 3] of the network's size, grey outside the mask
+    image: np.ndarray  # uint8 [h, w, 3] at the network's size, grey outside the mask
     mask: np.ndarray  # bool [h, w]
     intrinsics: np.ndarray  # [3, 3]
     extrinsics: np.ndarray  # [3, 4]
     to_view: np.ndarray  # float64 [3, 3]
-    placed: bool  # False if the framing of the array was kept
+    placed: bool  # False if the photo's framing was kept
 
 
 def is_framed(image: np.ndarray) -> bool:
@@ -101,7 +100,7 @@ def is_framed(image: np.ndarray) -> bool:
 
 
 def rule_move(box: tuple[float, float, float, float]) -> Move:
-    """The move of a box (top, bottom, left, right) to the rule's place in 192x256 pixels."""
+    """The move that places a box (top, bottom, left, right) by the rule, in 192x256 pixels."""
     top, bottom, left, right = box
     wide, high = right - left, bottom - top
     relative = (wide / BOX_WIDTH) ** BOX_POWER + (high / BOX_HEIGHT) ** BOX_POWER
@@ -112,9 +111,10 @@ def rule_move(box: tuple[float, float, float, float]) -> Move:
 
 
 def rule_move_within(mask: np.ndarray) -> Move | None:
-    """The move by the rule, in pixels of a mask [h, w] whose sides correspond to 192 and 256.
+    """The move that places a mask [h, w] by the rule, in pixels of the mask.
 
-    None if the object is too small, or would change by more than `LARGEST_CHANGE`.
+    The mask shows the whole view of 192x256. None if the object is too small or would change by
+    more than `LARGEST_CHANGE`.
     """
     top, bottom, left, right = box_of(mask) if mask.any() else (0, 0, 0, 0)
     if max(bottom - top, right - left) < SMALLEST_BOX:
@@ -134,7 +134,7 @@ def rule_move_of(box: tuple[float, float, float, float]) -> Move | None:
 
 
 def has_authors_angle(extrinsics: np.ndarray) -> bool:
-    """Whether the elevation and the roll of a camera are the authors', up to .6 degrees."""
+    """Whether a camera has the authors' elevation and roll, up to .6 degrees."""
     _, authors = camera.default_camera(VIEW_SIZE)
     return bool(np.abs(extrinsics[:, :3] - authors[:, :3]).max() < 0.01)
 
@@ -150,14 +150,11 @@ def box_from_authors_angle(points: np.ndarray) -> tuple[float, float, float, flo
 
 
 def keep_inside(move: Move, mask: np.ndarray) -> Move:
-    """The move, reduced so that the object stays inside the array [h, w].
-
-    First the scale is reduced, if the moved object would be larger than the array; then the shift.
-    """
+    """The move, with scale and shift reduced so that the object stays inside the array [h, w]."""
     top, bottom, left, right = box_of(mask)
     (height, width), scale = mask.shape, move.scale
     scale = min(scale, height / (bottom - top), width / (right - left))
-    # With the reduced scale, the centre of the box keeps its new position.
+    # With the reduced scale, the centre of the box moves to the same position.
     across = move.right + (move.scale - scale) * (left + right) / 2
     down = move.down + (move.scale - scale) * (top + bottom) / 2
     return Move(
@@ -172,16 +169,15 @@ def move_image(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Resamples image uint8 [h, w, 3] and mask bool [h, w] to a view of `size` (H, W).
 
-    `to_view` [3, 3] maps (column, row) of the array to the view, by scale and shift.
-    The result is grey 191 outside its mask. Pillow's bilinear filter averages over all pixels when
-    it reduces an image.
+    `to_view` [3, 3] maps (column, row) of the array to the view, by scale and shift. The result is
+    grey 191 outside its mask. Pillow's bilinear filter is antialiased when it reduces an image.
     """
-    # Corners of the view in the array. Parts of the view outside the array are grey.
+    # The view's corners in the array. Parts of the view outside the array are grey.
     factors = 1 / np.diag(to_view)[:2]
     corner, shape = -to_view[:2, 2] * factors, np.array(image.shape[1::-1])
     begin, end = np.zeros(2, int), np.array(size[::-1])
     if np.prod(end * factors) > _LARGE_VIEW:
-        # Only what shows the array or is next to it. This changes the rounding of the filter.
+        # Only the part that shows the array, and its border. The filter then rounds differently.
         begin = np.clip(np.floor(-corner / factors) - 2, begin, end).astype(int)
         end = np.clip(np.ceil((shape - corner) / factors) + 2, begin, end).astype(int)
     low, high = corner + begin * factors, corner + end * factors
@@ -193,7 +189,7 @@ def move_image(
     target = np.s_[
         start[1] - first[1] : stop[1] - first[1], start[0] - first[0] : stop[0] - first[0]
     ]
-    # Colours are weighted by the mask, so that the background does not bleed into the edge.
+    # Colours are weighted by the mask, so that edges contain no background.
     rgba[target][..., :3] = image[source]
     rgba[target][..., 3] = mask[source].astype(np.uint8) * np.uint8(255)
     box = (*(low - first).tolist(), *(high - first).tolist())
@@ -207,7 +203,7 @@ def move_image(
 def move_points(
     points: np.ndarray, move: Move, intrinsics: np.ndarray, extrinsics: np.ndarray
 ) -> np.ndarray:
-    """Moves points [n, 3] with the image of their camera, by the equation of the module."""
+    """Moves points [n, 3] together with the image of their camera, by the module's equation."""
     if not len(points):
         return points
     rotation, translation = extrinsics[:, :3].astype(np.float64), extrinsics[:, 3]
@@ -223,9 +219,9 @@ def move_points(
 def move_depth(
     depth: np.ndarray, points: np.ndarray, move: Move, extrinsics: np.ndarray
 ) -> np.ndarray:
-    """Moves a depth map [h, w], 0 = none, by nearest pixels, and scales depths about z0.
+    """Moves a depth map [h, w] (0 = none) by nearest pixels, and scales its depths about z0.
 
-    `points` are those before `move_points`.
+    `points` are the points before `move_points`.
     """
     height, width = depth.shape
     rows = np.floor((np.arange(height) + 0.5 - move.down) / move.scale).astype(np.intp)
@@ -239,21 +235,21 @@ def move_depth(
 
 
 def _centre_depth(points: np.ndarray, extrinsics: np.ndarray) -> float:
-    """z0: mean depth of the points along the optical axis."""
+    """z0 of the module: the points' mean depth."""
     return float(points.mean(axis=0, dtype=np.float64) @ extrinsics[2, :3] + extrinsics[2, 3])
 
 
 def place(
     image: np.ndarray, mask: np.ndarray, size: tuple[int, int] = VIEW_SIZE, *, move: bool = True
 ) -> Framed:
-    """Crops and scales an object, image uint8 [h, w, 3] and mask bool [h, w], by the module's rule.
+    """Places the object of an image uint8 [h, w, 3] with mask bool [h, w] by the module's rule.
 
     Args:
-      size: (H, W) of the view, which the network sees.
-      move: False keeps the framing; the image must then be 4:3.
+      size: (H, W) of the view, the network's input.
+      move: False keeps the image's framing, which must then be 4:3.
 
     Raises:
-      PhotoError: the mask shows no object or a very small one, or the framing is not 4:3.
+      PhotoError: the mask is empty or full, the object is too small, or the framing is not 4:3.
     """
     height, width = size
     if not mask.any():
@@ -288,9 +284,9 @@ def place(
 def normal_form(points: np.ndarray) -> tuple[float, np.ndarray]:
     """Scale a > 0 and shift b [3] with `points = a * normalised + b`, for points [..., 3].
 
-    `normalised` has the form of training objects (`data_gen.frame.normalize`): the lowest point is
-    at z = 0, the centre of the bounding box at x = y = 0, and the farthest point at distance 1 from
-    the origin. a is 1 if all points are equal.
+    `normalised` is like training objects (`data_gen.frame.normalize`): the lowest point is at z =
+    0, the centre of the bounding box at x = y = 0, and the farthest point at distance 1 from the
+    origin. a is 1 if all points are equal.
     """
     flat = points.reshape(-1, 3).astype(np.float64)
     low, high = flat.min(axis=0), flat.max(axis=0)
@@ -302,7 +298,7 @@ def normal_form(points: np.ndarray) -> tuple[float, np.ndarray]:
 def normalised_extrinsics(extrinsics: np.ndarray, scale: float, shift: np.ndarray) -> np.ndarray:
     """The camera that projects normalised points to the pixels of the original points.
 
-    `R (a X + b) + T` and `R X + (R b + T) / a` are on the same ray; depths are divided by a.
+    `R (a X + b) + T` and `R X + (R b + T) / a` are on one ray; depths are divided by a.
     """
     rotation = extrinsics[:, :3].astype(np.float64)
     translation = (rotation @ shift + extrinsics[:, 3]) / scale

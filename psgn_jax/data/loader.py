@@ -1,12 +1,12 @@
-"""Records to batches: deterministic, resumable at any step, sharded by process.
+"""From records to batches: deterministic, resumable at any step, sharded by process.
 
 Row j of the global batch of step s is record `order[s * B + j]`, where `order` concatenates
-permutations of the split, one per epoch. Its random numbers come from the seeds (seed, s, j). A run
-that resumes at step s therefore need not repeat earlier batches, and rows are bit-identical for any
-number of threads, worker processes and training processes.
+permutations of the split, one per epoch. Its random numbers depend on (seed, s, j). So a run that
+resumes at step s need not repeat earlier batches, and rows are bit-identical for any number of
+threads, worker processes and training processes.
 
-One worker makes each batch: a thread of this process (decoding releases Python's lock most of the
-time), or, in training, one of `num_workers` processes.
+Each batch is made by one thread of this process (decoding mostly releases Python's lock) or, in
+training with `num_workers`, by one worker process.
 """
 
 import contextlib
@@ -32,7 +32,7 @@ from psgn_jax.system.cores import num_cores
 from psgn_jax.system.errors import UserError
 
 MAX_THREADS = 8
-"""Largest number of decoding threads in one process, which is also limited by the cores."""
+"""Largest number of decoding threads of a process; there are no more than cores."""
 
 
 class WorkerError(UserError):
@@ -70,7 +70,7 @@ def _plain(batch: Batch) -> Batch:
 
 @contextlib.contextmanager
 def _parsed_flags() -> Iterator[None]:
-    """Marks absl's flags as parsed, which Grain needs to start workers, until the context ends."""
+    """Context in which absl's flags count as parsed, which Grain needs to start workers."""
     parsed = flags.FLAGS.is_parsed()
     flags.FLAGS.mark_as_parsed()
     try:
@@ -83,7 +83,7 @@ def _parsed_flags() -> Iterator[None]:
 def _iterate(
     numbers: Sequence[int], make: Callable[[int], Batch], num_workers: int = 0
 ) -> Generator[Batch, None, None]:
-    """The batches of these numbers in order, made ahead of their use."""
+    """The batches with these numbers, in order; batches are made before they are asked for."""
     source = grain.MapDataset.source(numbers).map(make)
     if not num_workers:
         threads = min(MAX_THREADS, num_cores())
@@ -97,15 +97,14 @@ def _iterate(
     )
     iterator = iter(dataset)
     try:
-        # Waits for the first batch of every worker, because `close` of the iterator does not end
-        # workers that are still starting.
+        # Wait for every worker's first batch: `iterator.close` does not end starting workers.
         first = itertools.islice(iterator, num_workers)
         with _parsed_flags():
             begun = workers.start_sheltered(lambda: list(map(_plain, first)))
         while begun:
             yield begun.pop(0)
-        # Workers pass arrays in shared memory, which Grain frees when it deletes the array. A JAX
-        # array on the CPU may still use that memory, so the consumer gets a copy.
+        # Workers pass arrays in shared memory. Grain frees it although a JAX array on the CPU may
+        # still use it, so the consumer gets a copy.
         yield from map(_plain, iterator)
     except RuntimeError as error:
         found = re.search(r"Worker process was terminated .* exit code (-?\d+)", str(error))
@@ -118,17 +117,17 @@ def _iterate(
         ) from None
     finally:
         iterator.close()
-        # Grain keeps batches that were made ahead in reference cycles and removes their shared
-        # memory in a thread, which may not finish before Python exits.
+        # Grain holds the unused batches in reference cycles, and frees their shared memory in a
+        # thread that may not finish before Python exits.
         del iterator, dataset
         gc.collect()
         pool = getattr(SharedMemoryArray, "_del_thread_pool", None)
         if pool is not None:
-            pool.apply(int)  # the pool has one thread, so this waits for all earlier work
+            pool.apply(int)  # waits for the pool's single thread
 
 
 def num_samples(cfg: DataConfig, split: str, *, evaluation: bool = False) -> int:
-    """Number of samples of a split, for training or evaluation; `RecordError` if it is missing."""
+    """Number of samples of a split; `RecordError` if it is missing."""
     return len(_open(cfg, cfg.eval_folders if evaluation else cfg.folders, split))
 
 
@@ -143,28 +142,28 @@ def train_batches(
 ) -> Generator[Batch, None, None]:
     """Endless training batches from `start_step` on, augmented as the configuration says.
 
-    Each epoch has its own order and contains every record of the split once, or N times if
-    `data.path` gives its folder the factor N.
+    Each epoch has a different order and contains every record once, or N times if `data.path` gives
+    its folder the factor N.
 
     Args:
       batch_size: size B of the global batch.
-      seed: seed of the order, the choice of points and the augmentations.
+      seed: seed of the order, the points and the augmentations.
       start_step: first step; earlier steps are not replayed.
-      process_index: index of the contiguous part of each global batch that is yielded.
+      process_index: number of this process's contiguous part of each global batch.
       process_count: number of parts; divides B.
 
     Yields:
       With b = B / process_count: image uint8 [b, H, W, 3]; mask bool [b, H, W]; points float32
       [b, num_points, 3]; intrinsics float32 [b, 3, 3]; extrinsics float32 [b, 3, 4]; depth float32
-      [b, H, W] if among the inputs; occupancy bool [b, 32, 32, 32] if `cfg.occupancy`. With
-      `cfg.train_views`, image and mask have an axis of v views after the batch axis; v is uniform
-      in 1 to `train_views`, the same for the whole batch. The other arrays belong to the first
-      view. The other views are drawn without replacement from the same model.
+      [b, H, W] if it is an input; occupancy bool [b, 32, 32, 32] if `cfg.occupancy`. With
+      `cfg.train_views`, image and mask have an axis of v views after the batch axis. v is uniform
+      in 1 to `train_views`, one number per batch. Views of a model are drawn without replacement;
+      the other arrays belong to the first view.
 
     Raises:
       ValueError: `process_count` does not divide `batch_size`.
-      RecordError: the data set is missing or damaged, from the call or while iterating.
-      WorkerError: a worker process has ended, while iterating.
+      RecordError: the data set is missing or damaged (from the call or the iteration).
+      WorkerError: a worker process has ended (from the iteration).
     """
     workers.check_main_guard()
     if batch_size % process_count:
@@ -192,23 +191,23 @@ def eval_batches(
     visible_tolerance: float = 0.0,
     choose: Callable[[int], Sequence[int]] = range,
 ) -> Generator[Batch, None, None]:
-    """Every sample of a split exactly once, in the order of the records, never augmented.
+    """Every sample of a split exactly once, in the order of the records, without augmentation.
 
     Args:
       batch_size: size B; the last batch is padded to it with copies of the last sample.
       seed: seed of the choice of points.
       visible_tolerance: see `data.visibility`; 0 = no visibility.
-      choose: from the number of batches to the numbers of those that are made.
+      choose: maps the number of batches to the numbers of the batches to make.
 
     Yields:
-      the arrays of `train_batches`, with num_eval_points points; also valid bool [B] (False on
+      the arrays of `train_batches`, with num_eval_points points; also valid bool [B] (False for
       padding), category and model_id (lists of B strings) and view (list of B integers). With a
       `visible_tolerance`, if all records of the split have depth: visible bool
       [B, num_eval_points], whether the depth image shows a point. With `cfg.eval_views` = v, image
-      and mask have v views: the sample's own and the next v - 1 of its model, cyclically.
+      and mask have v views: the sample's view and the next v - 1 of its model, cyclically.
 
     Raises:
-      RecordError: the data set is missing or damaged, from the call or while iterating.
+      RecordError: the data set is missing or damaged (from the call or the iteration).
     """
     reader = _open(cfg, cfg.eval_folders, split)
     if any("depth" not in s.fields for s in reader.shards):

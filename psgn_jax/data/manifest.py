@@ -20,10 +20,10 @@ VERSION = 1
 MANIFEST = "manifest.json"
 
 SPLIT_NAME = re.compile(r"[a-z0-9_]+")
-"""Valid names of splits; the names of a split's files begin with its name."""
+"""Valid names of splits, with which the names of their files begin."""
 
 DUPLICATES = "duplicate"
-"""Split of training samples with the shape of a validation or test object; nobody reads it."""
+"""Split of training samples with the shape of a validation or test object; it is never read."""
 
 # Sums of counts over all shards stay within 64 bits.
 _Count = Annotated[int, Bounds(0, (1 << 40) - 1)]
@@ -36,15 +36,15 @@ _NOT_STATED = -1
 class Shard:
     """One file of records."""
 
-    file: str  # its name in the folder of the data set
+    file: str  # name in the folder of the data set
     split: str
-    count: _Count  # of records
+    count: _Count  # number of records
     size: _Size  # in bytes
     crc32: _Crc32  # of the whole file
-    categories: Mapping[str, _Count]  # number of records of each
-    fields: tuple[str, ...]  # that all records have
-    inputs: tuple[str, ...]  # digest of what it was made of by `data.shards`, if it was
-    # Checksum of its ends, which tell one shard from another; older manifests do not state it.
+    categories: Mapping[str, _Count]  # category -> number of records
+    fields: tuple[str, ...]  # fields that all records have
+    inputs: tuple[str, ...]  # digest of the inputs, if `data.shards` wrote the shard
+    # Checksum of the file's ends, which identify the shard; older manifests do not state it.
     ends: Annotated[int, Bounds(_NOT_STATED, (1 << 32) - 1)] = _NOT_STATED
 
     def has_ends(self, ends: int) -> bool:
@@ -60,7 +60,7 @@ class Manifest:
     shards: tuple[Shard, ...]
 
     def splits(self) -> dict[str, tuple[Shard, ...]]:
-        """Shards by split, both sorted by name."""
+        """Split -> shards; both are sorted by name."""
         shards = sorted(self.shards, key=lambda shard: shard.file)
         return {
             name: tuple(shard for shard in shards if shard.split == name)
@@ -68,7 +68,7 @@ class Manifest:
         }
 
     def fields(self) -> tuple[str, ...]:
-        """Fields that every record has, in the order of `schema.FIELDS`."""
+        """The fields that every record has, in the order of `schema.FIELDS`."""
         common = self.shards and set.intersection(*(set(shard.fields) for shard in self.shards))
         return tuple(field for field in schema.FIELDS if field in common)
 
@@ -90,8 +90,8 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
     """Reads the manifest of a data set.
 
     Raises:
-      RecordError: there is no data set; its manifest is damaged or of another version; or the data
-        set is not complete and `allow_incomplete` is False.
+      RecordError: there is no data set, its manifest is damaged or of another version, or it is not
+        complete and `allow_incomplete` is False.
     """
     folder = pathlib.Path(folder)
     path = folder / MANIFEST
@@ -132,7 +132,7 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
 
 
 def _check(shard: Shard) -> Shard:
-    """Checks the names that are used as paths, and the lengths of those that are shown."""
+    """Checks the names that become paths, and the lengths of categories."""
     if not SPLIT_NAME.fullmatch(shard.split):
         raise ValueError(f"split {shard.split!r}, expected lower-case letters, digits and _")
     if pathlib.PurePath(shard.file).name != shard.file or not shard.file.isprintable():

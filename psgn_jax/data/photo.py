@@ -23,8 +23,8 @@ MAX_PIXELS = 150_000_000
 """Larger images are refused before they are decoded: a small file can decode to gigabytes."""
 
 MAX_SIDE = 2048
-"""A photo is reduced by an integer factor so that its longer side is below twice this, as far as
-its shorter side stays at least `MIN_SIDE`."""
+"""A photo is reduced by an integer factor so that its longer side is below twice this, but the
+shorter side stays at least `MIN_SIDE`."""
 
 MIN_SIDE = 16
 
@@ -33,9 +33,9 @@ SUFFIXES = frozenset(
     (".png", ".jpg", ".jpeg", ".gif", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm", ".tga",
      ".jp2", ".avif")
 )  # fmt: skip
-"""Suffixes of the files that are read from a folder."""
+"""Suffixes of the images in a folder."""
 HEIC = frozenset((".heic", ".heif"))
-"""Suffixes of a common format that Pillow cannot read."""
+"""Suffixes of images that Pillow cannot read."""
 _ADVICE = (
     "accepted: PNG, JPEG, GIF, BMP, TIFF, WebP, PPM, TGA, JPEG 2000 or AVIF; convert others, such "
     "as HEIC, to PNG or JPEG"
@@ -47,11 +47,11 @@ _TURNS = {
     4: Image.Transpose.FLIP_TOP_BOTTOM, 5: Image.Transpose.TRANSPOSE,
     6: Image.Transpose.ROTATE_270, 7: Image.Transpose.TRANSVERSE, 8: Image.Transpose.ROTATE_90,
 }  # fmt: skip
-"""What turns a picture upright, by EXIF's orientation."""
+"""EXIF's orientation -> how to turn the picture upright."""
 
 
 class PhotoError(UserError):
-    """An image or mask that cannot be used; the message is one line."""
+    """An image or a mask cannot be used; the message is one line."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -59,15 +59,15 @@ class Photo:
     """An image as read, upright."""
 
     image: np.ndarray  # uint8 [h, w, 3] RGB, possibly reduced
-    alpha: np.ndarray | None  # uint8 [h, w], if it is a mask (`useful_alpha`)
+    alpha: np.ndarray | None  # uint8 [h, w], if it can be the mask (`useful_alpha`)
     size: tuple[int, int]  # (H, W) in the file, upright; `image` may be smaller
     orientation: int = 1  # EXIF's number, 1 = as stored
-    focal: float | None = None  # in pixels of the file, from EXIF's length for 35 mm film
-    path: pathlib.Path | None = None  # None for a photo from elsewhere
+    focal: float | None = None  # in pixels of `size`, from EXIF's focal length for 35 mm film
+    path: pathlib.Path | None = None  # None if the photo was not read from a path
 
 
 Source = str | os.PathLike[str] | IO[bytes] | Image.Image | np.ndarray
-"""A path, an open file, a PIL image, or an array, of another library as well."""
+"""A path, an open file, a PIL image, or an array (also of other libraries)."""
 
 
 def read_photo(image: Source | Photo) -> Photo:
@@ -75,11 +75,11 @@ def read_photo(image: Source | Photo) -> Photo:
 
     Args:
       image: a path, a binary file such as `io.BytesIO`, a PIL image, or an array of NumPy or JAX,
-        uint8 [h, w], [h, w, 3] or [h, w, 4]. A `Photo` is returned as it is.
+        uint8 [h, w], [h, w, 3] or [h, w, 4]. A `Photo` is returned unchanged.
 
     Raises:
-      PhotoError: the path is not a file or not an image, or the image is damaged, larger than 150
-        million pixels or smaller than 16x16.
+      PhotoError: the file is missing, damaged or no image, or the image has more than 150 million
+        pixels or less than 16 a side.
       ValueError: a list, or an array of another shape or dtype.
     """
     if isinstance(image, Photo):
@@ -94,17 +94,17 @@ def read_mask(mask: Source, photo: Photo, label: int | Sequence[int] | None = No
     """Reads the mask of a photo: bool [h, w] of `photo.image`'s shape, True on the object.
 
     The brighter of the mask's two levels shows the object, in files and in arrays of any dtype;
-    their edge may be soft. In a file with transparency, alpha is used instead of brightness. The
-    mask may have another size in the same proportions. If EXIF rotates the photo, a mask with the
-    proportions of the unrotated photo is rotated too.
+    the edges may be soft. In a file with transparency, alpha replaces brightness. The mask may have
+    another size in the photo's proportions. If EXIF rotates the photo, a mask with the proportions
+    of the unrotated photo is rotated too.
 
     Args:
-      label: the object's number in a mask of several labels, a grey level or an index of a palette;
-        or its colour (r, g, b).
+      label: the object's label in a mask of several labels: a grey level, a palette index, or a
+        colour (r, g, b).
 
     Raises:
       PhotoError: as `read_photo`; or the mask has other proportions than the photo, is empty or
-        full, has more than two levels, or is itself a photograph (`data.mask_levels`).
+        full, has more than two levels, or is a photograph (`data.mask_levels`).
     """
     name = f"mask {one_line(mask)}" if isinstance(mask, str | os.PathLike) else "the mask"
     ids: np.ndarray | None = None
@@ -114,7 +114,7 @@ def read_mask(mask: Source, photo: Photo, label: int | Sequence[int] | None = No
         if values.dtype.kind not in "biuf":
             raise PhotoError(f"{name} is an array of {mask.dtype}; expected numbers")
         if values.dtype == np.bool_:
-            values = values.view(np.uint8) != 0  # True of Pillow is the byte 255
+            values = values.view(np.uint8) != 0  # in Pillow's arrays, True is the byte 255
         size = values.shape
     else:
         picture, size, orientation = _mask_picture(mask, bound)
@@ -138,19 +138,19 @@ def read_mask(mask: Source, photo: Photo, label: int | Sequence[int] | None = No
 
 
 def _mask_picture(mask: Source, bound: int) -> tuple[Image.Image, tuple[int, int], int]:
-    """A mask as stored, with at most `bound` pixels a side; its (H, W) and EXIF's orientation."""
+    """A mask as stored, reduced to at most `bound` pixels a side; its (H, W); its orientation."""
     with _opened(mask, "the mask") as (file, size):
         file.load()
         factor, orientation = max(file.size) / bound, _orientation_of(file)
         if factor <= 1:
             return file.copy(), size, orientation
-        # Without averages, which would be levels that the mask does not have.
+        # Nearest pixels, because averages would be new levels.
         width, height = (max(1, round(side / factor)) for side in file.size)
         return file.resize((width, height), Image.Resampling.NEAREST), size, orientation
 
 
 def _levels_of(picture: Image.Image) -> tuple[np.ndarray, np.ndarray | None]:
-    """The levels of a mask: numbers [h, w] or colours [h, w, 3]; and the indices of a palette."""
+    """The levels of a mask, numbers [h, w] or colours [h, w, 3], and any palette indices."""
     ids = np.asarray(picture) if picture.mode == "P" else None
     if picture.mode.startswith(("I", "F", "1", "L")) and not picture.has_transparency_data:
         return np.asarray(picture), None
@@ -165,7 +165,7 @@ def _levels_of(picture: Image.Image) -> tuple[np.ndarray, np.ndarray | None]:
     if ids is not None:
         small = [mask_levels.sample(np.atleast_3d(each)) for each in (ids, colours)]
         if mask_levels.count(small[0]) > mask_levels.count(small[1]):
-            return ids, None  # the palette does not tell the labels apart
+            return ids, None  # several labels have one colour
     grey = (colours == colours[..., :1]).all()
     return (colours[..., 0] if grey else colours), ids
 
@@ -173,7 +173,7 @@ def _levels_of(picture: Image.Image) -> tuple[np.ndarray, np.ndarray | None]:
 def useful_alpha(alpha: np.ndarray | None) -> np.ndarray | None:
     """The alpha channel [h, w]; None if fewer than .5 % of its pixels are transparent.
 
-    Some programs leave a few pixels of an ordinary photo not fully opaque.
+    Some programs make a few pixels of an ordinary photo transparent.
     """
     return None if alpha is None or (alpha < 128).mean() < _LEAST_TRANSPARENT else alpha
 
@@ -185,7 +185,7 @@ def same_proportions(size: tuple[int, ...], other: tuple[int, ...]) -> bool:
 
 
 def _with_numpy(image: Source, noun: str) -> Source:
-    """Turns arrays of other libraries into NumPy's; refuses lists; returns anything else."""
+    """Converts arrays of other libraries to NumPy; ValueError for a list."""
     if isinstance(image, list | tuple):
         raise ValueError(f"{noun} is a list: accepted: one image; use a loop for several")
     if isinstance(image, np.ndarray | Image.Image) or not hasattr(image, "__array__"):
@@ -194,7 +194,7 @@ def _with_numpy(image: Source, noun: str) -> Source:
 
 
 def _stored(image: Source, noun: str) -> Photo:
-    """The first frame as stored; messages call it `noun`."""
+    """The first frame as stored; `noun` names it in messages."""
     image = _with_numpy(image, noun)
     if isinstance(image, np.ndarray):
         if image.dtype != np.uint8 or image.ndim < 2 or image.shape[2:] not in ((), (3,), (4,)):
@@ -222,8 +222,7 @@ def _check_size(shown: str, size: tuple[int, int]) -> None:
 
 def _from_picture(picture: Image.Image, size: tuple[int, int]) -> Photo:
     orientation = _orientation_of(picture)
-    # EXIF states the focal length of a camera with the same diagonal field of view and film of
-    # 36 x 24 mm.
+    # EXIF's focal length gives the photo's diagonal field of view on film of 36 x 24 mm.
     focal = None
     with contextlib.suppress(Exception):  # of damaged metadata
         film = float(picture.getexif().get_ifd(_EXIF).get(_FOCAL_35MM, 0))
@@ -233,7 +232,7 @@ def _from_picture(picture: Image.Image, size: tuple[int, int]) -> Photo:
 
 
 def _upright(stored: Photo, orientation: int) -> Photo:
-    """A photo upright, if it is stored with this orientation of EXIF."""
+    """A photo that is stored with an EXIF orientation, turned upright."""
     if orientation not in _TURNS:
         return stored
     alpha = None if stored.alpha is None else turned(stored.alpha, orientation)
@@ -242,7 +241,7 @@ def _upright(stored: Photo, orientation: int) -> Photo:
 
 
 def turned(plane: np.ndarray, orientation: int) -> np.ndarray:
-    """An image or mask, stored with this orientation of EXIF, upright."""
+    """An image or mask that is stored with an EXIF orientation, turned upright."""
     return np.asarray(_transposed(Image.fromarray(plane), orientation))
 
 
@@ -252,7 +251,7 @@ def _transposed(picture: Image.Image, orientation: int) -> Image.Image:
 
 
 def _orientation_of(picture: Image.Image) -> int:
-    """EXIF's orientation; 1, upright, if there is none or it is not an integer from 1 to 8."""
+    """EXIF's orientation, 2 to 8; 1 (upright) if it is missing or invalid."""
     with contextlib.suppress(Exception):  # of damaged metadata
         value = picture.getexif().get(_ORIENTATION)
         if isinstance(value, int) and value in _TURNS:
@@ -262,10 +261,9 @@ def _orientation_of(picture: Image.Image) -> int:
 
 @contextlib.contextmanager
 def _opened(path: Any, noun: str) -> Iterator[tuple[Image.Image, tuple[int, int]]]:
-    """Context with a picture or an opened file, and its (H, W).
+    """Context that opens a picture; its value is the picture and its (H, W).
 
-    Errors in the block become `PhotoError`. Pillow's warnings, of odd metadata and of sizes that
-    are bounded here, are not shown.
+    Errors become `PhotoError`. Pillow's warnings about metadata and large sizes are not shown.
     """
     shown = noun
     if isinstance(path, str | os.PathLike):
@@ -307,7 +305,7 @@ def _opened(path: Any, noun: str) -> Iterator[tuple[Image.Image, tuple[int, int]
         raise PhotoError(f"{shown} is too large: accepted: up to {MAX_PIXELS:,} pixels") from None
     except MemoryError:
         raise PhotoError(f"{shown}: not enough memory to decode it") from None
-    except Exception as error:  # decoders raise any type of error for damaged files
+    except Exception as error:  # damaged files raise errors of any type
         why = brief(error) or type(error).__name__
         raise PhotoError(f"{shown} is damaged or unreadable: {why}") from None
 
@@ -322,15 +320,14 @@ def _to_rgb(picture: Image.Image) -> tuple[Image.Image, np.ndarray | None]:
         picture = picture.convert("RGB")
     factor = max(picture.size) // MAX_SIDE
     if factor > 1:
-        # A long and narrow image is reduced less, so that its shorter side stays at least MIN_SIDE.
         picture = picture.reduce(max(1, min(factor, min(picture.size) // MIN_SIDE)))
     alpha = np.asarray(picture.getchannel("A")) if picture.mode == "RGBA" else None
     return picture.convert("RGB"), alpha
 
 
 def _to_bytes(values: np.ndarray) -> np.ndarray:
-    """Grey values as 8 bits; full scale is 1, 255 or 65535, or the largest value beyond that."""
-    slack = 1.1 if values.dtype.kind == "f" else 1  # floats overshoot after resampling
+    """Grey values as 8 bits; the full scale is 1, 255, 65535 or, beyond these, the maximum."""
+    slack = 1.1 if values.dtype.kind == "f" else 1  # resampled floats overshoot
     top = values.max(initial=0, where=np.isfinite(values))
     full = next((scale for scale in (1.0, 255.0, 65535.0) if top <= slack * scale), top)
     levels = np.empty(values.shape, np.uint8)

@@ -1,9 +1,8 @@
 """Resampling of images (uint8 [h, w, 3]), masks (bool [h, w]) and depth maps on the host.
 
-`resize_image`, `resize_mask` and `resize_depth` change the size. `stretch` and `recrop` resample an
-image together with its mask for augmentations: if the background is plain grey, we compute only the
-surroundings of the object, which is faster. Masks are the same as for the whole image; colours may
-differ by 1 at ties of rounding.
+`resize_image`, `resize_mask` and `resize_depth` change the size. For augmentations, `stretch` and
+`recrop` resample an image with its mask. If the background is plain grey, we compute only the
+object's box, which is faster: masks are the same, colours may differ by 1 at rounding ties.
 """
 
 import functools
@@ -15,14 +14,14 @@ from PIL import Image
 
 from psgn_jax.data import schema
 
-# Pixels beside the mask that may show the object, because their colours were interpolated.
+# Distance from the mask, in pixels, within which interpolated colours may show the object.
 _EDGE = 2
 _NEAREST, _BILINEAR = Image.Resampling.NEAREST, Image.Resampling.BILINEAR
 _GREY = (schema.BACKGROUND_GREY,) * 3
 
 
 def box_of(mask: np.ndarray) -> tuple[int, int, int, int]:
-    """Box (top, bottom, left, right) of a mask that is not empty; ends are exclusive."""
+    """Box (top, bottom, left, right) of a non-empty mask; bottom and right are exclusive."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
 
@@ -75,7 +74,7 @@ def resize_mask(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 
 def smooth_mask(mask: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
-    """Resizes a photo's mask, bool [h, w], by a bilinear filter: smooth edges when enlarging."""
+    """Resizes a photo's mask, bool [h, w], by a bilinear filter, which enlarges edges smoothly."""
     if mask.shape == tuple(size):
         return mask
     levels = Image.fromarray(mask.astype(np.uint8) * np.uint8(255))
@@ -83,11 +82,11 @@ def smooth_mask(mask: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
 
 
 def resize_depth(depth: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Resizes a depth map [H, W] (0 or non-finite = none) to a mask that is already resized.
+    """Resizes a depth map [H, W] (0 or non-finite = none) to the size of a resized mask.
 
-    Depths are not averaged, because an average across an edge is wrong. Each new pixel takes the
-    depth of the old pixel at its centre, or else the first one at the centres of its four quarters,
-    which fills holes narrower than a new pixel. The result is 0 outside the mask.
+    Depths are not averaged, because averages across an edge are wrong. A new pixel takes the depth
+    at its centre, or else the first depth at the centres of its four quarters, which fills holes
+    narrower than a new pixel. The result is 0 outside the mask.
     """
     depth = np.where(np.isfinite(depth), depth, np.float32(0))
     if depth.shape == mask.shape:
@@ -103,9 +102,9 @@ def resize_depth(depth: np.ndarray, mask: np.ndarray) -> np.ndarray:
 def stretch(
     image: np.ndarray, mask: np.ndarray, source: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Image and mask of `augment.stretch`, with the columns at the ascending coordinates `source`.
+    """Image and mask of `augment.stretch`; `source` has the ascending coordinates of new columns.
 
-    Column i has its centre at i + 0.5. The weights of colours are rounded to 1/256.
+    The centre of column i is i + 0.5. Interpolation weights are rounded to 1/256.
     """
     rows, part = slice(None), slice(None)
     if window := _window(image, mask):
@@ -124,7 +123,7 @@ def stretch(
 
 
 def take_nearest(plane: np.ndarray, source: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The columns of a plane [h, w] nearest to `source`, 0 outside it; and which are outside."""
+    """The columns of a plane [h, w] nearest to `source`, 0 outside; and which are outside."""
     nearest = np.floor(source).astype(np.intp)
     outside = (nearest < 0) | (nearest >= plane.shape[1])
     taken = plane.take(np.clip(nearest, 0, plane.shape[1] - 1), axis=1)
@@ -135,15 +134,15 @@ def take_nearest(plane: np.ndarray, source: np.ndarray) -> tuple[np.ndarray, np.
 def recrop(
     image: np.ndarray, mask: np.ndarray, factor: float, offset: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Image and mask of `augment.recrop`: row i becomes row `factor * i + offset[0]`.
+    """Image and mask of `augment.recrop`: row i moves to `factor * i + offset[0]`.
 
-    The object must stay inside.
+    The object must stay inside the image.
     """
     size = mask.shape
     moved = resample(mask.astype(np.uint8), size, factor, offset).astype(np.bool_)
     if window := _window(image, mask):
         return _recrop_window(image, window, factor, offset), moved
-    # Source coordinates of the first and last pixels' centres, along rows and columns.
+    # Source coordinates of the first and last pixel centres along both axes.
     ends = [
         ((0.5 - move) / factor, (side - 0.5 - move) / factor)
         for side, move in zip(size, offset, strict=True)
@@ -164,7 +163,7 @@ def resample(
     how: Image.Resampling = _NEAREST,
     fill: Any = 0,
 ) -> np.ndarray:
-    """An array of `size` in which pixel i of `plane` is at `factor * i + offset` (down, right)."""
+    """Resamples a plane to `size`: pixel i moves to `factor * i + offset` (down, right)."""
     down, right = offset
     inverse = (1 / factor, 0, -right / factor, 0, 1 / factor, -down / factor)
     picture = Image.fromarray(plane).transform(
@@ -176,7 +175,7 @@ def resample(
 def _recrop_window(
     image: np.ndarray, window: tuple[slice, slice], factor: float, offset: tuple[float, float]
 ) -> np.ndarray:
-    """The image of `recrop`, computed from the pixels of the window and one pixel around it."""
+    """The image of `recrop`, from the window and one pixel around it."""
     sources, targets, moves = [], [], []
     for part, side, move in zip(window, image.shape[:2], offset, strict=True):
         low = factor * (part.start - 1) + move
@@ -192,9 +191,9 @@ def _recrop_window(
 
 
 def _window(image: np.ndarray, mask: np.ndarray) -> tuple[slice, slice] | None:
-    """Rows and columns of the object with a margin for its edge; everything else is plain grey.
+    """Rows and columns of the object with its edge, if all other pixels are plain grey.
 
-    None if the background is not plain grey, or if the window would touch the border of the image.
+    None if they are not, or if the window would touch the border of the image.
     """
     if not mask.any():
         return None
@@ -210,7 +209,7 @@ def _window(image: np.ndarray, mask: np.ndarray) -> tuple[slice, slice] | None:
 
 
 def _has_grey_background(image: np.ndarray, mask: np.ndarray) -> bool:
-    """Whether all pixels of the border, except those of the object, have the plain grey."""
+    """Whether the pixels of the border that are not on the object are plain grey."""
     for edge in (np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1]):
         if (image[edge][~mask[edge]] != schema.BACKGROUND_GREY).any():
             return False
@@ -222,26 +221,26 @@ def _extend(
 ) -> np.ndarray:
     """The image with its background extended by `rows` and `columns` pixels (before, after).
 
-    The margins mirror the image at its edges. Where the object would be mirrored, they repeat the
-    pixel at the edge, or are grey if that belongs to the object as well.
+    The margins mirror the image. Where they would show the object, they repeat the pixel at the
+    edge, or are grey if this pixel belongs to the object.
     """
     margins = (rows, columns)
     larger = np.pad(image, (*margins, (0, 0)), "symmetric")
-    again = np.pad(mask, margins, "symmetric")
+    copied = np.pad(mask, margins, "symmetric")  # pixels of the margins that show the object
     height, width = mask.shape
-    again[rows[0] : rows[0] + height, columns[0] : columns[0] + width] = False
-    larger[again] = np.pad(image, (*margins, (0, 0)), "edge")[again]
-    larger[again & np.pad(mask, margins, "edge")] = schema.BACKGROUND_GREY
+    copied[rows[0] : rows[0] + height, columns[0] : columns[0] + width] = False
+    larger[copied] = np.pad(image, (*margins, (0, 0)), "edge")[copied]
+    larger[copied & np.pad(mask, margins, "edge")] = schema.BACKGROUND_GREY
     return larger
 
 
 def _margins(first: float, last: float, size: int) -> tuple[int, int]:
-    """Pixels to add before and after an axis, to interpolate at coordinates `first` to `last`."""
+    """Pixels to add before and after an axis to interpolate from `first` to `last`."""
     return max(0, math.ceil(1 - first)), max(0, math.ceil(last + 1 - size))
 
 
 def _columns(image: np.ndarray, source: np.ndarray) -> np.ndarray:
-    """Colours at the column coordinates `source`; coordinates outside give the edge."""
+    """Colours interpolated at the column coordinates `source`; the edge is repeated outside."""
     left = np.floor(source - 0.5).astype(np.intp)
     weight = np.rint((source - 0.5 - left) * 256).astype(np.uint16).repeat(3)
     # Gathering single bytes is several times faster than gathering triples.
@@ -257,6 +256,6 @@ def _columns(image: np.ndarray, source: np.ndarray) -> np.ndarray:
 
 
 def _take_columns(flat: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Columns of an image [h, w * 3]; indices outside the image give its edge."""
+    """Columns of an image [h, w * 3]; the edge is repeated outside."""
     columns = np.clip(columns, 0, flat.shape[1] // 3 - 1)
     return flat.take((columns[:, None] * 3 + np.arange(3)).reshape(-1), axis=1)

@@ -1,6 +1,6 @@
 """The definition of a sample: fields, shapes, dtypes, units and frames.
 
-**Frame** (of every data set, prediction and export): right-handed, +z up, +y to the right of the
+**Frame** (for data sets, predictions and exports): right-handed, +z up, +y to the right of the
 image, +x horizontally toward the camera, origin on the ground under the object. The unit of length
 is the radius of the object's bounding hemisphere.
 
@@ -10,8 +10,8 @@ projects a point X of the camera frame to the image, `(column, row) = (K @ X)[:2
 
 **Pixels**: image coordinates are continuous, with (0, 0) at the outer corner of the first pixel.
 Pixel (row i, column j) covers [i, i+1) x [j, j+1), and its **centre is at (i + 0.5, j + 0.5)**.
-Resizing an image only scales the intrinsics. (In the authors' images, this puts more points inside
-the masks than a shift by half a pixel in either direction.)
+Resizing an image only scales the intrinsics. (In the authors' images, this convention puts more
+points inside the masks than a shift by half a pixel in either direction.)
 """
 
 import dataclasses
@@ -28,7 +28,7 @@ BACKGROUND_GREY = 191
 OCCUPANCY_SIZE = 32
 """Number of cells along an edge of the occupancy grid."""
 
-# Limits of samples; they bound the memory that a malicious record can allocate.
+# Limits that bound the memory for a malicious record.
 MAX_IMAGE_SIDE = 4096
 MAX_POINTS = 1 << 22
 MAX_LABEL = 1000  # characters of a category, the name of a model or a source
@@ -36,7 +36,7 @@ MAX_COORDINATE = 1e9  # of points and depths, units of the frame
 
 _ROTATION_TOLERANCE = 1e-3
 _LAST_VIEW = 2**31 - 1
-SMALLEST_EXTENT = 1e-3  # of points that are not all in one place, in units
+SMALLEST_EXTENT = 1e-3  # in units; with a smaller extent, points are all in one place
 
 FIELDS = (
     "image", "mask", "depth", "points", "normals", "occupancy",
@@ -58,9 +58,9 @@ class Sample:
     Attributes:
       image: uint8 [H, W, 3], RGB.
       mask: bool [H, W], True on the object.
-      depth: float32 [H, W] along the optical axis; 0 = background, or not measured (a hole of the
-        sensor, where the mask is True). None if there is no depth map.
-      points: float32 [M, 3], points of the complete surface. Their order has no meaning.
+      depth: float32 [H, W] along the optical axis; 0 = background, or a hole of the sensor (where
+        the mask is True). None if there is no depth map.
+      points: float32 [M, 3] on the complete surface. Their order has no meaning.
       normals: float32 [M, 3], outward unit normals of `points`, or None.
       occupancy: bool [32, 32, 32] indexed [x, y, z], or None. The grid covers
         [-1, 1] x [-1, 1] x [0, 2]; a cell is a cube with an edge of 1/16.
@@ -69,9 +69,9 @@ class Sample:
       category: name of the object's category, "" if unknown.
       model_id: name of the object in its source.
       view: number of the view of this object.
-      source: the data set or program that the sample comes from, such as "authors".
-      extra: further information of the source as the text of a JSON object, "" = none. It is not
-        in `FIELDS`, because training does not read it.
+      source: the data set or program from which the sample comes, such as "authors".
+      extra: further information as the text of a JSON object, "" = none. Training does not read
+        it, so it is not in `FIELDS`.
     """
 
     image: np.ndarray
@@ -146,7 +146,7 @@ def validate(sample: Sample) -> Sample:
 
 
 def check_labels(sample: Any) -> None:
-    """Checks the fields of a `Sample`, or of an object with its attributes, that are no arrays."""
+    """Checks the texts and the view of a `Sample` or an object with the same attributes."""
     for field in ("category", "model_id", "source", "extra"):
         if not isinstance(value := getattr(sample, field), str):
             _fail(field, repr(value)[:80], "a string")

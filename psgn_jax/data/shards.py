@@ -1,9 +1,9 @@
-"""Writes data sets that can be stopped, resumed and divided among processes.
+"""Writes data sets by jobs that can be stopped, resumed and divided among processes.
 
-A function makes the samples of each input of a `Job`, in any order and in any process. Inputs are
-divided into blocks of one split. When all inputs of a block are made, its samples go into a shard
-for each split, and later calls skip the block. A block that was stopped is begun again. Conversion,
-variants and rendering use this.
+A `Job` has inputs, such as models. A function makes the samples of each input, in any order and in
+any process. The inputs of a split are divided into blocks. When all inputs of a block are made, its
+samples are written to one shard per split, and later calls skip the block. A stopped block is begun
+again. Conversion and rendering use this.
 
 The folder of a job:
 
@@ -11,12 +11,12 @@ The folder of a job:
     manifest.json                           the shards that readers see
     models.jsonl                            a line for each input, in the order of the inputs
     job.json                                what determines the samples besides the inputs
-    .work/job.json                          the same of the job under way, with its inputs
+    .work/job.json                          the same for the current job, with its inputs
     .work/<digest>.block                    lines and shards of a block
 
-A block's digest hashes the statement of the job and the tags of its inputs. If blocks of a complete
-data set are made again, we write new shards next to the old ones and then replace the manifest, so
-readers see either the old or the new state.
+A block's digest hashes the statement of the job and the tags of the block's inputs. If blocks of a
+complete data set are made again, we write new shards beside the old ones and then replace the
+manifest, so readers see either the old or the new state.
 """
 
 import contextlib
@@ -51,16 +51,16 @@ _SECONDS_BETWEEN_REPORTS = 10
 
 Line = Mapping[str, Any]
 """A line of `models.jsonl`: the fields of the input's `Tag`, `status` ("ok" if nothing is missing),
-`reason`, and `samples`, their number. If the samples belong to other splits than the input,
-`splits` has their numbers, in the order of the records."""
+`reason`, and `samples`, their number. If the samples are in other splits than the input, `splits`
+maps each split to their number, in the order of the records."""
 
 
 class OtherSettingsError(ValueError):
-    """The folder holds a data set, complete or not, that was made with other settings."""
+    """The folder has a data set, complete or not, that was made with other settings."""
 
 
 class Tag(NamedTuple):
-    """What identifies an input: its name, category and split, and a version of its content."""
+    """Identifies an input: name, category, split, and a version of the content."""
 
     model_id: str
     category: str
@@ -101,12 +101,12 @@ class Job:
     """The specification of a data set.
 
     Attributes:
-      statement: what determines the samples of an input, besides its tag. `source` goes into the
+      statement: what determines an input's samples besides its tag. Its `source` goes into the
         manifest.
-      inputs: tag of each input, and the argument of the function that makes its samples.
+      inputs: for each input, its tag and the argument of the function that makes its samples.
       per_shard: largest number of inputs of a shard.
-      about: how the inputs were chosen, for `job.json` and for messages.
-      converts: published data are converted, so inputs may change.
+      about: how the inputs were chosen, for `job.json` and messages.
+      converts: whether inputs may change, as in a conversion of published data.
       tries_again: whether the next call makes a line's block again; False for the status "ok".
     """
 
@@ -121,15 +121,15 @@ class Job:
         return [tag for tag, _ in self.inputs]
 
     def blocks(self, tags: Sequence[Tag] | None = None) -> list[_Block]:
-        """The blocks of the inputs, or of other tags, sorted by their first input."""
+        """The blocks of `tags` (None = of the inputs), sorted by their first input."""
         tags = self.tags() if tags is None else tags
         by_split: dict[str, list[int]] = {}
         for index, tag in enumerate(tags):
             by_split.setdefault(tag.split, []).append(index)
         result = []
-        for own in by_split.values():
-            for number, start in enumerate(range(0, len(own), self.per_shard)):
-                indices = tuple(own[start : start + self.per_shard])
+        for members in by_split.values():
+            for number, start in enumerate(range(0, len(members), self.per_shard)):
+                indices = tuple(members[start : start + self.per_shard])
                 names = [tags[i] if tags[i].version else tags[i][:3] for i in indices]
                 text = json.dumps([self.statement, names], sort_keys=True)
                 digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:16]
@@ -139,11 +139,11 @@ class Job:
 
 @dataclasses.dataclass(frozen=True)
 class Progress:
-    """What a call has done."""
+    """The state of a job after a call."""
 
-    inputs: int  # in the job
-    lines: tuple[Line, ...]  # of all inputs, or of those in shards if the job is not complete
-    complete: bool  # all parts are done
+    inputs: int  # number of inputs of the job
+    lines: tuple[Line, ...]  # of all inputs; of an incomplete job, of the inputs in shards
+    complete: bool  # whether all parts are done
 
     @property
     def samples(self) -> int:
@@ -151,7 +151,7 @@ class Progress:
 
     @property
     def statuses(self) -> dict[str, int]:
-        """Number of inputs with each status; "open" are those that are not done."""
+        """Status -> number of inputs; "open" inputs are not done."""
         counts = Counter(line["status"] for line in self.lines)
         left = self.inputs - len(self.lines)
         return dict(counts) | ({"open": left} if left else {})
@@ -169,23 +169,23 @@ def write(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int] = (0
     """Writes the data set of a job, or continues it.
 
     Args:
-      part: (i, n): the i-th of n parts of the work, i from 0.
+      part: (i, n) = part i of n of the work, i from 0.
 
     Raises:
-      OtherSettingsError: the folder contains the data set of another job.
-      TakenError: another process does the same part.
-      ValueError: the folder contains something else.
+      OtherSettingsError: the folder has the data set of another job.
+      TakenError: another process works on the same part.
+      ValueError: the folder has other content.
     """
     complete = is_complete(folder, job)
     if not complete:
         with lock_part(folder / WORK, part):
-            complete = is_complete(folder, job)  # another process may have completed it meanwhile
+            complete = is_complete(folder, job)  # another process may have completed it
             if not complete:
                 _begin(folder, job)
                 _make_part(folder, job, make, part)
                 complete = _complete(folder, job)
     if complete and (folder / WORK).exists():
-        # Not while another process tries inputs again.
+        # If another process tries inputs again, it tidies up later.
         with contextlib.suppress(TakenError), lock_part(folder / WORK, part):
             _tidy_up(folder)
     lines = read_report(folder) if complete else _lines(job, _finished(folder, job))
@@ -193,7 +193,7 @@ def write(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int] = (0
 
 
 def _make_part(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int]) -> None:
-    """Makes the blocks of a part that are not finished."""
+    """Makes the unfinished blocks of a part."""
     started = reported = time.monotonic()
     finished = _finished(folder, job)
     todo = [b for b in job.blocks()[part[0] :: part[1]] if b.digest not in finished]
@@ -225,7 +225,7 @@ def _make_part(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int]
 
 
 def _write_block(folder: pathlib.Path, block: _Block, results: Mapping[int, Result]) -> None:
-    """Writes the shards of a block, and then its lines."""
+    """Writes the shards of a block, then its lines."""
     writers: dict[str, ShardWriter] = {}
     ordered = [results[i] for i in block.indices]
     with contextlib.ExitStack() as stack:
@@ -243,7 +243,7 @@ def _write_block(folder: pathlib.Path, block: _Block, results: Mapping[int, Resu
 
 
 def _lines(job: Job, finished: Mapping[str, _Done]) -> list[Line]:
-    """The lines of the finished blocks of a job, in the order of the inputs."""
+    """The lines of finished blocks, in the order of the inputs."""
     lines: dict[int, Line] = {}
     for block in job.blocks():
         if block.digest in finished:
@@ -252,12 +252,7 @@ def _lines(job: Job, finished: Mapping[str, _Done]) -> list[Line]:
 
 
 def is_complete(folder: pathlib.Path, job: Job) -> bool:
-    """Whether the data set of a job is complete in a folder; nothing is written.
-
-    Raises:
-      OtherSettingsError: the folder holds the data set of another job.
-      ValueError: the folder holds something else.
-    """
+    """Whether a folder has the complete data set of a job; errors as in `write`."""
     if not folder.exists():
         return False
     if not (folder / MANIFEST).exists():
@@ -299,7 +294,7 @@ def specification(path: pathlib.Path) -> tuple[dict[str, Any], list[Tag]] | None
 def _check_same(
     folder: pathlib.Path, stated: Mapping[str, Any], there: Sequence[Tag], job: Job, what: str
 ) -> None:
-    """Raises `OtherSettingsError` if the data set of a folder belongs to another job."""
+    """Raises `OtherSettingsError` if a folder's data set belongs to another job."""
     difference = _difference(stated["job"], job.statement).removeprefix("settings.")
     if difference:
         raise OtherSettingsError(
@@ -324,7 +319,7 @@ def _difference(one: Any, two: Any, name: str = "") -> str:
         keys = sorted({*one, *two})
         texts = (_difference(one.get(k), two.get(k), f"{name}.{k}".lstrip(".")) for k in keys)
         return next(filter(None, texts), "")
-    same = json.dumps(one) == json.dumps(two)  # a tuple is a list in a file
+    same = json.dumps(one) == json.dumps(two)  # JSON stores a tuple as a list
     return "" if same else f"{name}: {one!r} before, {two!r} now"
 
 
@@ -337,7 +332,7 @@ def _begin(folder: pathlib.Path, job: Job) -> None:
 
 
 def _complete(folder: pathlib.Path, job: Job) -> bool:
-    """Completes the data set if all inputs are done; returns whether it is complete."""
+    """Completes the data set if all blocks are finished; returns whether it is complete."""
     blocks, finished = job.blocks(), _finished(folder, job)
     if not all(block.digest in finished for block in blocks):
         return is_complete(folder, job)  # another part may have completed it
@@ -348,13 +343,12 @@ def _complete(folder: pathlib.Path, job: Job) -> bool:
     write_atomic(folder / JOB, json.dumps({"job": job.statement, **job.about}, indent=1) + "\n")
     shards = [shard for block in blocks for shard in finished[block.digest].shards]
     shards.sort(key=lambda shard: shard.file)
-    # Switches readers to the new state.
-    save_manifest(folder, Manifest(job.statement["source"], True, tuple(shards)))
+    save_manifest(folder, Manifest(job.statement["source"], True, tuple(shards)))  # readers switch
     return True
 
 
 def _tidy_up(folder: pathlib.Path) -> None:
-    """Removes all other files from a complete data set; other parts may do so at once."""
+    """Removes all other files from a complete data set; other processes may do so, too."""
     kept = {shard.file for shard in load_manifest(folder).shards}
     remove_temporaries(folder)
     for path in folder.iterdir():
@@ -367,7 +361,7 @@ def _tidy_up(folder: pathlib.Path) -> None:
 
 
 def _kept(folder: pathlib.Path, job: Job) -> dict[str, _Done]:
-    """The blocks of a complete data set by digest, without damaged ones and those to try again."""
+    """Digest -> block of a complete data set, without damaged blocks and blocks to try again."""
     manifest = load_manifest(folder, allow_incomplete=True)
     lines = read_report(folder) if manifest.complete else []
     found: dict[str, _Done] = {}
@@ -380,10 +374,10 @@ def _kept(folder: pathlib.Path, job: Job) -> dict[str, _Done]:
 
 
 def _finished(folder: pathlib.Path, job: Job) -> dict[str, _Done]:
-    """Blocks by digest that are finished in the complete data set or in the job under way."""
+    """Digest -> finished block of the complete data set or of the current job."""
     found = _kept(folder, job)
     for path in (folder / WORK).glob("*.block"):
-        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):  # made again
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):  # it is made again
             stated = read_json(path)
             shards = [structured.build(Shard, shard) for shard in stated["shards"]]
             done = _Done([_checked(line) for line in stated["lines"]], shards)
@@ -393,7 +387,7 @@ def _finished(folder: pathlib.Path, job: Job) -> dict[str, _Done]:
 
 
 def _is_whole(folder: pathlib.Path, done: _Done) -> bool:
-    """Whether the shards of a block exist with all samples."""
+    """Whether the shards of a block exist and have all samples."""
     counts = sum((Counter(_counts(line)) for line in done.lines), Counter())
     try:
         for shard in done.shards:
@@ -404,7 +398,7 @@ def _is_whole(folder: pathlib.Path, done: _Done) -> bool:
 
 
 def read_report(folder: pathlib.Path) -> list[Line]:
-    """The lines of a complete data set; ValueError if the file is damaged."""
+    """The lines of `models.jsonl`; ValueError if the file is damaged."""
     try:
         lines = (folder / REPORT).read_bytes().split(b"\n")
         return [_checked(parse_json(line)) for line in lines if line]
@@ -415,7 +409,7 @@ def read_report(folder: pathlib.Path) -> list[Line]:
 
 
 def _checked(line: Any) -> Line:
-    """A line with the fields that this module reads; ValueError if one is missing."""
+    """The line, if it has the fields that this module reads; otherwise ValueError."""
     if not (
         isinstance(line, dict)
         and all(isinstance(line.get(k), str) for k in ("model_id", "category", "split", "status"))
@@ -432,6 +426,6 @@ def tag_of(line: Line) -> Tag:
 
 
 def _counts(line: Line) -> dict[str, int]:
-    """The numbers of samples of an input by split, without zeros."""
+    """Split -> number of samples of an input, without zeros."""
     counts = line.get("splits") or {line["split"]: line["samples"]}
     return {split: count for split, count in counts.items() if count}

@@ -1,4 +1,4 @@
-"""Names of ShapeNet's categories, by their WordNet synset numbers."""
+"""WordNet synset -> name of a ShapeNet category."""
 
 SHAPENET = {
     "02691156": "plane", "02747177": "trash bin", "02773838": "bag", "02801938": "basket",
@@ -17,9 +17,7 @@ SHAPENET = {
     "04401088": "cellphone", "04460130": "tower", "04468005": "train", "04530566": "watercraft",
     "04554684": "washer",
 }  # fmt: skip
-"""The 55 categories of ShapeNetCore.
-
-The 13 of `R2N2` have the names in the table of the paper."""
+"""The 55 categories of ShapeNetCore; those in `R2N2` have the names of the paper's table."""
 
 R2N2 = {
     synset: SHAPENET[synset]

@@ -1,15 +1,15 @@
 """Decides which points of a surface are visible in a depth image, in numpy.
 
-A point P is **visible** if it is within a tolerance t of a surface point that the depth image of
-the record, at its full size, measured; all others are **hidden**:
+A point P is **visible** if it is within a tolerance t of a surface point that the record's depth
+image, at its full size, measured. All other points are **hidden**:
 
-    |P - Q| <= t for some pixel with a depth, where Q is its back-projected centre
+    |P - Q| <= t for a pixel with a depth, where Q is its back-projected centre
 
 t must be several pixels wide: neighbouring points Q are (one pixel) / cos(a) apart on a surface
 tilted by the angle a. In the authors' images .025 covers tilts of up to 80 degrees. A strip of
 width t behind an occluding contour counts as visible, and so does the back of a sheet thinner than
-t. The default, `config.eval.visible_tolerance` = .025, has the lowest rate of errors on synthetic
-convex solids, whose visibility is known exactly: 3.5 % of all points (.015: 6.1 %, .04: 4.1 %).
+t. The default, `config.eval.visible_tolerance` = .025, misclassifies the fewest points of synthetic
+convex solids, whose visibility is known exactly: 3.5 % (.015: 6.1 %, .04: 4.1 %).
 
 *Predicted* points have no class: a point off the surface is neither visible nor occluded, and the
 class of the nearest true point would depend on the error.
@@ -47,10 +47,7 @@ def visible_points(
     possible = finite & (seen[:, 2] > tolerance)
     if not measured.any() or not possible.any():
         return np.zeros(len(points), np.bool_)
-    rows, columns = np.nonzero(measured)
-    pixels = np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))], axis=1)
-    rays = pixels @ np.linalg.inv(intrinsics.astype(np.float64)).T
-    surface = rays * depth[measured].astype(np.float64)[:, None]
+    surface = camera.back_project(np.where(measured, depth, 0), intrinsics, np.eye(3, 4))
     bound = np.nextafter(tolerance, np.inf)  # the tree returns distances below the bound
     distance, _ = KDTree(surface).query(seen[possible], distance_upper_bound=bound)
     possible[possible] = distance <= tolerance

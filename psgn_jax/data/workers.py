@@ -1,8 +1,8 @@
-"""Starts the loader's worker processes, which end only with, or by, their training process.
+"""Starts the loader's worker processes, which the training process ends.
 
 Batch systems and terminals send SIGTERM and SIGINT to every process of a group. Workers block both
-signals, because the training process stops them after its last step. A worker whose training
-process was killed ends by itself.
+signals, because the training process needs them until its last step. If it is killed, they end,
+too.
 """
 
 import atexit
@@ -27,13 +27,13 @@ _started: weakref.WeakSet[BaseProcess] = weakref.WeakSet()
 def start_sheltered(start: Callable[[], T]) -> T:
     """Calls `start`; the processes that it starts never receive SIGTERM or SIGINT.
 
-    `start` is called in a thread that blocks both signals. New processes and threads inherit the
-    blocked signals before they run any code. This process still handles signals as usual.
+    `start` runs in a thread that blocks both signals. New processes and threads inherit this before
+    they run any code. This process still handles signals as usual.
     """
-    # Remaining workers end before Python, at its exit, sends them SIGTERM and waits.
+    # At Python's exit, workers are killed before Python sends them SIGTERM and waits.
     atexit.unregister(_kill_workers)
     atexit.register(_kill_workers)
-    # A tracker that is started later would unblock the signals of the thread that starts it.
+    # If the tracker started later, it would unblock the signals of the thread that starts it.
     resource_tracker.ensure_running()
     others = set(multiprocessing.active_children())
     try:
@@ -44,7 +44,7 @@ def start_sheltered(start: Callable[[], T]) -> T:
 
 
 def check_main_guard() -> None:
-    """Ends a worker process that trains because it imports the main script, with a message."""
+    """Ends a worker process that would train because it imports the main script."""
     if getattr(multiprocessing.current_process(), "_inheriting", False):
         sys.exit(
             "error: a script with data.num_workers > 0 must train inside "
@@ -53,12 +53,12 @@ def check_main_guard() -> None:
 
 
 def end_with_parent(*_: int) -> None:
-    """In a worker: ends this process as soon as its parent has ended, whatever it is doing."""
+    """In a worker: ends this process as soon as its parent has ended."""
 
     def wait() -> None:
         if parent := multiprocessing.parent_process():
-            # `sentinel` becomes ready when the parent ends, and is ready if it has ended already.
-            # (PR_SET_PDEATHSIG would act at the end of the parent's *thread*.)
+            # `sentinel` is ready when the parent has ended. (PR_SET_PDEATHSIG would act at the end
+            # of the parent's *thread*.)
             multiprocessing.connection.wait([parent.sentinel])
             os._exit(1)
 

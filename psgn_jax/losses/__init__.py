@@ -1,4 +1,4 @@
-"""Distances between point clouds: pure functions of one pair; batch with `map_pairs` or vmap."""
+"""Distances between point clouds, pure functions of one pair; batch by `map_pairs` or `vmap`."""
 
 from collections.abc import Callable
 from typing import Any
@@ -27,7 +27,7 @@ LOSSES: dict[str, Callable[..., Any]] = {
     "emd_sum": emd_sum,
     "emd_mean": emd_mean,
 }
-"""The losses of one pair `(pred [n,3], gt [m,3]) -> scalar` that a configuration can name."""
+"""Losses for configurations: name -> function of one pair, (pred [n,3], gt [m,3]) -> scalar."""
 
 __all__ = [
     "LOSSES", "Assignment", "ExactAssignment", "MatchedDistances", "MinOfN", "Nearest", "assign",

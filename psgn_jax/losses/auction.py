@@ -1,18 +1,18 @@
-"""Bertsekas' auction: a nearly optimal bijection between two clouds, with its proven gap.
+"""Bertsekas' auction: a nearly optimal bijection between two clouds, with a proven gap.
 
 The problem, for clouds a and b of n points each and Euclidean costs c_ij = |a_i - b_j|:
 
     OPT = min over bijections s of sum_i c_{i, s(i)}
 
 Every point of a is a bidder, every point of b an object with a price p_j. A bidder without an
-object takes the cheapest one, j = argmin_j (c_ij + p_j), and raises its price by the margin to the
-second cheapest plus epsilon. The bidder that it displaces must bid again. When every bidder has an
+object takes the cheapest object, j = argmin_j (c_ij + p_j), and raises its price by epsilon plus
+the margin to the second cheapest. A displaced bidder must bid again. When every bidder has an
 object, all pairs satisfy epsilon-complementary slackness:
 c_{i,s(i)} + p_{s(i)} <= min_j (c_ij + p_j) + epsilon.
 
-With a large epsilon the auction ends fast, with a small one near the optimum. It therefore runs in
-phases with decreasing epsilon (epsilon scaling). A phase starts from the prices of the one before
-and from the pairs that satisfy the slackness of the new epsilon. Between phases,
+With a large epsilon the auction ends fast, with a small epsilon near the optimum. It therefore runs
+in phases with decreasing epsilon (epsilon scaling). A phase starts from the prices of the previous
+phase and from the pairs that satisfy the slackness for the new epsilon. Between phases,
 `certificate.dual_bound` bounds how far the bijection is from the optimum and improves the prices.
 
 Sources: Bertsekas, "A Distributed Algorithm for the Assignment Problem", MIT LIDS working paper,
@@ -61,7 +61,7 @@ from psgn_jax.system.cores import num_cores
 
 # The paper (section "Distance Metric between Point Sets") reports an error of about 1 %.
 TOLERANCE = 0.01
-# Default budget, in bids per point. Clouds of 1,024 points from the authors' data need 5 to 40 bids
+# Default budget, in bids per point. Clouds of 1,024 points of the authors' data need 5 to 40 bids
 # per point for a gap of 1 %.
 BIDS_PER_POINT = 2000
 
@@ -79,19 +79,19 @@ class _Bidding(NamedTuple):
 
     prices: Array  # [padded(n)] prices of the objects, infinite for padding
     owner: Array  # [n] bidder of every object, -1 if it has none
-    stack: Array  # [n] the first `waiting` entries are the bidders without an object
+    stack: Array  # [n] its first `waiting` entries are the bidders without an object
     waiting: Array
     bids: Array
 
 
 def _first(x: Array, value: Array) -> Array:
-    """The first place of a value in x."""
+    """Index of the first element of x that equals `value`."""
     places = lax.iota(jnp.int32, len(x))
     return least(lax.select(x == value, places, jnp.full_like(x, len(x))))
 
 
 def _bid(rows: Any, epsilon: Array, state: _Bidding) -> _Bidding:
-    """Lets the bidder on top of the stack bid; a bidder that it displaces replaces it there."""
+    """The bid of the bidder on top of the stack, which a displaced bidder replaces there."""
     top, width = state.waiting - 1, num_lanes(len(state.owner))
     get = jax.jit(at)  # so that XLA reads an array before it writes to it
     bidder = get(state.stack, top)
@@ -108,7 +108,7 @@ def _bid(rows: Any, epsilon: Array, state: _Bidding) -> _Bidding:
     in_lane = bits(column(table, place) + column(state.prices, jnp.int32(0)))
     in_lane = lax.pad(in_lane, jnp.int32(INFINITE), [(0, width - len(in_lane), 0)])
     line = _first(in_lane, best)
-    # The second best is taken over all objects but the chosen one, so an exact tie has margin 0.
+    # The second best is the minimum over the other objects, so an exact tie has margin 0.
     places, infinite = lax.iota(jnp.int32, width), jnp.full(width, INFINITE, jnp.int32)
     others = lax.select(places == lane, infinite, by_lane)
     second = least(lax.min(others, lax.select(places == line, infinite, in_lane)))
@@ -118,7 +118,7 @@ def _bid(rows: Any, epsilon: Array, state: _Bidding) -> _Bidding:
     free = displaced < 0
     return _Bidding(
         put(state.prices, chosen, at(state.prices, chosen) + margin + epsilon),
-        # `displaced` is never below -1: this only makes XLA read it before it writes.
+        # Never true; it makes XLA read `displaced` before it writes.
         put(state.owner, chosen, lax.select(displaced < -1, displaced, bidder)),
         put(state.stack, top, lax.select(free, bidder, displaced)),
         lax.select(free, top, state.waiting),
@@ -127,7 +127,7 @@ def _bid(rows: Any, epsilon: Array, state: _Bidding) -> _Bidding:
 
 
 def _bid_all(rows: tuple[Array, ...], epsilon: Array, limit: Array, state: _Bidding) -> _Bidding:
-    """Bids until every bidder has an object or `limit` bids have been made in total."""
+    """Bids until every bidder has an object or the total of bids reaches `limit`."""
 
     def loop(rows: Any, epsilon: Array, limit: Array, state: _Bidding) -> _Bidding:
         return lax.while_loop(
@@ -140,7 +140,7 @@ def _bid_all(rows: tuple[Array, ...], epsilon: Array, limit: Array, state: _Bidd
 
 
 def _begin(bound: DualBound, index: Array, epsilon: Array, bids: Array) -> _Bidding:
-    """The start of a phase: keeps the pairs that satisfy the slackness of `epsilon`."""
+    """The start of a phase: keeps the pairs that satisfy the slackness for `epsilon`."""
 
     def loop(keep: Array, index: Array) -> tuple[Array, ...]:
         def step(i: Any, state: tuple[Array, ...]) -> tuple[Array, ...]:
@@ -157,7 +157,7 @@ def _begin(bound: DualBound, index: Array, epsilon: Array, bids: Array) -> _Bidd
 
 
 def _bijection(s: _Bidding) -> Array:
-    """The bijection bidder -> object; an object without an owner gets a bidder that waits."""
+    """The bijection bidder -> object; objects without an owner get the waiting bidders."""
 
     def loop(owner: Array, stack: Array) -> Array:
         def step(i: Any, state: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -180,9 +180,9 @@ class _Phase(NamedTuple):
     epsilon: Array
     done: Array
     index: Array  # type: ignore[assignment]  # [n] the cheapest bijection so far
-    cost: Array  # cost of `index`
+    cost: Array  # of `index`
     proof: Array  # the prices that prove `lower`
-    lower: Array  # the best lower bound so far
+    lower: Array  # the highest lower bound so far
     gap: Array
 
 
@@ -196,8 +196,8 @@ def _solve(a: Array, b: Array, tolerance: Array, max_bids: Array) -> tuple[Array
     if n == 1:  # there is nothing to solve
         return index, 0 * prices[:n], bids, jnp.where(problem.finite, jnp.float32(0), jnp.nan)
     first = dual_bound(problem, index, prices)
-    # Half of the budget is for reaching the tolerance. A phase that ends later without a matching
-    # is followed by one with a larger epsilon.
+    # Half of the budget is for reaching the tolerance. Later, a phase without a complete matching
+    # is followed by a phase with a larger epsilon.
     half = max_bids - max_bids // 2
     patience = jnp.maximum(max_bids // 2 // _RAISES, 1)
 
@@ -210,8 +210,7 @@ def _solve(a: Array, b: Array, tolerance: Array, max_bids: Array) -> tuple[Array
         cost = jnp.where(better, new.cost, s.cost)
         lower = jnp.where(higher, new.lower, s.lower)
         gap = gap_of(cost, lower, n)
-        # Near the end aim a little below the tolerance, but change epsilon neither too little nor
-        # too much.
+        # Near the end, aim a little below the tolerance, with a bounded change of epsilon.
         aim = jnp.where(jnp.isfinite(gap), _AIM * tolerance / gap, 0)
         epsilon = s.epsilon * jnp.clip(aim, 1 / _FACTOR, 0.7)
         floor = _FLOOR * (1 + new.prices[:n].max())
@@ -239,7 +238,7 @@ def _threads() -> concurrent.futures.ThreadPoolExecutor:
 
 
 def _solve_all(*pairs: Array) -> tuple[np.ndarray, ...]:
-    """`_solve` on the cores of the host, for arrays with any leading axes."""
+    """`_solve` on the host's cores, for arrays with any leading axes."""
     arrays, axes = [np.asarray(x) for x in pairs], pairs[-1].shape
     cloud, cpu = axes + arrays[0].shape[-2:-1], jax.local_devices(backend="cpu")[0]
     shapes = (cloud, np.int32), (cloud, np.float32), (axes, np.int32), (axes, np.float32)
@@ -258,16 +257,16 @@ def _on_host(*pair: Array) -> Any:
     shapes = jax.eval_shape(_solve, *pair)
     shapes = [jax.ShapeDtypeStruct(x.shape, x.dtype) for x in shapes]
     results = jax.pure_callback(_solve_all, shapes, *pair, vmap_method="broadcast_all")
-    # In `jax.shard_map` both programs vary along the same axes of the mesh.
+    # In `jax.shard_map`, the results of both programs must vary along the same axes of the mesh.
     a, b, tolerance, budget = pair
     varies = a[0, 0] + b[0, 0] + tolerance + budget
     return tuple(vary_with(x, varies) for x in results)
 
 
-# An accelerator would launch several kernels for each of some ten thousand bids, so its host solves
-# all pairs of a batch by one callback. On a CPU the pairs are solved one after another, under
-# `vmap` too: in lock step every pair would take as long as the slowest one, and every bid would
-# copy the state of all pairs.
+# An accelerator would launch several kernels for each of some ten thousand bids. So the host solves
+# all pairs of a batch in one callback. On a CPU, we solve the pairs one after another, under `vmap`
+# too: in lockstep, every pair would take as long as the slowest pair, and every bid would copy the
+# state of all pairs.
 @custom_vmap
 def _solve_anywhere(*pair: Array) -> Any:
     return per_platform(_solve, _on_host, *pair)
@@ -282,7 +281,7 @@ def _solve_batch(size: int, mapped: Sequence[bool], *arrays: Array) -> Any:
 
 
 def _check_number(value: Any, name: str, expected: str, most_whole: float | int = math.inf) -> None:
-    """Raises ValueError for a known value that is no number >= 0, or no integer up to a limit."""
+    """Raises ValueError unless an untraced value is a number >= 0, or an integer up to a limit."""
     if isinstance(value, jax.core.Tracer):
         return
     number = np.asarray(value)
@@ -295,8 +294,8 @@ class Assignment(NamedTuple):
     """A bijection, pred[i] with gt[index[i]], its certificate, and its `iterations` (bids).
 
     `prices` are dual prices of the points of gt, in the unit of the clouds; the smallest is 0. They
-    prove `gap`, a bound on (cost - OPT) / OPT, which is infinite if no positive lower bound on OPT
-    is known. `converged` is gap <= tolerance.
+    prove `gap`, a bound on (cost - OPT) / OPT, which is infinite without a positive lower bound on
+    OPT. `converged` is gap <= tolerance.
     """
 
     index: Int[Array, " n"]  # type: ignore[assignment]  # hides tuple.index
@@ -316,17 +315,17 @@ def assign(
     """A bijection of pred and gt with a nearly minimal sum of Euclidean distances, and its gap.
 
     The solver stops after the first phase with `gap` <= tolerance. When half of the budget is
-    spent, epsilon grows until a phase ends with a matching, as in the paper, and falls again while
-    budget is left. The result is always a bijection, and `gap` always holds for it. It has no
-    gradient (`emd` has one). The host's cores solve clouds that are on an accelerator, the pairs of
-    a `vmap` in parallel; an exception there ends the calling program.
+    spent, epsilon grows until a phase ends with a complete matching, as in the paper, and falls
+    again while budget is left. The result is always a bijection, and `gap` always holds for it. It
+    has no gradient (`emd` has one). The host's cores solve clouds on an accelerator, the pairs of a
+    `vmap` in parallel; an exception there ends the calling program.
 
     Args:
       pred: [n, 3], n >= 1, a floating dtype, any unit; solved in float32.
       gt: [n, 3].
       tolerance: >= 0, accepted (cost - OPT) / OPT. Float32 cannot prove gaps below about 1e-4.
-      max_bids: an integer from 0 to 2**31 - 1, the budget; None: 2000 n. One bid is a pass over the
-        n distances of a point.
+      max_bids: the budget, an integer from 0 to 2**31 - 1; None: 2000 n. A bid is a pass over the n
+        distances of a point.
 
     Raises:
       ValueError: wrong shape or dtype, unequal sizes, a wrong tolerance or budget, or (called

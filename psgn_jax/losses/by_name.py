@@ -1,11 +1,7 @@
-"""`LOSSES` by the text of a configuration, alone or as a weighted sum.
+"""The loss that a configuration names, such as `emd_mean@1024 + 5*chamfer_sq_mean`.
 
-The text of a loss is a name, `chamfer_sq_mean`, or a sum of terms,
-
-    emd_mean@1024 + 5*chamfer_sq_mean
-
-Each term is `WEIGHT*NAME@POINTS`: a weight (default 1), an entry of `LOSSES`, and the number of
-true points that the loss uses (default all `data.num_points`).
+It is an entry of `LOSSES` or a sum of terms `WEIGHT*NAME@POINTS`: a weight (default 1), an entry of
+`LOSSES`, and the number of true points (default: all `data.num_points`).
 """
 
 import functools
@@ -28,7 +24,7 @@ _TERM = re.compile(
 
 
 class LossTerm(NamedTuple):
-    """A term of a loss: the name, the unweighted loss of one pair, the weight, the text."""
+    """A term: name in `LOSSES`, unweighted loss of one pair, weight, and its text."""
 
     name: str
     distance: Callable[..., Any]
@@ -37,11 +33,10 @@ class LossTerm(NamedTuple):
 
 
 def parse_terms(config: LossConfig) -> tuple[LossTerm, ...]:
-    """The terms of `loss.name`, in their order; the EMD gets `loss.emd_tolerance`.
+    """The terms of `loss.name` in order; the EMD gets `loss.emd_tolerance`.
 
     Raises:
-      ConfigError: a term is not of the form `WEIGHT*NAME@POINTS`, its name is unknown, or a name
-        occurs twice.
+      ConfigError: a term is not `WEIGHT*NAME@POINTS`, or its name is unknown or occurs twice.
     """
     parts = [part.strip() for part in config.name.split("+")]
     terms: dict[str, LossTerm] = {}
@@ -79,8 +74,8 @@ def configured_loss(config: LossConfig) -> Callable[[Array, Array], tuple[Array,
     """`loss.name` as a function of one pair, (pred, gt) -> (value, terms).
 
     The value is the sum over k of w_k d_k(pred, gt_k), where gt_k are the `chosen_points` of term
-    k. `terms` has the values d_k without weights and gradient, by name; it is {} for a loss that is
-    just a name. Errors: `parse_terms`.
+    k. `terms` maps names to the values d_k, without weights and gradient; it is {} for a loss
+    without weight and points. Errors: `parse_terms`.
     """
     return sum_of(parse_terms(config))
 
@@ -101,7 +96,7 @@ def sum_of(terms: Sequence[LossTerm]) -> Callable[[Array, Array], tuple[Array, d
 def chosen_points(gt: Array, num_points: int) -> Array:
     """A fixed random choice of the true points; ValueError if there are fewer than `num_points`.
 
-    Records store their points sorted: the first points lie on one side of the object.
+    The first points would not do: records store points sorted from one side of the object.
     """
     if num_points > len(gt):
         raise ValueError(f"gt: got {len(gt)} points, expected at least {num_points}")

@@ -1,7 +1,7 @@
 """A proven bound on how far a bijection between two clouds is from optimal.
 
-The notation is that of `auction`. By linear programming duality, for any prices p_j of the points
-of b, and any u with u_i <= c_ij + p_j for all i and j, every bijection t costs at least
+Notation: see `auction`. By linear programming duality, for any prices p_j of the points of b, and
+any u with u_i <= c_ij + p_j for all i and j, every bijection t costs at least
 
     sum_i c_{i,t(i)} >= sum_i (u_i - p_{t(i)}) = sum_i u_i - sum_j p_j.
 
@@ -10,8 +10,8 @@ The cost P of a bijection s therefore exceeds OPT by at most the sum of its slac
     P - OPT <= sum_i (c_{i,s(i)} + p_{s(i)} - u_i)
 
 `gap` is this bound divided by a lower bound on OPT. It includes all float32 rounding errors, so it
-is never too small. Up to 1,024 points, we compute all distances once (4 MB). Memory is linear in n
-beyond: we compute them whenever we need them.
+is never too small. Up to 1,024 points, we compute all distances once (4 MB). Beyond, we compute
+them when we need them, so memory is linear in n.
 """
 
 from typing import Any, NamedTuple
@@ -35,7 +35,7 @@ from psgn_jax.losses.numeric import (
     vary_with,
 )
 
-_MOST_IN_TABLE = 1024  # points; larger tables of distances leave the cache, and cost time
+_MOST_IN_TABLE = 1024  # points; larger tables of distances do not fit in the cache
 _UNIT = 2.0**-24  # unit roundoff of float32
 
 # The terms of a slack c + p - u are bounded by 2 extents plus the largest price. The error of the
@@ -45,27 +45,28 @@ _ROUNDING = 24 * _UNIT
 
 
 class Problem(NamedTuple):
-    """One pair of clouds: scaled (`exact_*`), and scaled and centred (`a`, `b`); extents <= 1."""
+    """A pair of clouds, scaled (`exact_*`), and scaled and centred (`a`, `b`); extents <= 1."""
 
     exact_a: Array
     exact_b: Array
     a: Array
     b: Array
-    # With b padded to m = padded(n) points: the distances [n, m], or a and three times [m].
+    # With b padded to m = padded(n) points: the distances [n, m], or a and the coordinates of b,
+    # three arrays [m].
     rows: tuple[Array, ...]
-    unit: Array  # a distance here times `unit` is a distance in the caller's unit
+    unit: Array  # of the scaled distances, in the caller's unit
     finite: Array
 
 
 def prepare(a: Array, b: Array) -> Problem:
-    """Scales a pair of clouds by a power of two, which is exact, to extents of at most 1."""
+    """Scales a pair of clouds exactly, by a power of two, to extents of at most 1."""
     finite = jnp.isfinite(a).all() & jnp.isfinite(b).all()
     a, b = jnp.where(finite, a, 0), jnp.where(finite, b, 0)
     low = jnp.minimum(a.min(axis=0), b.min(axis=0))
     high = jnp.maximum(a.max(axis=0), b.max(axis=0))
     extent = (high - low).max()
     finite &= jnp.isfinite(extent)
-    # If the extent underflows although the points differ, all distances are 0 and prove nothing.
+    # If the extent underflows although the points differ, the distances 0 prove nothing.
     finite &= (extent > 0) | (low == high).all()
     extent = jnp.where(finite, extent, 0)
     _, exponent = jnp.frexp(jnp.where(extent > 0, extent, 1))
@@ -77,8 +78,8 @@ def prepare(a: Array, b: Array) -> Problem:
     n, exact = len(a), (scale(a), scale(b))
     a, b = (scale(x - middle[None]).astype(jnp.float32) for x in (a, b))
     columns = tuple(jnp.pad(x, (0, padded(n) - n), mode="edge") for x in b.T)
-    # Behind the barrier XLA does not compute the points again for each of their distances. The
-    # distances then have the same bits in every program.
+    # The barrier stops XLA from computing the points again for each distance. The distances then
+    # have the same bits in every program.
     rows: tuple[Array, ...] = lax.optimization_barrier((a, *columns))
     if n <= _MOST_IN_TABLE:
         rows = (distance(tuple(rows[0].T[:, :, None]), tuple(x[None] for x in rows[1:])),)
@@ -87,7 +88,7 @@ def prepare(a: Array, b: Array) -> Problem:
 
 
 def row(rows: tuple[Array, ...], i: Array) -> tuple[Array, Array]:
-    """A table with the distances of point i of a, and the number of their row in it."""
+    """A table with the distances of point i of a, and the number of their row."""
     if len(rows) == 1:
         return rows[0], i
     compute = jax.jit(lambda a, *columns: distance(tuple(at(a, i)), columns))
@@ -95,12 +96,12 @@ def row(rows: tuple[Array, ...], i: Array) -> tuple[Array, Array]:
 
 
 def lanes(table: Array, i: Array, prices: Array) -> Array:
-    """The minima of distance plus price over each lane, for row i of a table, as bits."""
+    """The minimum of distance plus price over each lane, for row i of a table, as `bits`."""
     return least(bits(at(table, i) + prices).reshape(-1, num_lanes(len(prices))))
 
 
 def _sweep(rows: tuple[Array, ...], n: int, prices: Array) -> tuple[Array, Array]:
-    """u_i = min_j (c_ij + p_j), the largest u for these prices, and max_i (u_i - c_ij)."""
+    """u_i = min_j (c_ij + p_j), the largest u for the prices, and new p_j = max_i (u_i - c_ij)."""
 
     def loop(rows: Any, prices: Array, u: Array, lowest: Array) -> tuple[Array, Array]:
         def step(i: Any, state: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -129,10 +130,7 @@ def sum_rounding(n: int) -> float:
 
 
 class DualBound(NamedTuple):
-    """Cost of a bijection, lower bound on OPT, prices and slacks after the backward sweep.
-
-    `prices` are infinite for the points that pad b.
-    """
+    """Cost of a bijection, lower bound on OPT, and prices (infinite for padding) and slacks."""
 
     cost: Array
     lower: Array
@@ -143,14 +141,14 @@ class DualBound(NamedTuple):
 def dual_bound(problem: Problem, index: Array, prices: Array) -> DualBound:
     """The cost of the bijection i -> index[i], and the lower bound on OPT that prices prove."""
     a, b, n = problem.a, problem.b, len(index)
-    # The largest u for these prices. Then, with u fixed, the lowest prices, p_j = max_i (u_i -
-    # c_ij): this backward sweep improves the bound. A common shift of u and p changes nothing.
+    # The largest u for these prices, then the lowest prices for this u, p_j = max_i (u_i - c_ij),
+    # which improve the bound. A common shift of u and p changes nothing.
     u, prices = _sweep(problem.rows, n, prices)
     top = u.max()
     prices = jnp.where(lax.iota(jnp.int32, len(prices)) < n, prices, jnp.inf)
     lowest = prices.min()
     prices, u = prices - lowest, u - lowest
-    # The cost uses the coordinates before centring: its relative error is a few roundings at any
+    # The cost uses coordinates before centring: its relative error is a few roundings at any
     # offset, and coincident points cost exactly 0.
     difference = (problem.exact_a - problem.exact_b[index]).astype(jnp.float32)
     cost = accurate_sum(jnp.sqrt(jnp.square(difference).sum(axis=-1)))

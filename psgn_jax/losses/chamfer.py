@@ -1,7 +1,7 @@
 """Nearest neighbours and the Chamfer distance of two clouds: the definition, then a faster form.
 
-All functions take one pair, pred [n, 3] and gt [m, 3] with n, m >= 1; `losses.map_pairs` applies
-them to a batch. With `sq` in its name, a distance is in the square of the clouds' unit of length.
+All functions take one pair, pred [n, 3] and gt [m, 3] with n, m >= 1; `losses.map_pairs` batches
+them. A distance with `sq` in its name is in the square of the clouds' unit.
 """
 
 from typing import Any, NamedTuple
@@ -33,27 +33,27 @@ class Nearest(NamedTuple):
 
 
 # A tile of distances has _TILE rows and a column for each point of the shorter cloud: 256 kB at
-# 1,024 points, which stay in a core's cache. An accelerator computes _AT_ONCE tiles together.
+# 1,024 points, which fit in a core's cache. An accelerator computes _AT_ONCE tiles together.
 _TILE, _BLOCK, _AT_ONCE = 64, 32, 16
 
 
 def _first_min(x: Array) -> tuple[Array, Array]:
-    """Minimum and its first position on the last axis; XLA's argmin is 2 to 4 times slower."""
+    """Minimum and argmin over the last axis; XLA's argmin is 2 to 4 times slower."""
     smallest, position = x.min(axis=-1), lax.broadcasted_iota(jnp.int32, x.shape, x.ndim - 1)
     return smallest, jnp.where(x == smallest[..., None], position, x.shape[-1] - 1).min(axis=-1)
 
 
 def _search(rows: Array, cols: Array) -> tuple[Nearest, Nearest]:
-    """The nearest column of every row and vice versa, from one pass over tiles of rows."""
+    """The nearest column of every row and vice versa, in one pass over tiles of rows."""
     n, m = len(rows), len(cols)
-    # Copies of the last point tie with it, and the lowest index wins: no copy is ever chosen.
+    # Padding copies the last point. Ties go to the lowest index, so no copy is chosen.
     tiles = jnp.pad(rows, ((0, -n % _TILE), (0, 0)), mode="edge").reshape(-1, _TILE, 3)
     cols = jnp.pad(cols, ((0, -m % _BLOCK), (0, 0)), mode="edge")
 
     def minima(tile: Array) -> tuple[Array, Array, Array]:
         x, y, z = (jnp.square(tile[:, None, axis] - cols[None, :, axis]) for axis in range(3))
         d = lax.optimization_barrier(x + y + z)  # written once, not computed again for each use
-        # The minimum of a row: first the best block of columns, then its place in that block.
+        # The minimum of a row: the best block of columns, then the place in this block.
         blocks = d.reshape(_TILE, -1, _BLOCK)
         row_min, block = _first_min(blocks.min(axis=-1))
         winner = jnp.take_along_axis(blocks, block[:, None, None], axis=1)[:, 0]
@@ -64,7 +64,7 @@ def _search(rows: Array, cols: Array) -> tuple[Nearest, Nearest]:
         lambda tiles: lax.map(minima, tiles, batch_size=_AT_ONCE),
         tiles,
     )
-    # The row of a column's minimum: its best tile is computed once more.
+    # The row of a column's minimum: compute the best tile again.
     col_min, tile = _first_min(col_mins.T)
     _, offset = _first_min(jnp.sum(jnp.square(tiles[tile] - cols[:, None, :]), axis=-1))
     of_rows = Nearest(row_min.reshape(-1)[:n], jnp.minimum(row_index.reshape(-1)[:n], m - 1))
@@ -89,21 +89,22 @@ def _backward(saved: tuple[Array, ...], weights: tuple[Nearest, Nearest]) -> Any
 
 _nearest = jax.custom_vjp(lambda a, b: _forward(a, b)[0])
 _nearest.defvjp(_forward, _backward)
-_nearest_jit = jax.jit(_nearest)  # compiled once per size, without a jit too
+_nearest_jit = jax.jit(_nearest)  # compiled once per size, even outside `jit`
 
 
 def nearest_both(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> tuple[Nearest, Nearest]:
     """The nearest point of gt for every point of pred, and of pred for every point of gt.
 
     Squared distances are accurate to a few units in the last place at any offset, unlike
-    |a|^2 - 2ab + |b|^2. Of equally near points the lowest index is returned. Gradient, with the
-    neighbours held fixed: 2 (a_i - b_index) for a_i and its negative for b_index; in reverse mode
-    only (`jax.jacfwd` raises a TypeError). Memory beyond inputs and outputs: about
-    (64 + max(n, m) / 64) min(n, m) numbers; 16 times the 64 on a GPU.
+    |a|^2 - 2ab + |b|^2. Ties go to the lowest index. Gradient, with the neighbours held fixed:
+    2 (a_i - b_index) for a_i and its negative for b_index; in reverse mode only (`jax.jacfwd`
+    raises a TypeError). Memory beyond inputs and outputs: about (64 + max(n, m) / 64) min(n, m)
+    numbers, on a GPU (1024 + max(n, m) / 64) min(n, m).
 
     Raises:
       ValueError: wrong shape or dtype, or (called directly) a non-finite coordinate. Inside `jit`,
-        `vmap` and `grad`, it makes all distances of the pair and their gradients NaN.
+        `vmap` and `grad`, such a coordinate makes all distances of the pair and their gradients
+        NaN.
     """
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
     dtype = jnp.promote_types(pred.dtype, gt.dtype)

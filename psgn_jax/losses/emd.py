@@ -24,7 +24,7 @@ from psgn_jax.losses.numeric import check_points, safe_sqrt
 
 
 class MatchedDistances(NamedTuple):
-    """Distance (unit) of every point of pred to its match in gt, and the assignment."""
+    """Distances (unit) between the points of pred and their matches in gt, and the assignment."""
 
     distance: Float[Array, " n"]
     assignment: Assignment
@@ -40,18 +40,18 @@ def matched_distances(
     """|pred_i - gt_{s(i)}| for a nearly optimal bijection s, and the assignment with its proof.
 
     Gradient, with the bijection held fixed: for pred_i the unit vector from gt_{s(i)} to pred_i,
-    for gt_{s(i)} its negative, and 0 where the two coincide. For the optimal bijection this is the
+    for gt_{s(i)} its negative, and 0 where both coincide. For the optimal bijection this is the
     gradient of the EMD at almost every pair of clouds. Arguments and errors: `auction.assign`.
-    Inside `jit`, `grad` and `vmap`, a non-finite coordinate makes all distances of its pair and
+    Inside `jit`, `grad` and `vmap`, a non-finite coordinate makes all distances of the pair and
     their gradients NaN.
     """
     matched = assign(pred, gt, tolerance=tolerance, max_bids=max_bids)
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
-    # On a mesh with explicit axes, one `gt` for a batch of `pred` does not say where the result is.
+    # On a mesh with explicit axes, a single `gt` for a batch does not determine the sharding.
     place = jax.typeof(pred).sharding
     matches = gt.at[matched.index].get(out_sharding=None if place.mesh.empty else place)
     square = jnp.square(pred - matches).sum(axis=-1)
-    # A product instead of `where`, so that the gradient of a non-finite pair is NaN as well.
+    # A product instead of `where`: it makes the gradient of a non-finite pair NaN, too.
     healthy = jnp.where(jnp.isnan(matched.gap)[None], jnp.nan, 1.0)
     return MatchedDistances(safe_sqrt(square) * healthy, matched)
 
@@ -104,7 +104,7 @@ def emd_exact(pred: Float[Array, "n 3"], gt: Float[Array, "n 3"]) -> ExactAssign
     check_points(gt, "gt")
     if len(pred) != len(gt):
         raise ValueError(f"gt: got {len(gt)} points, expected as many as pred has ({len(pred)})")
-    from scipy.optimize import linear_sum_assignment  # imported here because it is slow
+    from scipy.optimize import linear_sum_assignment  # here, because this import is slow
 
     x, y = np.asarray(pred, np.float64), np.asarray(gt, np.float64)
     costs = np.sqrt(sum(np.square(x[:, None, axis] - y[None, :, axis]) for axis in range(3)))

@@ -13,9 +13,9 @@ import numpy as np
 from psgn_jax.array_types import Array, Float, Int
 from psgn_jax.losses.numeric import check_points
 
-# Points per block. The maximum of each block is computed first; then the farthest point is searched
-# in one block only. To choose 1,024 of 16,384 points, for two clouds under vmap, this takes 14 ms
-# per cloud instead of 23.
+# Points per block. We compute the maximum of each block, then search the farthest point in one
+# block only. Choosing 1,024 of 16,384 points takes 14 ms per cloud instead of 23 (two clouds under
+# vmap).
 _BLOCK = 128
 
 
@@ -24,11 +24,11 @@ def farthest_point_indices(points: Float[Array, "n 3"], num_samples: int) -> Int
 
     i_0 = 0,   i_t = argmax over j not yet chosen of min over s < t of |p_j - p_(i_s)|^2
 
-    Ties (in float arithmetic) go to the lowest index. No index occurs twice, even if points
-    coincide. The indices have no gradient; `farthest_points` has one. Memory beyond the input: 4 n
-    numbers. For a batch use `jax.vmap`; on a CPU `jax.lax.map(..., batch_size=2)` takes half the
-    time, because two clouds fit in the cache. Inside `jit`, `vmap` and `grad`, a non-finite
-    coordinate makes every index n (`farthest_points` then returns NaN).
+    Ties go to the lowest index. No index occurs twice, even if points coincide. Indices have no
+    gradient; `farthest_points` has a gradient. Memory beyond the input: 4 n numbers. Batch by
+    `jax.vmap`; on a CPU `jax.lax.map(..., batch_size=2)` takes half the time, because two clouds
+    fit in the cache. Inside `jit`, `vmap` and `grad`, a non-finite coordinate makes every index n
+    (`farthest_points` then returns NaN).
 
     Raises:
       ValueError: wrong shape or dtype, `num_samples` out of range, or (called directly) a
@@ -53,7 +53,7 @@ def farthest_points(points: Float[Array, "n 3"], num_samples: int) -> Float[Arra
 @functools.partial(jax.jit, static_argnums=1)
 def _indices(points: Array, num_samples: int) -> Array:
     n = len(points)
-    # Pads with copies of the last point, which are never chosen: their distance starts at -1.
+    # Padding copies the last point. Its distance starts at -1, so it is never chosen.
     padded = jnp.pad(jax.lax.stop_gradient(points), ((0, -n % _BLOCK), (0, 0)), mode="edge")
     x, y, z = (padded[:, axis].reshape(-1, _BLOCK) for axis in range(3))
     blocks = jax.lax.broadcasted_iota(jnp.int32, (len(x),), 0)
@@ -75,7 +75,7 @@ def _indices(points: Array, num_samples: int) -> Array:
         place = jnp.where(row == farthest, places, _BLOCK - 1).min()
         return (nearest_sq, block * _BLOCK + place), chosen
 
-    # Made like the points, so that a mesh with explicit axes splits both like them.
+    # Computed from the points, so that a mesh with explicit axes splits both arrays like them.
     infinite = jnp.where(index_of < n, jnp.full_like(x, jnp.inf), -1)
     first = jnp.zeros_like(x[0, 0], jnp.int32)
     _, chosen = jax.lax.scan(step, (infinite, first), None, length=num_samples)

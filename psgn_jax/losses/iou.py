@@ -1,7 +1,7 @@
 """Intersection over union of two volumes: soft for training, at a threshold for evaluation.
 
-Volumes are occupancies in [0, 1] on the same grid, of any shape; bool counts as 0 and 1. Other
-shapes and dtypes raise a ValueError. All functions take one pair. IoU has no unit.
+Volumes are occupancies in [0, 1] or bool, on the same grid of any shape; other shapes and dtypes
+raise a ValueError. All functions take one pair. IoU has no unit.
 """
 
 import jax.numpy as jnp
@@ -57,12 +57,12 @@ def iou_sweep(
     both = (inside & gt).sum(axis=1)
     either = (inside | gt).sum(axis=1)
     score = jnp.where(either == 0, 1.0, both / jnp.where(either == 0, 1, either))
-    # NaN >= threshold is False: without this, NaN would count as an empty cell.
+    # NaN >= threshold is False, so NaN would count as an empty cell.
     return jnp.where(jnp.isnan(pred).any(), jnp.nan, score)
 
 
 def _volumes(pred: Array, gt: Array) -> tuple[Array, Array]:
-    """Both as arrays of the same shape, of floats or bool."""
+    """Both volumes as arrays; ValueError for different shapes or wrong dtypes."""
     volumes = jnp.asarray(pred), jnp.asarray(gt)
     if volumes[0].shape != volumes[1].shape:
         raise ValueError(

@@ -2,9 +2,9 @@
 
     MoN(S_1, ..., S_n; S_gt) = min over j of d(S_j, S_gt)
 
-With the predictions S_j = G(image, r_j) for random r_j ~ N(0, I), MoN trains the network G to
-sample. If an image allows several shapes, the plain loss (n = 1) is minimal at their mean, MoN when
-different samples predict different shapes.
+With predictions S_j = G(image, r_j) for random r_j ~ N(0, I), MoN trains the network G to sample.
+If an image allows several shapes, the plain loss (n = 1) is minimal at a mean of them. MoN is
+minimal when different samples predict different shapes.
 
 Source: Fan, Su, Guibas, "A Point Set Generation Network for 3D Object Reconstruction from a Single
 Image", CVPR 2017, section "Generation of Multiple Plausible Shapes". They report that n = 2
@@ -25,7 +25,7 @@ class MinOfN(NamedTuple):
     """The smallest of n distances, the index of its sample (the winner), and all n distances.
 
     `value` and `distances` are in the unit of the distance. Only `value` has a gradient. `aux` is
-    the auxiliary output for the winner, or () without `has_aux`.
+    the winner's auxiliary output, or () without `has_aux`.
     """
 
     value: Float[Array, ""]
@@ -40,8 +40,8 @@ def min_of_n(
     """Turns a distance d of one pair into the MoN of several predictions and one ground truth.
 
     The winner is the first sample with the smallest distance. Its gradient is the gradient of d.
-    The gradients of the others are multiplied by 0; they must be finite, as in `losses`. A NaN
-    distance wins, so that it is not hidden.
+    The other samples' gradients are multiplied by 0, so they must be finite, as those of `losses`
+    are. A NaN distance wins, so that it is noticed.
 
     Args:
       distance: (pred [n, 3], gt [m, 3]) -> scalar, such as `chamfer_sq` or `emd_sum`; it may close

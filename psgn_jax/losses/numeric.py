@@ -1,4 +1,4 @@
-"""Functions that the losses share: checks of clouds, roots with gradients, minima, loop states."""
+"""Common parts of the losses: checks of clouds, roots with gradients, minima, loop states."""
 
 import math
 from collections.abc import Callable
@@ -16,9 +16,9 @@ INFINITE = 0x7F800000  # the bits of infinity
 
 
 def check_points(points: Float[Array, "n 3"], name: str) -> Float[Array, "n 3"]:
-    """One cloud, n >= 1, as float32 (float64 stays); ValueError for another type, shape or dtype.
+    """One cloud, n >= 1, as float32 (or float64); ValueError for another type, shape or dtype.
 
-    Where values are known, outside `jit`, `vmap` and `grad`, they must be finite.
+    Outside `jit`, `vmap` and `grad`, where the values are known, they must be finite.
     """
     is_array = isinstance(points, jax.Array | np.ndarray)
     is_cloud = is_array and points.ndim == 2 and points.shape[1] == 3 and len(points) > 0
@@ -47,12 +47,12 @@ def safe_sqrt(x: Float[Array, "..."]) -> Float[Array, "..."]:
 
 
 def distance(x: tuple[Array, ...], y: tuple[Array, ...]) -> Array:
-    """Euclidean distances between points, as three arrays of coordinates each."""
+    """Euclidean distances between points x and y, each given as three arrays of coordinates."""
     return jnp.sqrt(sum(jnp.square(s - t) for s, t in zip(x, y, strict=True)))
 
 
 def bits(x: Array) -> Array:
-    """Float32 numbers >= 0 as integers of the same order, whose minimum XLA vectorises."""
+    """Float32 numbers >= 0 as integers in the same order; XLA vectorises minima of integers."""
     return lax.bitcast_convert_type(x, jnp.int32)
 
 
@@ -62,12 +62,12 @@ def number(x: Array) -> Array:
 
 
 def least(x: Array) -> Array:
-    """Minimum over the first axis of an array that `bits` returned."""
+    """Minimum over the first axis of `bits`."""
     return lax.reduce(x, jnp.int32(INFINITE), lax.min, (0,))
 
 
 def least_of_lanes(x: Array) -> Array:
-    """`least` of `num_lanes(n)` numbers, inside `as_one_function`."""
+    """`least` of `num_lanes(n)` numbers, for use in `as_one_function`."""
     return least(jax.jit(lambda x: least(x.reshape(-1, 8)))(x))
 
 
@@ -77,26 +77,26 @@ def at(x: Array, i: Array) -> Array:
 
 
 def put(x: Array, i: Array, value: Array) -> Array:
-    """Sets x[i] = value in x [n], which XLA does in place."""
+    """Returns x [n] with x[i] = value; XLA updates it in place."""
     return lax.dynamic_update_slice(x, value[None], (i,))
 
 
 def as_one_function(loop: Callable[..., Any], *arguments: Any) -> Any:
     """`loop(*arguments)`, compiled for a CPU as a single function.
 
-    XLA's CPU compiler otherwise launches the dozen operations of one iteration of a loop one by
-    one. Functions under `jax.jit` inside become functions of their own: XLA then neither fuses them
-    with others nor computes their results twice, and uses vector instructions for minima over an
-    axis. XLA aborts if it finds that the loop does not need one of the arguments.
+    Otherwise XLA's CPU compiler launches the dozen operations of a loop iteration one by one. Inner
+    functions under `jax.jit` stay separate: XLA does not fuse them with other operations, does not
+    compute their results twice, and vectorises minima over an axis. XLA aborts if the loop does not
+    need an argument.
     """
     with set_xla_metadata(xla_cpu_small_call="true", inlineable="false"):
         return jax.jit(loop)(*arguments)
 
 
 def vary_with(value: Any, data: Array) -> Array:
-    """`value` with the shape of `data`, computed from it; XLA optimises the `where` away.
+    """`value` with the shape of `data`, formally computed from it, at no cost.
 
-    Inside `jax.shard_map`, the state of a loop over sharded data must vary along the mesh's axes.
+    In `jax.shard_map`, the state of a loop over sharded data must vary along the mesh's axes.
     """
     return jnp.where(data == data, value, value)
 
@@ -107,5 +107,5 @@ def num_lanes(n: int) -> int:
 
 
 def padded(n: int) -> int:
-    """The size of that array, the least multiple of `num_lanes(n)` that is at least n."""
+    """The size of this array, the least multiple of `num_lanes(n)` that is at least n."""
     return -(-n // num_lanes(n)) * num_lanes(n)

@@ -10,9 +10,9 @@ from psgn_jax.array_types import Array
 
 
 def per_platform(cpu: Callable[..., Any], other: Callable[..., Any], *arrays: Array) -> Any:
-    """`cpu(*arrays)` where the arrays are on a CPU or XLA compiles for one, else `other(*arrays)`.
+    """`cpu(*arrays)` on a CPU, `other(*arrays)` on an accelerator.
 
-    Inside `jit`, both are traced, and XLA compiles the program of its device. Only `cpu` is traced
+    Inside `jit`, both are traced, and XLA compiles the program for its device. Only `cpu` is traced
     where JAX computes on a CPU by default; `jax.export` writes a program for a CPU there.
     """
     if jax.default_backend() == "cpu":

@@ -1,4 +1,4 @@
-"""Batches that a mesh with explicit axes, the default of `jax.make_mesh`, splits over devices."""
+"""Batches split over devices by a mesh with explicit axes, the default of `jax.make_mesh`."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -11,9 +11,9 @@ from psgn_jax.array_types import Array
 def on_each_device(
     function: Callable[..., Any], arrays: Sequence[Array], split: Sequence[bool]
 ) -> Any:
-    """`function(*arrays)`, on each device for its part if a mesh splits the batch explicitly.
+    """`function(*arrays)`; if a mesh splits the batch explicitly, each device computes its part.
 
-    `split` says which arrays have the axis of the batch.
+    `split` says which arrays have the batch axis.
     """
     batch = next(x for x, has_axis in zip(arrays, split, strict=True) if has_axis)
     sharding = jax.typeof(batch).sharding

@@ -1,1 +1,1 @@
-"""Networks: linen modules whose init and apply are pure functions."""
+"""Networks, as linen modules."""

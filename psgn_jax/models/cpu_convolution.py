@@ -1,14 +1,13 @@
-"""Convolutions on a CPU: by oneDNN, or by XLA without dilation, with their gradients.
+"""Convolutions on a CPU and their gradients: by oneDNN, or by XLA without dilation.
 
-XLA is up to a hundred times slower than PyTorch where a dilation appears: in transposed
-convolutions and in the input gradients of strided convolutions. With oneDNN, whose kernels PyTorch
-uses, a training step takes about half as long. Where it is missing, XLA convolves blocks of pixels
-with stride 1, whose gradients have no dilation either.
+XLA is up to a hundred times slower than PyTorch for dilated convolutions: transposed convolutions
+and the input gradients of strided convolutions. With oneDNN, whose kernels PyTorch uses, a training
+step takes about half as long. Without oneDNN, XLA convolves blocks of pixels with stride 1, whose
+gradients have no dilation either.
 
-The environment variable `PSGN_CONVOLUTIONS` selects `onednn` (an error where it is missing) or
-`xla`; it is read when a function is traced. With oneDNN there is no forward-mode derivative.
-`jax.export` needs `convolutions_for("export")` or `xla`; gradients in `jax.shard_map` need
-`check_vma=False`.
+The environment variable `PSGN_CONVOLUTIONS` selects `onednn` (an error if it is missing) or `xla`;
+it is read when a function is traced. oneDNN has no forward-mode derivatives. `jax.export` needs
+`convolutions_for("export")` or `xla`; gradients in `jax.shard_map` need `check_vma=False`.
 """
 
 import contextlib
@@ -33,7 +32,7 @@ _purpose = contextvars.ContextVar("convolutions_for", default="speed")
 def convolutions_for(purpose: Literal["speed", "storing", "export"]) -> Iterator[None]:
     """Context in which convolutions are traced for a purpose.
 
-    - "speed": oneDNN if possible, else blocks; also outside of any context.
+    - "speed", also outside of any context: oneDNN if possible, else blocks.
     - "storing": blocks, unless `PSGN_CONVOLUTIONS` asks for oneDNN. JAX keeps a compiled program on
       the disk only if it does not call back into Python, as oneDNN does. A first prediction then
       takes 2.8 instead of 7.2 s of CPU time.
@@ -63,8 +62,8 @@ def convolve_transposed(x: Array, kernel: Array, stride: int) -> Array | None:
         return None
 
     def padding(k: int) -> tuple[int, int]:
-        # `jax.lax.conv_transpose` pads the dilated input by `before`; this is the corresponding
-        # padding of the output.
+        # The padding of the output that corresponds to the padding `before` of the dilated input in
+        # `jax.lax.conv_transpose`.
         before = k - 1 if stride > k - 1 else -(-(k + stride - 2) // 2)
         low = k - 1 - before
         return low, k - stride - low
@@ -78,9 +77,9 @@ def convolve_transposed(x: Array, kernel: Array, stride: int) -> Array | None:
 
 
 def _uses_onednn(convolution: Convolution) -> bool:
-    """Whether oneDNN computes: on one device, or on each device's share under `jax.shard_map`.
+    """Whether oneDNN computes: on a single device, or on a device's share under `jax.shard_map`.
 
-    Otherwise, if XLA may split a batch over several devices, it would have to collect it on each.
+    If XLA splits a batch over several devices, it would have to gather the batch on each device.
     """
     asked = os.environ.get("PSGN_CONVOLUTIONS", "")
     if asked not in ("", "onednn", "xla"):
@@ -111,7 +110,7 @@ def _convolve_images(x: Array, kernel: Array, stride: int) -> Array:
 
 
 def _convolve_volumes(x: Array, kernel: Array, stride: int) -> Array:
-    """A volume as a batch of slices: the neighbours of a slice are channels of one convolution."""
+    """Convolves a volume as a batch of slices, whose neighbouring slices are channels."""
     _, depth, height, width, c_in = x.shape
     kd, kh, kw, _, c_out = kernel.shape
     planes = -(-depth // stride)
@@ -124,7 +123,7 @@ def _convolve_volumes(x: Array, kernel: Array, stride: int) -> Array:
 
 
 def _by_xla(part: onednn.Part, first: Array, kernel: Array, convolution: Convolution) -> Array:
-    """Stride s is stride 1 over blocks, whose s x s pixels are channels (space to depth)."""
+    """Stride s as stride 1 over blocks, whose s x s pixels become channels (space to depth)."""
     s, (b, *size, c), (_, *out, c_out) = convolution.stride, convolution.x, convolution.y
     low = [-(-before // s) for before, _ in convolution.padding]  # blocks of padding
     first_tap = [s * i - before for i, (before, _) in zip(low, convolution.padding, strict=True)]
@@ -163,7 +162,7 @@ def _forward(part: onednn.Part, first: Array, second: Array, convolution: Convol
 def _backward(
     part: onednn.Part, convolution: Convolution, saved: tuple[Array, Array], change: Array
 ) -> tuple[Array, Array]:
-    """The parts are linear in both arguments, and the gradients of each are the two others."""
+    """Each part is linear in both arguments; its gradients are the two other parts."""
     first, second = saved
 
     def other(part: onednn.Part, first: Array, second: Array) -> Array:

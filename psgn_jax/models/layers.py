@@ -1,19 +1,19 @@
 """Layers of the networks (convolution, transposed convolution, dense) and their initial values.
 
-XLA computes the convolutions, unless `cpu_convolution` has a faster way on a CPU, which agrees up
-to rounding. If you copy a network, leave it out.
+XLA computes the convolutions, or on a CPU `cpu_convolution`, which is faster and agrees up to
+rounding. If you copy a network, leave it out.
 
-Every layer has float32 parameters named `kernel` and `bias`. It casts input, kernel and bias to its
-`dtype`, in which it also computes.
+Every layer has float32 parameters named `kernel` and `bias`. It casts input, kernel and bias to
+`dtype` and computes in this type.
 
 Initial values (**ours**: the paper gives none). The networks have no normalisation layers, so the
-variances of the initial kernels must keep the activations at the same scale over some twenty layers
-(He et al. 2015, "Delving deep into rectifiers", section 2.2):
+initial kernels must keep the scale of the activations over some twenty layers (He et al. 2015,
+"Delving deep into rectifiers", section 2.2):
 
 - `RELU`: variance 2 / fan_in, for a layer followed by a ReLU.
 - `SUMMED`: variance 1 / fan_in, for each of two linear layers whose sum goes through a ReLU.
-- The fan-in of a transposed convolution of stride s is k * k * c_in / s^2: an output is the sum of
-  that many products, the others have inserted zeros.
+- The fan-in of a transposed convolution of stride s is k * k * c_in / s^2: an output is a sum of so
+  many products, because the other inputs are inserted zeros.
 - Biases start at zero, except in the output layers (`cloud_bias`).
 """
 
@@ -120,9 +120,10 @@ def _add_bias(layer: Any, y: Array) -> Array:
 def cloud_bias(spread: float) -> Initializer:
     """Initial bias of an output layer: coordinates xyz, xyz, ... near the middle of an object.
 
-    This is **ours**. A dense output layer has a bias for each point; spread by a standard deviation
-    of `spread` units, most points soon become the nearest points of some part of the surface. A
-    convolution has one bias for all cells (spread 0), and `grid_offset` spreads its points.
+    This is **ours**. A dense output layer has a bias for each point. We spread them with the
+    standard deviation `spread` (units), so that most points soon are the nearest to some part of
+    the surface. A convolution has one bias for all cells (spread 0); `grid_offset` spreads its
+    points.
     """
 
     def init(key: PRNGKey, shape: Sequence[int], dtype: Any = jnp.float32) -> jax.Array:
@@ -138,7 +139,7 @@ def grid_offset(height: int, width: int, points_per_cell: int) -> np.ndarray:
 
     This is **ours**. The cells form a grid in the plane x = 0, oriented like the image, over +-.57
     units along y and +-.45 along z: uniform distributions with the standard deviations of the
-    ground truth. Without it all cells start at nearly the same point, because they have the same
+    ground truth. Without the offset, all cells start near one point, because they have the same
     kernel and bias (`authors_small_cd.py` after 600 steps: CD .0150 without, .0135 with).
     """
     y = np.linspace(-1, 1, width) * np.sqrt(3) * 0.33

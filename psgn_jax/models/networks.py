@@ -1,6 +1,6 @@
-"""One door to the networks: constructors, initial parameters, inputs, predicted clouds.
+"""Constructors, initial parameters, inputs and predictions of all networks.
 
-All random numbers are functions of the seed, of a purpose and of a step.
+All random numbers depend on the seed, a purpose and a step only.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,7 +20,7 @@ from psgn_jax.models.point_out_net import CloudNetwork, PointOutNet
 DTYPES = {"float32": jnp.float32, "bfloat16": jnp.bfloat16}
 """The accepted values of `model.compute_dtype`."""
 
-# Purposes of random numbers, which are folded into the key of the seed.
+# Purposes of random numbers, folded into the seed's key.
 _INIT, _TRAIN_RANDOM, _EVAL_RANDOM, _INIT_POSTERIOR = 0, 1, 2, 3
 
 
@@ -29,7 +29,7 @@ def build(config: ModelConfig) -> CloudNetwork:
 
 
 def build_posterior(config: ModelConfig) -> posterior.Posterior:
-    """The network that predicts the distribution of r from the truth, for `model.posterior`."""
+    """The network that predicts the distribution of r from the ground truth."""
     return posterior.Posterior(
         tuple(config.posterior_widths), config.posterior_hidden, config.random_size
     )
@@ -81,7 +81,7 @@ NETWORKS: dict[str, Callable[[ModelConfig], CloudNetwork]] = {
     "two_branch": _point_out_net,
     "hourglass": _point_out_net,
 }
-"""Key: `model.name`."""
+"""`model.name` -> constructor."""
 
 
 def init_key(config: Config) -> PRNGKey:
@@ -89,7 +89,7 @@ def init_key(config: Config) -> PRNGKey:
 
 
 def random_key(seed: int, step: Array | int, *, train: bool = True) -> PRNGKey:
-    """Key of the random input r at a training step, or at a batch of an evaluation."""
+    """Key of the random input r of a training step or of an evaluation batch."""
     purpose = _TRAIN_RANDOM if train else _EVAL_RANDOM
     return jax.random.fold_in(jax.random.fold_in(jax.random.key(seed), purpose), step)
 
@@ -102,13 +102,13 @@ def init_params(config: Config, model: nn.Module) -> Any:
     params = model.init(init_key(config), image, r)["params"]
     if config.model.posterior:
         key = jax.random.fold_in(jax.random.key(config.seed), _INIT_POSTERIOR)
-        own = build_posterior(config.model).init(key, jnp.zeros((1, *volumes.GRID)))["params"]
-        params = {**params, posterior.NAME: own}
+        encoder = build_posterior(config.model).init(key, jnp.zeros((1, *volumes.GRID)))
+        params = {**params, posterior.NAME: encoder["params"]}
     return params
 
 
 def input_keys(config: Config) -> tuple[str, ...]:
-    """Keys of the arrays of a batch that the network, its loss and its evaluation read."""
+    """Names of the arrays of a batch that network, loss and evaluation read."""
     depth = ("depth", "extrinsics") if "depth" in config.data.inputs else ()
     camera = ("intrinsics", "extrinsics") if config.eval.refine else ()
     return tuple(dict.fromkeys(("image", "mask", "points", *depth, *camera)))
@@ -117,10 +117,10 @@ def input_keys(config: Config) -> tuple[str, ...]:
 def random_input(
     config: Config, step: Array | int, batch_size: int, *, train: bool
 ) -> Array | None:
-    """Random input r ~ N(0, I) [B, random_size] of a training step or a batch; None without one.
+    """Random input r ~ N(0, I) [B, random_size]; None if the network has none.
 
-    For training with `loss.min_of_n` > 1 it is [B, min_of_n, random_size]. B counts all devices and
-    processes. Source: paper, section "Generation of Multiple Plausible Shapes".
+    In training with `loss.min_of_n` > 1 it is [B, min_of_n, random_size]. B is the batch size over
+    all devices and processes. Source: paper, section "Generation of Multiple Plausible Shapes".
     """
     if not config.model.random_size:
         return None
@@ -137,23 +137,22 @@ def stack_channels(
     channels: Sequence[str],
     distance: Float[Array, "*b"] | float | None = None,
 ) -> Float[Array, "*b h w c"]:
-    """Builds the input of a network, with its channels in the order of `channels`.
+    """The input of a network, with the channels in the order of `channels`.
 
-    - "rgb", three channels: colour / 255; every background pixel is 191 / 255.
+    - "rgb", three channels: colour / 255; background pixels are 191 / 255.
     - "mask", one channel: the **background** mask, 1 = background, 0 = object.
-    - "depth", two channels (**ours**: the sources do not say how a network gets depth). The first
-      is `distance - z`: how much nearer to the camera the surface is than the frame's origin, in
-      units; it is in [-1, 1] on the object. The second is 1 where depth was measured. Both are 0 on
-      the background and where the sensor measured nothing on the object (z <= 0 or not finite).
+    - "depth", two channels (**ours**: the sources do not say how a network reads depth). The first,
+      `distance - z`, says how much nearer to the camera the surface is than the frame's origin, in
+      units; on the object it is in [-1, 1]. The second is 1 where depth was measured. Both are 0 on
+      the background and where the object's depth is missing (z <= 0 or not finite).
 
     Args:
       image: RGB.
       mask: True on the object.
-      depth: z along the optical axis in units (radius of the bounding hemisphere); required for
-        "depth".
+      depth: z along the optical axis, in units (radius of the bounding hemisphere); for "depth".
       channels: any of "rgb", "mask", "depth".
       distance: depth of the frame's origin along the optical axis, `extrinsics[2, 3]`; None: 3.6,
-        the value of the default camera.
+        as for the default camera.
 
     Source: the authors' published code and data, which store colours as BGR.
     """
@@ -176,7 +175,7 @@ def stack_channels(
 
 
 def network_inputs(channels: Sequence[str], batch: Mapping[str, Any]) -> Array:
-    """The network input of a batch: [B,H,W,C], or [B,V,H,W,C] for several views."""
+    """`stack_channels` of a batch: [B,H,W,C], or [B,V,H,W,C] for several views."""
     camera = batch.get("extrinsics")
     return stack_channels(
         batch["image"],
@@ -190,6 +189,6 @@ def network_inputs(channels: Sequence[str], batch: Mapping[str, Any]) -> Array:
 def predict(
     config: Config, model: nn.Module, params: Any, batch: Mapping[str, Any], r: Array | None
 ) -> Array:
-    """Points [B,N,3] of a batch's images; [B,draws,N,3] if r is [B,draws,random_size]."""
+    """Points [B,N,3] for the images of a batch; [B,draws,N,3] if r is [B,draws,random_size]."""
     x = network_inputs(config.data.inputs, batch)
     return cast(Array, model.apply({"params": params}, x, r))

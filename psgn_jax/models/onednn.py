@@ -10,9 +10,9 @@ bfloat16 with the axes [batch, height, width, channels], kernels [kh, kw, c_in, 
 accumulated in float32. The results are deterministic for a fixed number of threads.
 
 XLA calls the library through a Python callback, which passes pointers and copies no images.
-Therefore JAX neither caches nor exports programs with these functions. As many calls run at a time
-as there are devices, and they share the cores (or each has `OMP_NUM_THREADS` threads). Primitives
-are kept for each thread, for the life of the process.
+Therefore JAX neither caches nor exports programs with these functions. There are at most as many
+simultaneous calls as devices; they share the cores, or use `OMP_NUM_THREADS` threads each.
+Primitives are kept for each thread, for the life of the process.
 """
 
 import ctypes
@@ -41,8 +41,8 @@ _UNSUPPORTED = (2, 3)  # statuses: invalid arguments, unimplemented
 _DTYPES = {"float32": 3, "bfloat16": 2}
 _ALIGNMENT = 64
 
-# Iterations that OpenMP's threads wait for the next call before they sleep. Without this limit they
-# keep the cores busy for milliseconds; threads that sleep at once start late.
+# Iterations for which OpenMP's threads spin before they sleep. By default they keep the cores busy
+# for milliseconds; threads that sleep at once start late.
 _SPINS = "10000"
 
 _Handle = ctypes.c_void_p
@@ -60,8 +60,8 @@ class OneDNNError(RuntimeError):
 class Convolution(NamedTuple):
     """Shapes and geometry of a convolution; `padding` is ((top, bottom), (left, right)).
 
-    The padded size is `(out - 1) * stride + k`. Padding is negative on a side where the convolution
-    does not read the outermost pixels.
+    The padded size is `(out - 1) * stride + k`. Padding is negative on a side whose outermost
+    pixels the convolution does not read.
     """
 
     x: tuple[int, ...]
@@ -78,9 +78,9 @@ class _Argument(ctypes.Structure):
 
 @functools.cache
 def library() -> tuple[Any, str]:
-    """The loaded library, or None, and why there is none.
+    """The loaded library, or None and the reason.
 
-    `GOMP_SPINCOUNT` is set while the library is loaded, unless it or `OMP_WAIT_POLICY` is set.
+    `GOMP_SPINCOUNT` is set during loading, unless it or `OMP_WAIT_POLICY` is set already.
     """
     try:
         files = importlib.metadata.files(_DISTRIBUTION) or []
@@ -103,36 +103,36 @@ def library() -> tuple[Any, str]:
 
 
 def computes(convolution: Convolution) -> bool:
-    """Whether oneDNN has fast routines for the three parts of a convolution."""
+    """Whether oneDNN has fast routines for all parts of a convolution."""
     return all(_primitive(part, convolution) is not None for part in get_args(Part))
 
 
 def compute(part: Part, first: Array, second: Array, convolution: Convolution) -> Array:
-    """A part of a convolution that oneDNN `computes`.
+    """A part of a convolution, if oneDNN `computes` it.
 
-    The arguments are (x, kernel) for "forward", (dy, kernel) for "input_gradient" and (x, dy) for
+    The arguments are (x, kernel) for "forward", (dy, kernel) for "input_gradient", (x, dy) for
     "kernel_gradient".
     """
     primitive = _primitive(part, convolution)
     assert primitive is not None
-    # The API is experimental, so it is imported only where it is used.
+    # An experimental API, so it is imported only where it is used.
     from jax.experimental.buffer_callback import buffer_callback
 
     shapes = {"forward": convolution.y, "input_gradient": convolution.x}
     result = jax.ShapeDtypeStruct(shapes.get(part, convolution.kernel), first.dtype)
-    # Under `jax.vmap`, one call for each element of the mapped axis. JAX compares callbacks to find
-    # compiled programs; a bound method is equal to itself.
+    # `jax.vmap` makes a call for each element. JAX compares callbacks to find compiled programs; a
+    # bound method is equal to itself.
     return buffer_callback(primitive.callback, result, vmap_method="sequential")(first, second)
 
 
 @functools.cache
 def _turns() -> threading.Semaphore:
-    """Limits the calls that run at a time."""
+    """Limits the number of simultaneous calls."""
     return threading.Semaphore(jax.local_device_count())
 
 
 class _ThreadState:
-    """State of a thread, because a call sets the addresses of its memory objects."""
+    """State of a thread; a call sets addresses in it, so threads cannot share it."""
 
     def __init__(self) -> None:
         if (devices := jax.local_device_count()) > 1 and "OMP_NUM_THREADS" not in os.environ:
@@ -142,7 +142,7 @@ class _ThreadState:
         self.workspaces: dict[str, np.ndarray] = {}
 
 
-# Not `threading.local`: Python forgets a thread of XLA after each callback.
+# Not `threading.local`: Python forgets XLA's threads after each callback.
 _thread_states: dict[int, _ThreadState] = {}
 _making = threading.Lock()  # the first thread makes the engine, which all share
 
@@ -169,7 +169,7 @@ def _new_primitive(part: Part, convolution: Convolution) -> "_Primitive | None":
     (top, bottom), (left, right) = convolution.padding
     if min(top, left) < 0 or 0 in convolution.x:
         return None
-    # Negative padding leaves out the last pixels, which oneDNN does without being told.
+    # For negative padding at the end, oneDNN ignores the last pixels by itself.
     padding = ((top, max(0, bottom)), (left, max(0, right)))
     try:
         primitive = _Primitive(part, convolution._replace(padding=padding))
@@ -187,7 +187,7 @@ def _call(name: str, *args: Any) -> None:
 
 
 def _make(name: str, *args: Any) -> _Handle:
-    """Calls a function that stores a new object in its first argument."""
+    """Calls a function that returns a new object in its first argument."""
     handle = _Handle()
     _call(name, ctypes.byref(handle), *args)
     return handle
@@ -208,7 +208,7 @@ def _dims(*values: int) -> Any:
 
 @functools.cache
 def _engine() -> tuple[_Handle, _Handle]:
-    """Engine and attributes, which all primitives share."""
+    """Engine and attributes of all primitives."""
     engine = _make("dnnl_engine_create", _CPU, ctypes.c_size_t(0))
     attributes = _make("dnnl_primitive_attr_create")
     _call("dnnl_primitive_attr_set_scratchpad_mode", attributes, _USER_SCRATCHPAD)
@@ -225,7 +225,7 @@ def _images(shape: Sequence[int], dtype: int) -> _Handle:
 
 
 def _memory(desc: _Handle) -> _Handle:
-    """A memory object without memory, for `_place`."""
+    """A memory object without memory; `_place` sets its address."""
     return _make("dnnl_memory_create", desc, _engine()[0], _Handle())
 
 
@@ -238,7 +238,7 @@ def _address(buffer: Any) -> int:
 
 
 def _workspace(purpose: str, size: int) -> int:
-    """Address of temporary memory; the block of a purpose grows to the largest size asked for."""
+    """Address of temporary memory; the block for a purpose only grows."""
     block = _thread_state().workspaces.get(purpose)
     if block is None or len(block) < size + _ALIGNMENT:
         block = _thread_state().workspaces[purpose] = np.empty(size + _ALIGNMENT, np.uint8)
@@ -262,10 +262,7 @@ class _Step:
 
 
 class _Primitive:
-    """One part of a convolution, and the conversion between the two layouts of the kernel.
-
-    oneDNN chooses the layout of kernels; rearranging them is part of the time of a call.
-    """
+    """One part of a convolution, with the kernel's conversion to or from oneDNN's layout."""
 
     def __init__(self, part: Part, convolution: Convolution):
         self._key = part, convolution
@@ -311,7 +308,7 @@ class _Primitive:
             create = "dnnl_reorder_primitive_desc_create"
             reorder = _make(create, source, engine, target, engine, attributes)
             conversion = [_Step(reorder, {_SRC: start, _DST: end})]
-        # The arguments of the step, and the memories of first, second and result.
+        # The arguments of the step; the memory objects of first, second and result.
         arguments, self._outer = {
             "forward": (
                 {_SRC: images, _WEIGHTS: inner, _DST: result},

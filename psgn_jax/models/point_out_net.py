@@ -1,36 +1,36 @@
 """PointOutNet: predicts a point cloud from one image, in three versions.
 
 Sources: the paper, section "Point Set Prediction Network" and figure "PointOutNet structure"; the
-layers in the authors' published code (github.com/fanhqme/PointSetGeneration). Sizes are stated for
-the default configuration: images of 192x256 pixels and widths 16, 32, 64, 128, 256, 512,
-512 at levels 0 to 6. Level l has 1 / 2^l of the image size; the last level, 3x4, is the bottleneck.
-Layers are 3x3 convolutions with ReLU unless stated otherwise.
+layers in the authors' published code (github.com/fanhqme/PointSetGeneration). Sizes below are those
+of the default configuration: images of 192x256 pixels, and widths 16, 32, 64, 128, 256, 512, 512 at
+levels 0 to 6. Level l has 1 / 2^l of the image size; the last level, 3x4, is the bottleneck. Layers
+are 3x3 convolutions with ReLU unless stated otherwise.
 
 - `vanilla`: `Encoder`, flatten, dense 2048 and 1024 (ReLU), then 3 numbers per point (linear).
 - `two_branch`: the same for 256 points (fc branch), and in parallel a deconv branch: a `Merge` at
-  each level from the bottleneck up to 24x32, one more convolution, and a linear convolution to the
-  coordinates of the points of each cell.
+  each level from the bottleneck up to 24x32, another convolution, and a linear convolution to the
+  coordinates of each cell's points.
 - `hourglass`: encode, decode up to 96x128, encode again, decode to 24x32, then as `two_branch`. The
-  fc branch reads both bottlenecks. The first goes through a dense layer of 2048 with ReLU and a
-  linear layer of 2048 (`carry`), the second through another linear layer of 2048. The two
-  results are added; a ReLU follows.
+  fc branch reads both bottlenecks: the first through a dense layer of 2048 with ReLU and a linear
+  layer of 2048 (`carry`), the second through another linear layer of 2048. A ReLU of their sum
+  follows.
 
-Output: first the fc points, then the deconv points row by row, with the points of one cell next to
-each other. Both output layers are linear, so that coordinates can be negative.
+Output: first the fc points, then the deconv points row by row, cell by cell. Both output layers are
+linear, so that coordinates can be negative.
 
 **Ours**, because the sources leave it open or disagree:
 
 - Strided kernels are 3x3, except 5x5 into the bottleneck (`vanilla`, `two_branch`) or at the last
-  three levels (`hourglass`). These are the published sizes; we count from the bottleneck, so that
-  the rule also applies to fewer levels.
+  three levels (`hourglass`). These are the published sizes; we count levels from the bottleneck, so
+  that the rule also applies to fewer levels.
 - The last transposed convolution is linear. In the authors' two-branch network a ReLU follows it,
   in their hourglass it does not.
-- The authors never published `vanilla`. Here it is `two_branch` without the deconv branch, so it
+- The authors never published `vanilla`. Ours is `two_branch` without the deconv branch, so it
   predicts only `fc_points` points.
 - Between its two passes the hourglass goes up to level 1, or to level 0 if `deconv_level` is 0.
 - The random input r: a dense layer without bias, one for each pass, maps r to the shape of the
-  bottleneck, and the result is added before the ReLU of the bottleneck. With several r per image,
-  the layers before r, and the skip convolutions that read them, are computed once per image.
+  bottleneck and is added before its ReLU. With several r per image, the layers before r, and the
+  skip convolutions that read them, are computed once per image.
 - If a side of the image is not a multiple of 2^(levels - 1), we pad it to the next multiple with
   copies of border pixels, half on each side (an odd pixel at the bottom or right).
 - The output layers compute in float32, because bfloat16 numbers near 1 have steps of .008.
@@ -47,7 +47,7 @@ from psgn_jax.models.layers import SUMMED, Conv, ConvTranspose, Dense
 
 
 class OutputGrid(NamedTuple):
-    """Size of the point grid of a deconv branch, (0, 0, 0) without one."""
+    """Size of the deconv branch's grid of points, (0, 0, 0) without this branch."""
 
     height: int
     width: int
@@ -55,14 +55,14 @@ class OutputGrid(NamedTuple):
 
 
 class Branches(NamedTuple):
-    """Indices of the points that each branch predicts."""
+    """Indices of each branch's points."""
 
     fc: range
     deconv: range
 
 
 def _add(x: Array, per_image: Array) -> Array:
-    """`x + per_image`; x may have several rows for each row of `per_image`, next to each other."""
+    """`x + per_image`; x may have several consecutive rows for each row of `per_image`."""
     if x.shape == per_image.shape:
         return x + per_image
     # `shape[0]`, not `len`: the number of images may be symbolic (`psgn_jax.portable`).
@@ -71,7 +71,7 @@ def _add(x: Array, per_image: Array) -> Array:
 
 
 def _plus_random(x: Array, r: Array | None) -> Array:
-    """Adds to each feature of x a number, a linear function of r that is zero at first."""
+    """Shifts each feature of x by a linear function of r that is initially zero."""
     if r is None:
         return x
     y = Dense(x.shape[-1], False, kernel_init=nn.initializers.zeros, name="random")(r)
@@ -94,14 +94,14 @@ class Bottleneck(nn.Module):
 
 
 class Encoder(nn.Module):
-    """Two convolutions at full size; at each further level a strided one, then two more.
+    """Two convolutions at full size; at each further level a strided convolution, then two more.
 
-    The level above the bottleneck has three more. Returns the features of all levels but the last,
-    full size first, and the bottleneck.
+    The level above the bottleneck has three more. Returns the bottleneck and, before it, the
+    features of the other levels, full size first.
     """
 
     widths: tuple[int, ...]  # feature maps per level, full size first
-    num_wide: int  # levels, counted from the bottleneck, with a strided 5x5 kernel
+    num_wide: int  # number of last levels with a strided 5x5 kernel
     dtype: Any
 
     @nn.compact
@@ -121,11 +121,11 @@ class Encoder(nn.Module):
 class Merge(nn.Module):
     """ReLU(resampled x + 3x3 convolution of the skip), then a convolution with ReLU.
 
-    x is resampled to the size of `skip` by a linear 5x5 transposed convolution of stride 2, or if
-    `down_size` is not 0 by a linear strided convolution of that kernel size.
+    x is resampled to the size of `skip` by a linear 5x5 transposed convolution of stride 2 or, if
+    `down_size` is not 0, by a linear strided convolution with this kernel size.
     """
 
-    level_width: int  # feature maps of the encoder; there are half as many here
+    level_width: int  # feature maps of the encoder's level; a merge has half as many
     down_size: int
     dtype: Any
 
@@ -142,7 +142,7 @@ class Merge(nn.Module):
 
 
 class Decoder(nn.Module):
-    """Upsamples from the bottleneck; returns `features` with the levels >= `top` replaced."""
+    """Upsamples from the bottleneck; returns `features` with new levels >= `top`."""
 
     widths: tuple[int, ...]
     top: int
@@ -158,9 +158,9 @@ class Decoder(nn.Module):
 
 
 class Reencoder(nn.Module):
-    """The second downsampling pass of the hourglass, from the level `top` to the bottleneck.
+    """The second downsampling pass of the hourglass, from level `top` to the bottleneck.
 
-    Returns `features` with the levels > `top` replaced, and the bottleneck.
+    Returns `features` with new levels > `top`, and the bottleneck.
     """
 
     widths: tuple[int, ...]
@@ -180,7 +180,7 @@ class Reencoder(nn.Module):
 
 
 class FullyConnected(nn.Module):
-    """The fc branch: maps the bottlenecks of one or two passes to points [b, num_points, 3]."""
+    """The fc branch: from the bottlenecks of one or two passes to points [b, num_points, 3]."""
 
     num_points: int
     widths: tuple[int, ...]
@@ -214,7 +214,7 @@ class CloudNetwork(nn.Module):
 
     @property
     def branches(self) -> Branches:
-        """The points of each branch; by default they are all fc points."""
+        """The points of each branch; by default all are fc points."""
         return Branches(range(self.num_points), range(self.num_points, self.num_points))
 
 
@@ -231,7 +231,7 @@ class PointOutNet(CloudNetwork):
     deconv_channels: int  # its output channels, 3 per point of a cell
     random_size: int = 0  # components of r; 0 = no random input
     random_at: str = "bottleneck"  # or "all": also before the ReLUs of the two branches
-    dtype: Any = jnp.float32  # of the arithmetic in hidden layers; parameters, points: float32
+    dtype: Any = jnp.float32  # of hidden layers; parameters and points are float32
 
     @property
     def padded_size(self) -> tuple[int, int]:
@@ -241,7 +241,7 @@ class PointOutNet(CloudNetwork):
 
     @property
     def grid(self) -> OutputGrid:
-        """The grid of the deconv branch: 24 rows, 32 columns, 1 point per cell by default."""
+        """The grid of the deconv branch, by default 24 rows, 32 columns, 1 point per cell."""
         if self.version == "vanilla":
             return OutputGrid(0, 0, 0)
         height, width = (side >> self.deconv_level for side in self.padded_size)
@@ -249,7 +249,7 @@ class PointOutNet(CloudNetwork):
 
     @property
     def branches(self) -> Branches:
-        """The points of each branch: fc 0 to 255, deconv 256 to 1,023 by default."""
+        """The points of each branch, by default fc 0 to 255, deconv 256 to 1,023."""
         height, width, points = self.grid
         first = self.fc_points
         return Branches(range(first), range(first, first + height * width * points))
@@ -266,7 +266,7 @@ class PointOutNet(CloudNetwork):
         """Predicts the clouds of a batch.
 
         Args:
-          x: images, as returned by `networks.stack_channels`.
+          x: images from `networks.stack_channels`.
           r: standard normal numbers [b, random_size], or [b, draws, random_size] for several clouds
             per image; None if and only if `random_size` is 0.
 

@@ -3,22 +3,22 @@
 Source: paper, section "Generation of Multiple Plausible Shapes" and its figure on the conditional
 variational autoencoder (after Doersch, "Tutorial on Variational Autoencoders", 2016, section 3).
 During training, a 3D convolutional network Q maps the volume Y of the true shape to a normal
-distribution of z, and the generator G maps the image and a sample of z to a cloud. The loss,
-with the ground truth S and a distance d between clouds, is
+distribution of z, and the generator G maps the image and a sample of z to a cloud. With the ground
+truth S and a distance d between clouds, the loss is
 
     E over z ~ Q(z | Y) of d(G(image, z), S)  +  weight * KL(Q(z | Y) || N(0, I)).
 
-At test time z is sampled from N(0, I). The generator is the network of `point_out_net`; z is passed
-to it as its random input r.
+At test time z is sampled from N(0, I). The generator is the network of `point_out_net`, and z its
+random input r.
 
-The authors did not publish code for this version, and the paper gives no sizes. It refers to VoxNet
+The authors published no code for this version, and the paper gives no sizes; it refers to VoxNet
 (Maturana and Scherer, IROS 2015). The following is **ours**:
 
 - All convolutions have stride 2 and a ReLU (three by default: 5^3, 3^3, 3^3). A dense layer of 128
   with ReLU and a linear layer to mean and log-variance follow. VoxNet has one stride and a pooling.
-- The volume is the cells that contain ground-truth points of the sample (`occupied`), VoxNet's "hit
-  grid", not the solid occupancy in the records. It therefore includes the augmentation (flip,
-  stretch), and exists for all data sets.
+- The volume consists of the cells with ground-truth points of the sample (`occupied`), VoxNet's
+  "hit grid", not of the solid cells in the records. So it follows augmentations (flip, stretch) and
+  exists for all data sets.
 - The last layer has small initial values, so that Q starts near N(0, I) and the divergence near 0.
 """
 
@@ -35,14 +35,14 @@ from psgn_jax.models.layers import Conv3D, Dense
 from psgn_jax.models.volumes import GRID, GRID_EDGE, GRID_ORIGIN
 
 NAME = "posterior"
-"""Key of the posterior's parameters beside the generator's."""
+"""Name of the posterior network's parameters beside the generator's."""
 
 ACTIVE = 0.01
-"""A dimension of z is active if its divergence (nats, mean over samples) exceeds this."""
+"""A dimension of z is active if its mean divergence over samples (nats) exceeds this."""
 
 
 class Gaussian(NamedTuple):
-    """Means and logarithms of the variances of independent normal distributions."""
+    """Means and log-variances of independent normal distributions."""
 
     mean: Float[Array, "b k"]
     log_variance: Float[Array, "b k"]
@@ -67,9 +67,9 @@ class Posterior(nn.Module):
 
 
 def occupied(points: Float[Array, "n 3"]) -> Float[Array, "32 32 32"]:
-    """1 in the cells of `volumes.GRID` that contain a point, 0 in the others; it has no gradient.
+    """1 in the cells of `volumes.GRID` that contain a point, 0 elsewhere, without gradient.
 
-    A point outside the grid, for instance after stretching, counts for the nearest cell.
+    Points outside the grid, for instance after stretching, belong to the nearest cell.
     """
     place = (points - jnp.asarray(GRID_ORIGIN, points.dtype)[None, :]) / (
         GRID_EDGE / OCCUPANCY_SIZE
@@ -90,7 +90,7 @@ def reparameterise(q: Gaussian, noise: Float[Array, "b k"]) -> Float[Array, "b k
 def kl_of_dims(q: Gaussian) -> Float[Array, "b k"]:
     """KL(Q || N(0, I)) of each dimension, in nats: (mean^2 + variance - 1 - log variance) / 2.
 
-    Source: Kingma and Welling 2014, appendix B. "variance - 1" is computed by `expm1` from the
-    log-variance, which avoids cancellation near the prior.
+    Source: Kingma and Welling 2014, appendix B. We compute "variance - 1" by `expm1` of the
+    log-variance, to avoid cancellation near the prior.
     """
     return 0.5 * (jnp.square(q.mean) + jnp.expm1(q.log_variance) - q.log_variance)

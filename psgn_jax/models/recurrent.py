@@ -4,27 +4,25 @@ Source: Choy et al., "3D-R2N2: A Unified Approach for Single and Multi-view 3D O
 Reconstruction", ECCV 2016, with the sizes of its published code
 (github.com/chrischoy/3D-R2N2, `models/res_gru_net.py`):
 
-- `ImageEncoder`, applied to each view: six levels with 96, 128, 256, 256, 256, 256 feature maps.
-  Each level has two 3x3 convolutions (the very first is 7x7) and a 2x2 max pooling with a
-  padding of one pixel: 127 pixels become 64, 33, 17, 9, 5, 3. A dense layer of 1024 follows.
-  Shortcuts: levels 2, 3 and 5 add a 1x1 convolution of their input, level 6 adds its input, levels
-  1 and 4 have none.
+- `ImageEncoder`, for each view: six levels with 96, 128, 256, 256, 256, 256 feature maps. Each
+  level has two 3x3 convolutions (the first of all is 7x7) and a 2x2 max pooling with a padding of
+  one pixel: 127 pixels become 64, 33, 17, 9, 5, 3. A dense layer of 1024 follows. Shortcuts: levels
+  2, 3 and 5 add a 1x1 convolution of their input, level 6 adds its input.
 - `VolumeCell`: a GRU on a grid of 4^3 cells with 128 numbers each,
   `h = u h + (1 - u) tanh(W x + U (r h) + b)`. U is a 3x3x3 convolution over the cells; W is a dense
   layer that reads the view, with separate weights for each cell.
-- `VolumeDecoder`: three levels with 128, 128 and 64 feature maps. Each level unpools (each number
-  goes to one corner of 2^3 cells, the others are 0), applies two 3x3x3 convolutions and adds the
-  unpooled volume (at 64 feature maps through a 1x1x1 convolution). At 32^3 two convolutions with 32
-  feature maps follow; a third reads the output of the first, and is added to the second.
-  A last convolution has 2 outputs per cell.
+- `VolumeDecoder`: three levels with 128, 128 and 64 feature maps. Each level unpools (`unpool`),
+  applies two 3x3x3 convolutions and adds the unpooled volume (at 64 feature maps through a 1x1x1
+  convolution). At 32^3 two convolutions with 32 feature maps follow; a third reads the output of
+  the first and is added to the second. A last convolution has 2 outputs per cell.
 
 The network has 35,968,706 parameters for images of 127 or 128 pixels. A leaky ReLU (.01) follows
 every convolution of the encoder and decoder, except shortcuts and the last convolution. The loss is
 the softmax cross-entropy, averaged over the cells.
 
-**Ours**: all kernels start with He initialisation, with the mean of fan-in and fan-out. In their
-code, the dense layers of `VolumeCell` start larger. The grid has the axes of the ground truth,
-[x, y, z] of `data.schema`.
+**Ours**: He initialisation of all kernels, with the mean of fan-in and fan-out (in the published
+code, the dense layers of `VolumeCell` start larger), and a grid indexed [x, y, z] like the ground
+truth (`data.schema`).
 """
 
 import functools
@@ -82,7 +80,7 @@ class ImageEncoder(nn.Module):
 
 
 class _Gate(nn.Module):
-    """`W x + U * h + b`, with a dense layer W per cell and a convolution U over the cells."""
+    """`W x + U * h + b`, with a dense layer W for each cell and a convolution U over the cells."""
 
     dtype: Any
 
@@ -133,10 +131,10 @@ class VolumeDecoder(nn.Module):
 
 
 class RecurrentVolume(nn.Module):
-    """Maps v >= 1 views of an object to the logits (empty, occupied) of its 32^3 cells.
+    """Maps v >= 1 views of an object to the logits (empty, occupied) of 32^3 cells.
 
-    The views are, for example, RGB in [0, 1] of 127x127 pixels. The shapes of the parameters do not
-    depend on v. The last layer is in float32.
+    Views are for example RGB in [0, 1] with 127x127 pixels. The parameters do not depend on v. The
+    last layer computes in float32.
     """
 
     conv_widths: tuple[int, ...] = CONV_WIDTHS
@@ -159,7 +157,7 @@ class RecurrentVolume(nn.Module):
 
 
 def unpool(x: Float[Array, "b n n n c"]) -> Float[Array, "b m m m c"]:
-    """Doubles each axis: each number goes to the lowest corner of 2^3 cells, the others are 0."""
+    """Doubles each axis: a value goes to the lowest corner of 2^3 cells, the others are 0."""
     twice = [(0, 1, 1)] * 3
     return jax.lax.pad(x, jnp.zeros((), x.dtype), [(0, 0, 0), *twice, (0, 0, 0)])
 
@@ -169,7 +167,7 @@ def voxel_cross_entropy(
 ) -> Float[Array, ""]:
     """Mean over the cells of -log softmax(logits)[gt], with the natural logarithm."""
     gt = jnp.asarray(gt)
-    # For two classes, -log(probability) is the softplus of the other logit minus this logit.
+    # For two classes, -log(probability) is softplus(other logit - this logit).
     lead = logits[..., 1] - logits[..., 0]
     return nn.softplus(jnp.where(gt, -lead, lead)).mean()
 

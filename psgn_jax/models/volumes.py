@@ -10,14 +10,13 @@ Source: paper, implementation details, "Post processing":
 - `VolumeNet`: "another network to predict the object's volume", whose output "is concatenated with
   the registered occupancy".
 
-**Ours**, because the paper does not say: in a splat, the sum of the intersections is clipped to
-[0, 1]. The refiner has hidden layers of 16 channels, ReLUs and a final sigmoid. It reads the
-logarithm of the volume, as a channel with the same number in every cell.
+**Ours**, because the paper does not say: a splat is clipped to [0, 1]. The refiner has hidden
+layers of 16 channels, ReLUs and a final sigmoid. It reads the logarithm of the volume as a constant
+channel.
 
 Frame: the grid of `data.schema`, indexed [x, y, z], over [-1, 1] x [-1, 1] x [0, 2].
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import jax.numpy as jnp
@@ -45,9 +44,9 @@ def splat(
 
     grid[c] = min(1, sum_i prod_axis max(0, 1 - |u_i - (c + 1/2)|)),   u = (p - origin) size / 2
 
-    Each cube is as large as a cell; parts outside the grid are ignored. The function is
-    differentiable in the points [n, 3], in the project's frame; cells that are clipped to 1 have
-    gradient 0. One non-finite coordinate makes the whole grid NaN.
+    The points [n, 3] are in the project's frame. A cube is as large as a cell; its parts outside
+    the grid are ignored. The gradient of clipped cells is 0. A non-finite coordinate makes the
+    whole grid NaN.
     """
     points = jnp.asarray(points)
     u = (points - jnp.asarray(GRID_ORIGIN, points.dtype)[None]) * (size / GRID_EDGE) - 0.5
@@ -59,16 +58,11 @@ def splat(
         step = [corner >> axis & 1 for axis in range(3)]
         cell = first + jnp.asarray(step)[None]
         weight = jnp.where(jnp.asarray(step)[None] == 1, share, 1 - share).prod(axis=1)
-        # Negative indices would count from the end; map them beyond it, where they are dropped.
+        # Negative indices would count from the end; indices beyond the end are dropped.
         cell = jnp.where(cell < 0, size, cell)
         grid = grid.at[cell[:, 0], cell[:, 1], cell[:, 2]].add(weight, mode="drop")
     grid = jnp.minimum(grid, 1)
     return jnp.where(jnp.isfinite(points).all(), grid, jnp.nan)
-
-
-def splat_clouds(clouds: Sequence[Float[Array, "_ 3"]]) -> Float[Array, "s s s c"]:
-    """`splat` of each cloud, stacked along channels: the input of `VoxelRefiner` for one sample."""
-    return jnp.stack([splat(cloud) for cloud in clouds], axis=-1)
 
 
 def log_volume(occupancy: Bool[Array, "s s s"]) -> Float[Array, ""]:
@@ -79,10 +73,10 @@ def log_volume(occupancy: Bool[Array, "s s s"]) -> Float[Array, ""]:
 
 
 class VoxelRefiner(nn.Module):
-    """Maps `splat_clouds`, and optionally log-volumes, to the probability of each cell.
+    """Maps splats of clouds, one a channel, and optionally log-volumes to probabilities of cells.
 
-    Six 3x3x3 convolutions with ReLU between them and a sigmoid at the end, for any grid size. The
-    last layer computes in float32.
+    Six 3x3x3 convolutions with ReLUs between them and a final sigmoid, for any grid size. The last
+    layer computes in float32.
     """
 
     widths: tuple[int, ...] = (16, 16, 16, 16, 16)
@@ -112,10 +106,10 @@ class VoxelRefiner(nn.Module):
 
 
 class VolumeNet(nn.Module):
-    """Maps images, with sides that are multiples of 2^(levels - 1), to `log_volume` of the object.
+    """Maps images, whose sides are multiples of 2^(levels - 1), to the `log_volume` of the object.
 
-    The network is the encoder of `PointOutNet`, a dense layer of `hidden` with ReLU and a linear
-    layer in float32 (**ours**).
+    **Ours**: the encoder of `PointOutNet`, a dense layer of `hidden` with ReLU and a linear layer
+    in float32.
     """
 
     widths: tuple[int, ...]

@@ -1,4 +1,4 @@
-"""Tasks: what a run trains and measures. `Config.task` names one; each is a `tasks.task.Task`."""
+"""Tasks: what a run trains and measures; `Config.task` names a `tasks.task.Task`."""
 
 import os
 import pathlib
@@ -21,7 +21,7 @@ def create(config: Config, workdir: str | os.PathLike[str] = "") -> Task:
     """Creates the task of a configuration.
 
     Raises:
-      ConfigError: the loss does not fit the network, or a run that `voxels.from_cd`, `from_emd` or
-        `from_volume` names is missing.
+      ConfigError: the loss does not fit the network, or a run in `voxels.from_cd`, `from_emd` or
+        `from_volume` is missing.
     """
     return TASKS[config.task](config, pathlib.Path(workdir))

@@ -28,10 +28,10 @@ from psgn_jax.prediction.refine import first_clouds
 from psgn_jax.tasks.task import Batch, Task
 from psgn_jax.viewing import spheres
 
-# Weights of the L2 terms in the authors' published training code, each w * sum(kernel**2) / 2 as in
-# tf.nn.l2_loss.
+# Weights w of the L2 terms w * sum(kernel**2) / 2 in the authors' published training code, and of
+# their sum.
 L2_CONV, L2_DENSE, L2_CARRY = 1e-5, 1e-3, 1e-4
-L2_SCALE = 0.1  # of their sum, as in the authors' code
+L2_SCALE = 0.1
 _NUM_PICTURES = 6  # at most, in TensorBoard
 
 PairFunction = Callable[..., Any]
@@ -44,13 +44,13 @@ def points_task(config: Config, workdir: pathlib.Path) -> Task:
 
     - `loss`: without the L2 and KL terms.
     - `loss_<name>`, if the loss is a sum: each term of `loss`, without its weight.
-    - `loss_of_draws`, if `loss.min_of_n` > 1: mean over all draws of the distance that chooses the
-      best draw: the loss, or with `loss.winner_points` the Chamfer distance of that many points.
-      `loss` is the mean over the best draws.
+    - `loss_of_draws`, if `loss.min_of_n` > 1: the distance that chooses the best draw (the loss, or
+      with `loss.winner_points` a Chamfer distance of so many points), averaged over all draws.
+      `loss` is averaged over the best draws.
     - `l2`, unless `loss.l2` is "none": the L2 term.
     - With `model.posterior`: `kl`, the divergence in nats, summed over the dimensions of z and
-      averaged over the samples; `kl_of_dims`, for each dimension; `active_dims`, the number of
-      dimensions above `posterior.ACTIVE`; `kl_weight`, the weight of `kl`.
+      averaged over the samples; `kl_of_dims`, the same for each dimension; `active_dims`, the
+      number of dimensions above `posterior.ACTIVE`; `kl_weight`, the weight of `kl`.
     """
     model = networks.build(config.model)
     terms = parse_terms(config.loss)
@@ -124,7 +124,7 @@ def _measure(
         pred = networks.predict(config, model, params, batch, batch.get("r"))
 
     def measure_pair(pred: Any, gt: Any, visible: Any = None) -> dict[str, Array]:
-        # Without a bijection, because there are fewer true points than predicted points, no EMD.
+        # The EMD needs at least as many true points as predicted points.
         emd_tolerance = (settings.emd_tolerance if len(pred) <= len(gt) else 0) or None
         metrics = metrics_lib.evaluate_pair(
             pred, gt, visible, threshold=settings.fscore_threshold, emd_tolerance=emd_tolerance
@@ -139,7 +139,7 @@ def _measure(
 
 
 def _picture(config: Config, eval_step: Callable[..., Any], params: Any) -> np.ndarray:
-    """An image of the first evaluation samples: predictions beside the true clouds."""
+    """A picture of the first evaluation samples: predictions beside true clouds."""
     (batch,) = loader.eval_batches(
         config.data,
         split=config.data.eval_split,
@@ -161,17 +161,17 @@ def _picture(config: Config, eval_step: Callable[..., Any], params: Any) -> np.n
 
 
 def kl_weight_at(config: Config, step: Array | int) -> Array:
-    """Weight of the KL at a training step: linear from 0 to `loss.kl_weight`, then constant."""
+    """Weight of the KL divergence: from 0 linearly to `loss.kl_weight`, then constant."""
     warmup = config.loss.kl_warmup_steps
     share = jnp.minimum(jnp.float32(1), step / warmup) if warmup else jnp.float32(1)
     return jnp.asarray(config.loss.kl_weight * share, jnp.float32)
 
 
 def l2_authors(params: Any) -> Array:
-    """The authors' L2 terms: half the sum of squares of each kernel, weighted by layer type.
+    """The authors' L2 terms: half the sum of squares of each kernel, without biases.
 
     The weights are 1e-5 for convolutions, 1e-4 for the dense layer `carry` of the hourglass, and
-    1e-3 for other dense layers. Biases are left out.
+    1e-3 for other dense layers.
     """
     total = jnp.float32(0)
     for path, leaf in jax.tree_util.tree_flatten_with_path(params)[0]:
@@ -186,15 +186,15 @@ def l2_authors(params: Any) -> Array:
 def min_of_n_loss(
     config: Config, model: nn.Module, loss: PairFunction, params: Any, batch: Batch, r: Array
 ) -> tuple[Array, MinOfN]:
-    """Batch mean of the loss of the best draw of each sample, over the draws of r [B,draws,k].
+    """Mean over the batch of the loss of each sample's best draw, of the draws for r [B,draws,k].
 
-    The best draw has the smallest loss, or with `loss.winner_points` = k > 0 the smallest Chamfer
-    distance of k points to k true points. In the first case, `min_of_n` of all draws of `predict`
-    has the same value and gradient, up to rounding. In the second, the loss is computed for the
-    best draw only, and `loss.mean_weight` adds the Chamfer distance of the first draw, which stands
-    for all. `MinOfN.distances` are what the draws were compared by.
+    The best draw has the smallest loss or, with `loss.winner_points` = k > 0, the smallest Chamfer
+    distance of k points to k true points. In the first case, value and gradient are those of
+    `min_of_n` of all draws, up to rounding. In the second, we compute the loss of the best draw
+    only, and `loss.mean_weight` adds the Chamfer distance of the first draw, an estimate of the
+    mean over all draws. `MinOfN.distances` are the distances by which draws are compared.
 
-    Only the best draw of each sample has a gradient, so we compute all draws without storing
+    Only the best draw of each sample has a gradient. So we compute all draws without storing
     activations, and the best draws again for the backward pass. XLA computes the parts that do not
     depend on r once.
     """
@@ -207,9 +207,9 @@ def min_of_n_loss(
 
         best = jax.lax.stop_gradient(map_pairs(min_of_n(by_few))(preds, batch["points"]))
         weight = config.loss.mean_weight
-        which = [best.winner, jnp.zeros_like(best.winner)] if weight else [best.winner]
-        of_which = r[rows[:, None], jnp.stack(which, axis=1)]
-        preds = networks.predict(config, model, params, batch, of_which)
+        chosen = [best.winner, jnp.zeros_like(best.winner)] if weight else [best.winner]
+        r_chosen = r[rows[:, None], jnp.stack(chosen, axis=1)]
+        preds = networks.predict(config, model, params, batch, r_chosen)
         values, aux = map_pairs(loss)(preds[:, 0], batch["points"])
         total = jnp.mean(values)
         if weight:
@@ -220,10 +220,10 @@ def min_of_n_loss(
         best = map_pairs(min_of_n(loss, has_aux=True))(preds, batch["points"])
         return jnp.sum(best.value), best
 
-    # The derivative of the loss with respect to the points is kept for the second pass.
+    # The second pass uses the loss's derivative with respect to the points.
     (value, best), by_points = jax.value_and_grad(smallest, has_aux=True)(preds)
     pred = networks.predict(config, model, params, batch, r[rows, best.winner])
-    # The value is zero; the gradient is the loss's, by the chain rule through the points.
+    # Its value is zero, its gradient the loss's, by the chain rule through the points.
     carried = by_points[rows, best.winner] * (pred - jax.lax.stop_gradient(pred))
     best = jax.lax.stop_gradient(best)
     return (jax.lax.stop_gradient(value) + jnp.sum(carried)) / len(r), best
@@ -232,11 +232,11 @@ def min_of_n_loss(
 def with_draws(
     config: Config, model: Any, eval_step: Callable[..., Any], num_draws: int
 ) -> Callable[..., Any]:
-    """An evaluation step that also measures K = `num_draws` draws for each image.
+    """`eval_step` with further metrics of K = `num_draws` draws for each image.
 
-    It adds to the metrics of `eval_step`: best-of-K and mean-of-K of the Chamfer distance, the same
-    of the EMD if `eval.emd_tolerance` is set, and `total_mutual_difference_radius2` if K > 1
-    (`prediction.sampling`). `ConfigError` if the network has no random input.
+    The metrics are best-of-K and mean-of-K of the Chamfer distance and, if `eval.emd_tolerance` is
+    set, of the EMD, and `total_mutual_difference_radius2` if K > 1 (`prediction.sampling`).
+    `ConfigError` if the network has no random input.
     """
     sample = sampling.sampler(config, model, num_draws)
 
@@ -265,7 +265,7 @@ def with_draws(
 
 
 def _check_loss(config: Config, terms: Sequence[LossTerm], num_points: int) -> None:
-    """Raises `ConfigError` if the loss does not accept the numbers of points."""
+    """Raises `ConfigError` if the loss does not fit the numbers of points."""
     if config.loss.winner_points > (most := min(num_points, config.data.num_points)):
         raise ConfigError(
             f"loss.winner_points={config.loss.winner_points}: accepted: at most {most}, the points "

@@ -1,11 +1,11 @@
 """The task "refiner": maps the clouds of trained networks to a solid volume.
 
-Source: paper, implementation details, "Post processing". For comparison, the IoU of each cloud's
-splat without the refiner is measured too, with a threshold of its own.
+Source: paper, implementation details, "Post processing". For comparison, we also measure the IoU of
+each cloud's splat without the refiner, at a threshold chosen for it.
 
-The networks that predict the clouds (and the log-volume) are frozen. They run inside the training
-step of the refiner, so that augmentation applies to their inputs. During training the refiner sees
-better clouds than at test time, because they are better on the images they were trained on.
+The networks that predict the clouds (and the log-volume) are frozen. They run inside the refiner's
+training step, so that augmentations apply to their inputs. The refiner sees better clouds in
+training than at test time, because the networks were trained on the same images.
 """
 
 import pathlib
@@ -32,7 +32,7 @@ CLOUDS = ("from_cd", "from_emd")
 
 
 def open_source(config: Config, workdir: pathlib.Path, name: str) -> Trained:
-    """Opens the run that `voxels.<name>` names, or its copy in `workdir` if there is one.
+    """Opens the run in `voxels.<name>`, or its copy in `workdir` if there is one.
 
     Raises:
       ConfigError: the run does not exist, or its image size, inputs or task do not match.
@@ -48,13 +48,12 @@ def open_source(config: Config, workdir: pathlib.Path, name: str) -> Trained:
             f"task {wanted!r}"
         )
     run = open_run(folder, "last" if kept else "best", name=f"voxels.{name}")
-    theirs = run.config
-    if theirs.task != wanted:
+    if run.config.task != wanted:
         raise ConfigError(
-            f"voxels.{name}={path!r} is a run of the task {theirs.task!r}; accepted: {wanted!r}"
+            f"voxels.{name}={path!r} is a run of the task {run.config.task!r}; accepted: {wanted!r}"
         )
     for field in ("image_size", "inputs"):
-        have, want = getattr(theirs.data, field), getattr(config.data, field)
+        have, want = getattr(run.config.data, field), getattr(config.data, field)
         if have != want:
             raise ConfigError(f"data.{field}={want!r}: accepted: {have!r}, as in voxels.{name}")
     return run
@@ -63,14 +62,14 @@ def open_source(config: Config, workdir: pathlib.Path, name: str) -> Trained:
 def refiner_task(config: Config, workdir: pathlib.Path) -> Task:
     """Maps clouds of one or two trained networks to a volume (`models.volumes.VoxelRefiner`).
 
-    Metrics: `iou` of the refiner; `iou_splat_cd`, `iou_splat_emd` of the splats without refiner.
+    Metrics: `iou` of the refiner; `iou_splat_cd`, `iou_splat_emd` of the clouds' splats.
     """
     names = list(config.voxels.sources)
     sources = {name: open_source(config, workdir, name) for name in names}
     frozen = {name: source.params for name, source in sources.items()}
-    # The networks that predict clouds, each with its configuration.
+    # Name -> configuration and network that predicts clouds.
     configs = {name: sources[name].config for name in names if name in CLOUDS}
-    clouds = {name: (theirs, networks.build(theirs.model)) for name, theirs in configs.items()}
+    clouds = {name: (source, networks.build(source.model)) for name, source in configs.items()}
     volume_net = None
     if "from_volume" in names:
         volume_net = networks.build_volume_net(sources["from_volume"].config.model)
@@ -82,20 +81,20 @@ def refiner_task(config: Config, workdir: pathlib.Path) -> Task:
         return model.init(networks.init_key(config), grids, size)["params"]
 
     def latents(step: Array | int, batch_size: int, *, train: bool) -> dict[str, Array]:
-        """Those of each cloud network with a random input, drawn as in an evaluation."""
+        """Random inputs of the networks that predict clouds, drawn as in an evaluation."""
         found: dict[str, Array] = {}
-        for name, (theirs, _) in clouds.items():
-            r = networks.random_input(theirs, step, batch_size, train=False)
+        for name, (source, _) in clouds.items():
+            r = networks.random_input(source, step, batch_size, train=False)
             found |= {} if r is None else {f"r_{name}": r}
         return found
 
     def predict(frozen: Any, params: Any, batch: Batch) -> tuple[Array, Array]:
-        """Returns probabilities [B,x,y,z] and the splats [B,x,y,z,clouds] of the clouds."""
+        """Probabilities [B,x,y,z], and splats of the clouds [B,x,y,z,clouds]."""
         predicted = [
-            networks.predict(theirs, network, frozen[name], batch, batch.get(f"r_{name}"))
-            for name, (theirs, network) in clouds.items()
+            networks.predict(source, network, frozen[name], batch, batch.get(f"r_{name}"))
+            for name, (source, network) in clouds.items()
         ]
-        splats = jax.vmap(lambda *one: volumes.splat_clouds(one))(*predicted)
+        splats = jnp.stack([jax.vmap(volumes.splat)(cloud) for cloud in predicted], axis=-1)
         sizes = None
         if volume_net is not None:
             seen = networks.network_inputs(config.data.inputs, batch)
@@ -140,5 +139,5 @@ def _keep(sources: Mapping[str, Trained], frozen: pathlib.Path) -> None:
         meta = {"config": to_dict(source.config), "seed": source.config.seed}
         checkpoints.save(source.step, named_leaves({"params": source.params}), meta)
         checkpoints.close()
-        # Written last: its presence marks a complete copy.
+        # Written last, because it marks a complete copy.
         write_atomic(folder / "config.json", to_json(source.config))

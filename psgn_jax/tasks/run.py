@@ -3,9 +3,10 @@
 The network's task (`Config.task`) defines the metrics; clouds have the metrics of
 `evaluation.clouds.evaluate_pair`. The unit is the radius of an object's bounding hemisphere.
 
-The folder `eval_<split>_<best|last>` of a run (then `_placed` if placed, `_refine` if refined) gets
-`table.txt`, `table.csv` and `table.json` with a row for each category and the two averages, and
-`samples.csv` with a row for each sample.
+`table.txt`, `table.csv` and `table.json` have a row for each category and the two averages,
+`samples.csv` has a row for each sample. They are in the run's folder `eval_<split>_<best|last>`,
+or for weights in `eval_<weights>_<split>`; `_placed` and `_refine` follow if objects were placed
+and clouds refined.
 """
 
 import dataclasses
@@ -42,13 +43,11 @@ def evaluate_run(
     """Evaluates an opened network and writes the tables.
 
     Args:
-      out: folder for the files; None = `eval_<split>_<checkpoint>` in the folder of the run, or
-        `eval_<weights>_<split>` for weights, followed by `_placed` if placed and `_refine` if
-        refined.
+      out: folder for the files; None = the folder above.
       draws: number of predictions per image for the metrics of `tasks.points.with_draws`; 0 = none.
-      frame: "keep" uses the images of the records as they are; "place" crops and places them like
-        photos, and moves the true points accordingly (`data.framing`).
-      refine: measure the clouds of `prediction.refine`; None = as `eval.refine` says.
+      frame: "keep" uses the images as they are; "place" crops and places objects as in photos, with
+        their true points (`data.framing`).
+      refine: whether to measure the clouds of `prediction.refine`; None = `eval.refine`.
 
     Raises:
       ConfigError: the task or the data do not fit.
@@ -88,7 +87,7 @@ def evaluate_run(
 def output_folder(
     run: Trained, out: str | pathlib.Path | None, name: str, split: str, ends: str = ""
 ) -> pathlib.Path:
-    """`out`, or the default folder of results; raises `ConfigError` if it cannot be written."""
+    """`out`, or the default folder of results; `UserError` if it cannot be written."""
     default = f"{name}_{run.source}_{split}{ends}"
     if run.source_kind == "workdir":
         default = f"{run.source}/{name}_{split}_{run.checkpoint}{ends}"
@@ -101,10 +100,9 @@ def report_runs(
     runs: Sequence[Trained],
     **options: Any,
 ) -> Evaluation:
-    """Evaluates one network, or two for a comparison, and writes the gallery (`evaluation.report`).
+    """Evaluates a network, or two to compare, and writes the gallery (`evaluation.report`).
 
-    Args:
-      **options: options of `evaluate_run`; `out` applies to the first network only.
+    `options` are those of `evaluate_run`; `out` applies to the first network only.
     """
     for run in runs:
         require_points_task(run.config, "report")

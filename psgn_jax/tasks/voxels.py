@@ -1,9 +1,9 @@
 """The tasks on solid volumes: "volume" and "views"; "refiner" is in `tasks.refiner`.
 
-The ground truth is the occupancy in the records, a 32^3 grid in the frame of the image. IoU is
-defined in `losses.iou`. A cell counts as occupied if its probability reaches a threshold. Of the
-thresholds .05, .10, ..., .95, we choose the threshold with the best mean IoU on the split that is
-evaluated during training. Later evaluations, on any split, use the same threshold.
+The ground truth is the occupancy in the records, a 32^3 grid in the frame of the image;
+`losses.iou` defines the IoU. A cell is occupied if its probability reaches a threshold. Of .05,
+.10, ..., .95, we choose the threshold with the best mean IoU on the split that is evaluated during
+training. Later evaluations use it on any split.
 """
 
 import pathlib
@@ -39,10 +39,12 @@ def voxel_task(
     latents: Callable[..., dict[str, Any]] = no_latents,
     keep_sources: Callable[[], None] = lambda: None,
 ) -> Task:
-    """A task on solid volumes; `Task` explains the other arguments.
+    """A task on solid volumes; see `Task` for the other arguments.
 
-    `measure` maps (params, batch) to predictions and metrics [B] or, if a threshold is to be
-    chosen, [B, thresholds]. The metric `best` decides which checkpoint is the best; "" = none.
+    Args:
+      measure: maps (params, batch) to predictions and metrics [B] or, for each threshold,
+        [B, thresholds].
+      best: the metric that decides which checkpoint is the best; "" = none.
     """
     keys = (*(key for key in networks.input_keys(config) if key != "points"), "occupancy")
     eval_step = compile_measure(measure, latents, keys, config.eval.batch_size)
@@ -93,11 +95,11 @@ def volume_task(config: Config, workdir: pathlib.Path) -> Task:
 def views_task(config: Config, workdir: pathlib.Path) -> Task:
     """3D-R2N2 (`models.recurrent`): from images to a solid volume, trained by cross-entropy.
 
-    Source: Choy et al., "3D-R2N2", ECCV 2016. **Ours**: the network predicts in the frame of the
-    first view, like all networks of this project, so it must infer how other views are rotated. The
+    Source: Choy et al., "3D-R2N2", ECCV 2016. **Ours**: like all networks of this project, it
+    predicts in the frame of the first view, so it must infer how other views are rotated. The
     original predicts in the frame of the data set, the same for all views.
 
-    Metrics: `iou_1_views`, `iou_3_views`, ..., one for each number of views in `voxels.eval_views`.
+    Metrics: `iou_1_views`, `iou_3_views`, ..., for each number of views in `voxels.eval_views`.
     `on_batch` of `evaluate` gets the predictions for the first number.
     """
     model, sizes = networks.build_r2n2(config.model, config.voxels), config.model

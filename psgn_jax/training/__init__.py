@@ -1,1 +1,1 @@
-"""Training: from a configuration to a trained network in a folder."""
+"""Training."""

@@ -1,8 +1,8 @@
 """The output of training: JSON lines, TensorBoard files, and progress on the terminal.
 
 Each line of `metrics.jsonl` is a JSON object with `step`, `kind` ("train" or "eval") and metrics,
-which are numbers or lists of numbers. A resumed run removes the lines after the step it resumes
-from and writes them again, so that none is lost or duplicated.
+which are numbers or lists of numbers. A resumed run removes the lines after the step from which it
+resumes, so no line is lost or duplicated.
 """
 
 import collections
@@ -37,11 +37,14 @@ class NonFiniteError(UserError):
 class TrainingLog:
     """Logs the metrics of training steps to the terminal and a `writer`.
 
-    A line has the metrics of its last step, but the mean `loss` since the line before. Between
-    lines it reads the metrics two steps late: the device does not wait for the host, and the host
-    is at most two steps ahead. `loss_sum` (float32) and `loss_count` are the
-    losses since the last line; `losses` has those before `start`. `began` is when the compilation
-    has begun, in the seconds of `time.monotonic`.
+    A line has the metrics of its step, and the mean `loss` since the previous line. Between lines,
+    metrics are read two steps late: the device does not wait for the host, and the host is at most
+    two steps ahead.
+
+    Args:
+      losses: sum and number of the losses between the last line and `start`; `loss_sum` (float32)
+        and `loss_count` continue them.
+      began: when the compilation began, in seconds of `time.monotonic`.
     """
 
     def __init__(
@@ -61,7 +64,7 @@ class TrainingLog:
         self.loss_sum, self.loss_count = np.float32(losses[0]), int(losses[1])
 
     def add(self, step: int, metrics: dict[str, jax.Array]) -> None:
-        """Adds the metrics of a step that has been dispatched; raises `NonFiniteError`."""
+        """Adds the metrics of a dispatched step; raises `NonFiniteError`."""
         self._pending.append((step, metrics))
         first, due = step == self._start + 1, step % self._plan.log_every == 0
         line = due or step == self._plan.steps
@@ -76,7 +79,7 @@ class TrainingLog:
             self.loss_sum, self.loss_count = np.float32(0), 0
 
     def drain(self) -> None:
-        """Waits for all steps; raises `NonFiniteError` if the loss or gradient was not finite."""
+        """Waits for all steps; raises `NonFiniteError` if a loss or gradient is not finite."""
         self._read(0)
 
     @contextlib.contextmanager
@@ -136,7 +139,7 @@ class TrainingLog:
 def read_metrics(path: str | pathlib.Path) -> list[dict[str, Any]]:
     """The lines of a `metrics.jsonl`; an empty list if the file does not exist.
 
-    An incomplete last line is skipped, damaged lines with a warning.
+    Skips an incomplete last line and, with a warning, damaged lines.
     """
     entries, damaged = [], 0
     with contextlib.suppress(FileNotFoundError), open(path, "rb") as file:
@@ -154,8 +157,8 @@ def read_metrics(path: str | pathlib.Path) -> list[dict[str, Any]]:
 class MetricsWriter:
     """Writes the metrics of a run to `metrics.jsonl` and `tensorboard/` in `workdir`.
 
-    Lines after `step`, where the run starts or resumes, are removed, and the evaluation at `step`
-    unless it is complete (`evaluated`).
+    Removes the lines after `step`, where the run resumes, and the evaluation at `step` unless it is
+    complete (`evaluated`).
     """
 
     def __init__(self, workdir: str | pathlib.Path, step: int = 0, *, evaluated: bool = True):
@@ -182,8 +185,8 @@ class MetricsWriter:
     ) -> None:
         """Writes a line, and `kind/name` to TensorBoard; `vectors` are lists or histograms."""
         lists = {name: vector.tolist() for name, vector in vectors.items()}
-        # The whole line in one write in append mode: if the process is killed, the line is complete
-        # or, rarely, cut off.
+        # A single write in append mode: if the process is killed, the line is complete or, rarely,
+        # cut off.
         line = _line({"step": step, "kind": kind, **values, **lists}).encode()
         with self._named():
             if os.write(self._file, line) < len(line):
@@ -207,7 +210,7 @@ class MetricsWriter:
 
     @contextlib.contextmanager
     def _named(self) -> Iterator[None]:
-        """Names the folder in an error of a write, which has no name of a file."""
+        """Adds the folder's name to the errors of writing, which name no file."""
         try:
             yield
         except OSError as error:
@@ -216,15 +219,15 @@ class MetricsWriter:
 
     @functools.cached_property
     def _board(self) -> Any:
-        import tensorboardX  # imported here because it is slow and would delay the first step
+        import tensorboardX  # here, because this slow import would delay the first step
 
         folder = self._workdir / "tensorboard"
         # With `purge_step`, TensorBoard hides events that a killed run wrote after its last
         # checkpoint.
         purge = self._step + 1 if folder.exists() else None
         board = tensorboardX.SummaryWriter(str(folder), purge_step=purge)
-        # Events are written in this thread. In the writer's thread, an error such as a full disk
-        # would end that thread, and this thread would wait forever for it to empty the queue.
+        # Write events in this thread: an error in the writer's thread, such as a full disk, would
+        # end it, and this thread would wait forever for its queue.
         events = board.file_writer.event_writer
         events.add_event = events._ev_writer.write_event
         return board

@@ -1,8 +1,8 @@
-"""Training: one function, from a configuration to a trained network in a folder.
+"""Training, from a configuration to a trained network in a folder.
 
-The folder (`workdir`) gets `config.json`, `metrics.jsonl`, `tensorboard/` and `checkpoints/`.
-If `train` is called again with the same folder, it continues from the newest intact checkpoint. On
-the same machine, the final parameters have the same bits as without the interruption.
+The folder (`workdir`) gets `config.json`, `metrics.jsonl`, `tensorboard/` and `checkpoints/`. If it
+exists, `train` continues from its newest intact checkpoint. On the same machine, the final
+parameters have the same bits as without the interruption.
 """
 
 import contextlib
@@ -59,7 +59,7 @@ MAY_CHANGE = frozenset((
 
 
 class Outcome(NamedTuple):
-    """End of a training: the state, and the signal that stopped it; None if it was not stopped."""
+    """The final state, and the signal that stopped the training, or None."""
 
     state: TrainState
     stopped_by: int | None
@@ -69,7 +69,8 @@ def train(config: Config, workdir: str | pathlib.Path) -> Outcome:
     """Trains, or resumes training, until `config.train.steps` or a signal.
 
     After SIGTERM or SIGINT, the current step ends, its checkpoint is saved and the function
-    returns, or the process ends after `train.stop_seconds` (`system.signals.StopSignal`).
+    returns; if this takes longer than `train.stop_seconds`, the process ends
+    (`system.signals.StopSignal`).
 
     Raises:
       ConfigError: before compilation, if the configuration does not fit the data or the machine,
@@ -93,7 +94,7 @@ def train(config: Config, workdir: str | pathlib.Path) -> Outcome:
         if first:
             stack.enter_context(locked(workdir))
         else:
-            distributed.gather(None)  # the first process may move damaged checkpoints before
+            distributed.gather(None)  # wait: the first process may move damaged checkpoints
         checkpoints = Checkpoints(folder, plan.keep_checkpoints, read_only=not first)
         stored = checkpoints.restore_newest()
         if first:
@@ -114,9 +115,9 @@ def train(config: Config, workdir: str | pathlib.Path) -> Outcome:
         def due(interval: int) -> bool:
             return bool(interval and step) and (step % interval == 0 or step == plan.steps)
 
-        # Scores of something else cannot be compared with those that follow.
+        # Scores on other data or with other settings cannot be compared.
         other = plan.eval_every and checkpoints.measure(_measured(config))
-        # A network from which the training starts is evaluated too.
+        # The network from which the training starts is evaluated, too.
         evaluate_first = due(plan.eval_every) and start not in checkpoints.scores
         evaluate_first |= bool(plan.eval_every and (init or other))
         writer = MetricsWriter(workdir, start, evaluated=not evaluate_first) if first else None
@@ -160,7 +161,7 @@ def train(config: Config, workdir: str | pathlib.Path) -> Outcome:
             distributed.SharedStop() if several else StopSignal(plan.stop_seconds, checkpoints.wait)
         )
         stack.enter_context(stop)
-        # Python cannot end while a step calls back into it.
+        # Python must not exit while a step calls back into it.
         stack.callback(lambda: _wait(state))
         if evaluate_first:
             evaluate()
@@ -181,7 +182,7 @@ def train(config: Config, workdir: str | pathlib.Path) -> Outcome:
                     if picture is not None:
                         writer.image(step, "eval/clouds", picture)
         log.drain()
-        if saved < step:  # a signal has ended the loop
+        if saved < step:  # a signal ended the loop
             save()
         with stop.lock:
             checkpoints.wait()
@@ -190,7 +191,7 @@ def train(config: Config, workdir: str | pathlib.Path) -> Outcome:
 
 
 def _checked(config: Config, workdir: pathlib.Path, devices: int) -> dict[str, int]:
-    """The number of samples of each split, if the configuration fits the data and the machine."""
+    """Checks that the configuration fits data and machine; split -> number of samples."""
     ours, *others = distributed.gather(flatten(config))
     for index, theirs in enumerate(others, 1):
         if different := [name for name in ours if theirs[name] != ours[name]]:
@@ -224,7 +225,7 @@ def _checked(config: Config, workdir: pathlib.Path, devices: int) -> dict[str, i
 
 
 def _check_memory(config: Config, state: TrainState, mesh: Mesh) -> None:
-    """Raises `ConfigError` if the state, of which we know the shapes, or a batch cannot fit."""
+    """Raises `ConfigError` if the state (its shapes) or a batch is larger than the memory."""
     device, copies, limit = mesh.devices.flat[0], 1, None
     if device.platform == "cpu":
         copies, limit = mesh.size, host_memory()
@@ -248,7 +249,7 @@ def _check_memory(config: Config, state: TrainState, mesh: Mesh) -> None:
 def _resumed(
     config: Config, create: Callable[[], TrainState], checkpoint: Checkpoint, workdir: pathlib.Path
 ) -> TrainState:
-    """The state in a checkpoint; raises `ConfigError` if its configuration or network differs."""
+    """The state in a checkpoint; `ConfigError` if its configuration or network differs."""
     before, now = flatten(trained_config(checkpoint, workdir)), flatten(config)
     changed = {key: (before[key], now[key]) for key in now if before[key] != now[key]}
     fatal = [f"{k}={changed[k][0]!r} (now {changed[k][1]!r})" for k in changed.keys() - MAY_CHANGE]
@@ -269,7 +270,7 @@ def _resumed(
 
 
 def _measured(config: Config) -> dict[str, Any]:
-    """What decides scores: a checksum of the records, wherever they are, and settings."""
+    """What determines the scores: a checksum of the records, and settings."""
     names = ("data.eval_split", "data.num_eval_points", "eval.max_samples", "eval.refine")
     fields, folders = flatten(config), config.data.eval_folders
     splits = [load_manifest(folder).splits() for folder in folders]
@@ -281,20 +282,20 @@ def _measured(config: Config) -> dict[str, Any]:
 
 
 def _initial(config: Config, task: tasks.Task) -> Callable[[Any], Any] | None:
-    """Maps random parameters to the parameters of `train.init`; None if it is empty."""
+    """A map from random parameters to those of `train.init`; None if it is empty."""
     if not config.train.init:
         return None
     opened = open_initial(config)
     init = functools.partial(initial_params, config, trained=opened.params)
-    jax.eval_shape(lambda: init(task.init_params()))  # refuses parameters that do not fit
+    jax.eval_shape(lambda: init(task.init_params()))  # raises if parameters do not fit
     logging.info("starting from the parameters of %s, step %d", opened.source, opened.step)
     return init
 
 
 def _started(create: Callable[[], TrainState], init: Callable[[Any], Any] | None) -> TrainState:
-    """A new state; its leaves share no memory, so that the training step can overwrite them."""
-    # The code that samples the parameters runs once. On a CPU, compiling it with full
-    # optimisation takes three times as long (23 s instead of 7 s) and gains nothing.
+    """A new state, whose leaves share no memory, because the training step overwrites them."""
+    # The parameters are sampled only once. On a CPU, full optimisation would triple the time of
+    # compilation (23 s instead of 7 s) for no gain.
     quick = {"xla_backend_optimization_level": 1} if jax.default_backend() == "cpu" else None
     state = jax.tree.map(np.array, jax.jit(create, compiler_options=quick)())
     if init is None:
@@ -305,13 +306,13 @@ def _started(create: Callable[[], TrainState], init: Callable[[Any], Any] | None
 
 
 def _wait(state: TrainState) -> None:
-    """Waits for the step in flight, whatever becomes of it."""
+    """Waits for the current step and ignores its errors."""
     with contextlib.suppress(Exception):
         jax.block_until_ready(state)
 
 
 def _local(params: Any) -> Any:
-    """The parameters on this process's devices: each process evaluates some of the batches."""
+    """The parameters on this process's devices, which evaluate a part of the batches."""
     if jax.process_count() == 1:
         return params
     return jax.tree.map(lambda leaf: leaf.addressable_data(0), params)

@@ -1,8 +1,8 @@
 """The first state, the optimiser, and the training step, compiled for a mesh of devices.
 
-The batch is split over the mesh's one axis, `data`; the state is replicated. Each device runs the
-plain single-device computation on its share (`jax.shard_map`), and the gradients are averaged. XLA
-therefore never has to partition the loops inside losses and convolutions.
+The batch is split over the mesh's axis `data`; the state is replicated. Each device computes its
+share like a single device (`jax.shard_map`), and the gradients are averaged. So XLA never has to
+partition the loops in losses and convolutions.
 """
 
 import functools
@@ -23,16 +23,16 @@ from psgn_jax.tasks.task import Batch, Task
 
 
 class TrainState(NamedTuple):
-    """State of training, stored in a checkpoint; batches and random numbers follow from `step`."""
+    """The state in a checkpoint; batches and random numbers are functions of `step`."""
 
     step: Array  # int32, number of updates
-    params: Any  # float32; with `model.posterior` also the posterior network's, as "posterior"
+    params: Any  # float32; with `model.posterior` also those of the posterior network
     opt_state: Any
     ema: Any  # averaged parameters, or `()`
 
 
 def eval_params(state: TrainState) -> Any:
-    """The parameters for evaluation: averaged, if there are averages."""
+    """The parameters for evaluation: the averages, if there are any."""
     return state.ema if jax.tree.leaves(state.ema) else state.params
 
 
@@ -42,13 +42,13 @@ def data_mesh(devices: list[jax.Device] | None = None) -> Mesh:
 
 
 def put_batch(batch: Batch, mesh: Mesh, keys: tuple[str, ...]) -> dict[str, jax.Array]:
-    """Puts this process's share of a batch on the mesh, split by samples."""
+    """Puts this process's share of a batch on the mesh, split along the batch axis."""
     sharding = NamedSharding(mesh, P("data"))
     return {k: jax.make_array_from_process_local_data(sharding, batch[k]) for k in keys}
 
 
 def put_replicated(tree: Any, mesh: Mesh) -> Any:
-    """Copies host arrays, which are equal in every process, to all devices of all processes."""
+    """Copies host arrays, equal in all processes, to all devices."""
     sharding = NamedSharding(mesh, P())
     if jax.process_count() == 1:
         return jax.device_put(tree, sharding)
@@ -60,7 +60,7 @@ def put_replicated(tree: Any, mesh: Mesh) -> Any:
 def optimizer(
     config: OptimConfig, steps: int
 ) -> tuple[optax.GradientTransformation, optax.Schedule]:
-    """Adam (Kingma and Ba, 2015) after clipping by the global norm, and its learning rate.
+    """Clipping by the global norm, then Adam (Kingma and Ba, 2015); and the learning rate.
 
     The rate rises linearly from 0 in the warm-up, then is constant or falls along half a cosine.
     """
@@ -81,7 +81,7 @@ def create_training(
     """`() -> the first state`, and the compiled step `(state, batch) -> (state, metrics)`.
 
     The step donates the state. Its metrics are the task's, averaged over the devices, `total_loss`
-    (the value that is minimised), `grad_norm` (before clipping), and `learning_rate`.
+    (the minimised value), `grad_norm` (before clipping) and `learning_rate`.
     """
     tx, rate = optimizer(config.optim, config.train.steps)
     largest_decay, batch_size = config.optim.ema_decay, config.train.batch_size
@@ -110,7 +110,7 @@ def create_training(
         params = optax.apply_updates(state.params, updates)
         ema: Any = ()
         if largest_decay:
-            # The averaging window grows with the run, so that the initial parameters lose weight.
+            # The averaging window grows with the steps, so that the initial parameters lose weight.
             decay = jnp.minimum(largest_decay, (state.step + 1) / (state.step + 10))
             ema = jax.tree.map(lambda old, new: old + (1 - decay) * (new - old), state.ema, params)
         metrics |= {

@@ -1,7 +1,8 @@
 """Reads the authors' published training batches.
 
-A file contains 32 samples as a zlib stream (not gzip, in spite of its name). The arrays in it are,
-in this order:
+A file contains 32 samples as a zlib stream (not gzip, in spite of its name). The arrays are, in
+this
+order:
 
     colour     uint8 [32, 192, 256, 3], BGR
     depth      uint16 [32, 192, 256], 0 = background
@@ -12,8 +13,8 @@ in this order:
 The names of the models follow, separated by newlines. All models of a file belong to the same
 split (`split_of`).
 
-Records store the points on the 8-bit integers of the file and the depth as its 16-bit codes, so
-nothing is lost. The camera is `camera.default_camera`, which was fitted to the silhouettes.
+Records store the file's 8-bit coordinates of points and 16-bit codes of depth, so nothing is lost.
+The camera is `camera.default_camera`, which was fitted to the silhouettes.
 """
 
 import dataclasses
@@ -44,9 +45,8 @@ _LAYOUT = (
 )
 _ARRAYS_SIZE = sum(dtype.itemsize * int(np.prod(shape)) for _, dtype, shape in _LAYOUT)
 _MAX_KEY = 256
-# With space for the names; a stream that inflates to more is not a file of this format.
-_MAX_SIZE = _ARRAYS_SIZE + BATCH * (_MAX_KEY + 1)
-# A valid file is not larger than its content and the overhead of deflate.
+_MAX_SIZE = _ARRAYS_SIZE + BATCH * (_MAX_KEY + 1)  # of a file's content, with the names
+# A valid file is at most as large as its content and the overhead of deflate.
 _MAX_FILE_SIZE = _MAX_SIZE + (1 << 16)
 
 # Maps p - (1, 0, 0), with p in the authors' target frame (down, right, toward the camera), to the
@@ -56,7 +56,7 @@ _TO_PROJECT = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ExactSample:
-    """One sample, with the integers from which it is stored exactly."""
+    """A sample with the integers that a record stores exactly."""
 
     sample: schema.Sample
     points: QuantisedPoints
@@ -67,10 +67,11 @@ class ExactSample:
 
 
 TEST_FILES = ("48.gz", "49.gz")
-"""Files of the test split: nothing is trained, chosen or drawn on them.
+"""Files of the test split: we train and choose nothing on them.
 
-The authors have no test split, and 15 and 31 served to choose the recipes. This choice is
-**ours**: these two files came after all choices up to the weights small-3."""
+The authors have no test split, and we chose the recipes on files 15 and 31. This choice is
+**ours**:
+we got these two files after all choices up to the weights small-3."""
 
 
 def split_of(path: pathlib.Path, model_id: str) -> str:
@@ -81,7 +82,7 @@ def split_of(path: pathlib.Path, model_id: str) -> str:
 
 
 def _inflate(path: pathlib.Path) -> bytes:
-    """Inflates a zlib file, with at most about `_MAX_SIZE` bytes in memory."""
+    """Inflates a zlib file to at most `_MAX_SIZE` bytes."""
     size = path.stat().st_size
     if size > _MAX_FILE_SIZE:
         raise ValueError(f"{path}: {size} bytes, more than any file of this format has")

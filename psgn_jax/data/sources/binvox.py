@@ -1,9 +1,8 @@
 """Reads binvox files in bounded memory.
 
-A file begins with a header of text lines: `#binvox 1`, `dim D D D`, optionally `translate X Y Z`
-and `scale S`, and `data`. Pairs of bytes follow: a value (0 or 1) and a count (1 to 255). In the
-file **y runs fastest, then z, then x**. Here arrays are indexed [x, y, z], along the axes of the
-model that was voxelised.
+A file begins with text lines: `#binvox 1`, `dim D D D`, optionally `translate X Y Z` and `scale S`,
+and `data`. Pairs of bytes follow: a value (0 or 1) and a count (1 to 255). In the file **y runs
+fastest, then z, then x**. Our arrays are indexed [x, y, z], along the axes of the voxelised model.
 
 The grid is a cube with the edge `scale` and the lowest corner `translate`, in the coordinates of
 the model. Cell (i, j, k) of a D^3 grid spans `translate + scale * [i, i+1] / D` along x, and so on.
@@ -29,12 +28,12 @@ class Binvox:
     """A voxelised model."""
 
     solid: np.ndarray  # bool [D, D, D] indexed [x, y, z]
-    translate: np.ndarray  # float64 [3], lowest corner of the grid, as the model's coordinates
-    scale: float  # edge of the grid in the unit of the model
+    translate: np.ndarray  # float64 [3], lowest corner of the grid in the model's coordinates
+    scale: float  # edge of the grid in the model's unit
 
 
 def read(path: str | os.PathLike[str], size: int = OCCUPANCY_SIZE) -> Binvox:
-    """Reads a file with `size`^3 cells; ValueError, with file and reason, if it is no such file."""
+    """Reads a file with `size`^3 cells; otherwise ValueError, with the file and the reason."""
     try:
         return _read(pathlib.Path(path), size)
     except ValueError as error:

@@ -1,22 +1,22 @@
-"""Finds objects of a training set that are also in a set for validation or tests, by their shape.
+"""Finds training objects with the shape of a validation or test object.
 
-A cloud has the shape of a held-out object if the two clouds, turned about the vertical axis and
-mirrored to fit best, are no farther apart than two samples of one surface, up to 20 %:
+Two clouds have the same shape if, centred, scaled to the same mean square distance from their
+centroids, and turned about the vertical axis and mirrored to fit best, they are no farther apart
+than two samples of one surface, up to 20 %:
 
     mean |a - b(a)|^2 + mean |b - a(b)|^2 < 1.2 (mean |a - a'(a)|^2 + mean |b - b'(b)|^2)
 
 where b(a) is the point of the other cloud nearest to a, and a'(a) the nearest other point of the
-same cloud. Before, both clouds are centred and scaled to the same mean square distance from their
-centroid. A descriptor selects the pairs that are compared: the histogram of distances from the
-vertical axis and heights, which turning and mirroring do not change.
+same cloud. We compare only pairs with similar descriptors: the histogram of distances from the
+vertical axis and of heights, which turning and mirroring do not change.
 """
 
 import numpy as np
 from scipy.spatial import KDTree
 
-# Largest difference (L1) of the histograms of a pair that is compared. It is up to about .1 for two
-# samples of 16,384 points of one surface.
-_NEAR, _MOST = 0.15, 4  # and the largest number of objects that a cloud is compared with
+# A cloud is compared with at most `_MOST` objects whose histograms differ by less than `_NEAR`
+# (L1). For two samples of 16,384 points of one surface they differ by up to about .1.
+_NEAR, _MOST = 0.15, 4
 _MARGIN = 1.2
 _RADII, _HEIGHTS = np.linspace(0, 3, 13), np.linspace(-3, 3, 19)
 # The search compares every 32nd with every 8th point, for this many angles.
@@ -24,20 +24,20 @@ _SPARSE, _TREE, _ANGLES = 32, 8, 48
 
 
 def normalised(points: np.ndarray) -> np.ndarray:
-    """Points [n, 3] about their centroid, with a mean square distance of 1 from it."""
+    """Points [n, 3], centred and scaled to a mean square distance of 1 from the centroid."""
     centred = points - points.mean(axis=0, dtype=np.float64)
     return centred / (np.sqrt((centred**2).sum(axis=1).mean()) or 1.0)
 
 
 def descriptor(cloud: np.ndarray) -> np.ndarray:
-    """The histogram of radius and height of a normalised cloud, summing to 1."""
+    """The histogram of radius and height of a normalised cloud, with the sum 1."""
     radius = np.hypot(cloud[:, 0], cloud[:, 1])
     counts, _, _ = np.histogram2d(radius, cloud[:, 2], bins=[_RADII, _HEIGHTS])
     return counts.ravel() / len(cloud)
 
 
 def aligned_distance(a: np.ndarray, b: np.ndarray) -> float:
-    """Chamfer distance of two normalised clouds, at the best angle and mirroring of the first."""
+    """Chamfer distance of two normalised clouds for the best rotation and mirroring of a."""
     sparse, tree = a[::_SPARSE], KDTree(b[::_TREE])
     found = [
         (_one_way(_turned(sparse * [1, sign, 1], angle), tree), sign, angle)
@@ -59,7 +59,7 @@ def aligned_distance(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def sampling_distance(cloud: np.ndarray) -> float:
-    """Mean square distance of the distinct points of a cloud to the nearest other one."""
+    """Mean square distance of the distinct points of a cloud to their nearest neighbours."""
     distinct = np.unique(cloud, axis=0)
     distance, _ = KDTree(distinct).query(distinct, k=2)
     return float((distance[:, 1] ** 2).mean())
@@ -74,7 +74,7 @@ class HeldOut:
         self._descriptors = np.array([descriptor(cloud) for cloud in self._clouds])
 
     def has(self, points: np.ndarray) -> bool:
-        """Whether one of the objects has the shape of these points [n, 3]."""
+        """Whether an object has the shape of these points [n, 3]."""
         if not self._clouds:
             return False
         cloud = normalised(points)

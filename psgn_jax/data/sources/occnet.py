@@ -11,13 +11,13 @@ The published layout (github.com/autonomousvision/occupancy_networks, `im2mesh/d
 `points` are normalised; ShapeNet's coordinates (y up) are `points * scale + loc`. `world_mat` maps
 ShapeNet's coordinates to the camera's frame, and `camera_mat` maps camera coordinates to pixels of
 the 137x137 image (`get_camera_args` there). The voxels fill the cube [-1/2, 1/2]^3 of the
-normalised points (`VoxelGrid` there). The split `val` is called `validation` here. A folder that is
-no synset of ShapeNet is a category of its own, with the folder's name.
+normalised points (`VoxelGrid` there). We call the split `val` `validation`. A folder that is no
+synset of ShapeNet is a further category, with the folder's name.
 
-The images have no mask. Here the mask is the set of pixels that the points project to, with gaps of
-one pixel closed; it does not depend on the colour of the object. The 100,000 points of a file leave
-no wider gaps. At least 80 % of the pixels that are clearly not white must be on the mask or within
-two pixels of it, otherwise the view is left out.
+The images have no mask. Our mask consists of the pixels to which the points project, with gaps of
+one pixel closed, whatever the object's colour. The 100,000 points of a file leave no wider gaps. A
+view is left out unless at least 80 % of the pixels that are clearly not white are within two pixels
+of the mask.
 """
 
 import pathlib
@@ -42,7 +42,7 @@ _NEAR_PIXELS = 2
 
 
 def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]:
-    """Lists all models as (split, synset, name), with a message for each problem.
+    """All models as (split, synset, name), and a message for each problem.
 
     Problems are a folder without lists, a list that cannot be used, and a wrong or repeated name.
     """
@@ -61,7 +61,7 @@ def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]
                 messages.append(f"{path}: missing, or far too long")
                 continue
             for name in path.read_text("utf-8", "replace").split():
-                # Names are used as paths: refuse names that lead out of the folder.
+                # Names become paths: refuse names that lead out of the folder.
                 if pathlib.PurePath(name).name != name or name == ".." or "\0" in name:
                     messages.append(f"{path}: {name[:60]!r} is not the name of a model")
                 elif (folder.name, name) in listed:
@@ -84,10 +84,10 @@ def input_files(source: pathlib.Path, synset: str, name: str) -> list[pathlib.Pa
 def open_model(
     source: pathlib.Path, synset: str, name: str, num_points: int
 ) -> Callable[[int], schema.Sample]:
-    """Reads a model; the result reads the view of a number. All views have the same points.
+    """Reads a model; returns a function that reads view i. All views have the same points.
 
-    The points are drawn without replacement from those in the file, the same in every run. Both
-    raise ValueError or OSError, which names the file.
+    The points are a random subset of the file's, the same in every run. Both functions raise
+    ValueError or OSError, which names the file.
     """
     cloud_path, voxel_path, camera_path, images = input_files(source, synset, name)
     points, normals, loc, scale = _read_cloud(cloud_path)
@@ -151,9 +151,9 @@ def _camera(
     for key, shape in ((f"world_mat_{view}", (3, 4)), (f"camera_mat_{view}", (3, 3))):
         if key not in cameras or cameras[key].shape != shape:
             raise ValueError(f"{path}: no {key} {list(shape)}")
-    given = cameras[f"world_mat_{view}"].astype(np.float64)
+    outer = cameras[f"world_mat_{view}"].astype(np.float64)
     inner = cameras[f"camera_mat_{view}"].astype(np.float64)
-    eye = np.concatenate([given[:, :3] @ shapenet.TO_WORLD.T, given[:, 3:]], axis=1)
+    eye = np.concatenate([outer[:, :3] @ shapenet.TO_WORLD.T, outer[:, 3:]], axis=1)
     try:
         schema.check_camera(inner, eye)
     except ValueError as error:
@@ -168,7 +168,7 @@ def _silhouette(
     image: np.ndarray,
     path: pathlib.Path,
 ) -> np.ndarray:
-    """The pixels that points project to, with gaps of one pixel closed, bool [H, W]."""
+    """The mask of the module, bool [H, W]; ValueError if it does not fit the image."""
     mask = shapenet.drawn_mask(*camera.project(points, inner, extrinsics), image.shape[:2])
     seen = np.argwhere(image.min(axis=2) < _NOT_WHITE)[:, ::-1] + 0.5
     inside = camera.inside_mask(seen, mask, _NEAR_PIXELS).mean() if len(seen) else 0.0

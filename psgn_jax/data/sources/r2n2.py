@@ -7,15 +7,15 @@ The published layout (README of github.com/chrischoy/3D-R2N2): two archives, unp
     ShapeNetVox32/<synset>/<model>/model.binvox                     32^3, solid, ShapeNet's axes
 
 The metadata have one line per view: azimuth, elevation, in-plane rotation (0 in all lines),
-distance ratio, field of view. The camera is described in `shapenet`.
+distance ratio, field of view. `shapenet` describes the camera.
 
-Splits: the models of a category are sorted by name; the first 80 % (rounded down) are `train`, the
+Splits: of the models of a category, sorted by name, the first 80 % (rounded down) are `train`, the
 others `test`. This is the rule of 3D-R2N2 (`lib/data_io.py`), applied to the models in the folder.
 
-The data set has no surface points. Here `points` are sampled uniformly from the outer faces of the
-voxels; the header of the binvox file gives the position of the voxels. The points are therefore as
-coarse as the voxels (1/32 of the longest edge), and there are no `normals`. `occupancy` is the
-volume resampled to the frame of the view; the original volume is in `extra`.
+The data set has no surface points. We sample `points` uniformly on the outer faces of the voxels,
+whose position is in the header of the binvox file. So the points are as coarse as the voxels (1/32
+of the longest edge), and there are no `normals`. `occupancy` is the volume resampled to the frame
+of the view; the original volume is in `extra`.
 """
 
 import pathlib
@@ -36,8 +36,8 @@ _MAX_LINES = 1000
 # A voxel at the surface extends beyond the model by up to its diagonal, about 3.3 * sqrt(3) pixels.
 _NEAR_PIXELS = 6
 _LEAST_NEAR = 0.9
-# The check above passes many wrong signs of the elevation. Such a view is refused if the other sign
-# fits better by this IoU.
+# This check misses many wrong signs of the elevation. We refuse a view if the other sign fits
+# better by this IoU.
 _CLEARLY = 0.05
 
 
@@ -69,7 +69,7 @@ def input_files(source: pathlib.Path, synset: str, name: str) -> list[pathlib.Pa
 
 
 def _read_metadata(path: pathlib.Path) -> list[tuple[float, ...] | str]:
-    """The rows of a metadata file; a wrong row is replaced by a message."""
+    """The rows of a metadata file, with a message in place of a wrong row."""
     lines = shapenet.read_limited(path).decode("ascii", "replace").splitlines()
     if len(lines) > _MAX_LINES:
         raise ValueError(f"{path}: {len(lines)} lines, expected {shapenet.NUM_VIEWS}")
@@ -93,10 +93,10 @@ def _read_metadata(path: pathlib.Path) -> list[tuple[float, ...] | str]:
 def open_model(
     source: pathlib.Path, synset: str, name: str, num_points: int
 ) -> Callable[[int], schema.Sample]:
-    """Reads a model; the result reads the view of a number. All views have the same points.
+    """Reads a model; returns a function that reads view i. All views have the same points.
 
-    Both raise ValueError or OSError, which names the file. Fewer rows of metadata than images are
-    an error of the model: if a row is lost, all later views would get the camera of another view.
+    Both functions raise ValueError or OSError, which names the file. Fewer rows of metadata than
+    images are an error of the model: if a row were lost, all later views would have wrong cameras.
     """
     rendering, metadata, voxels = input_files(source, synset, name)
     solid = shapenet.world_grid(binvox.read(voxels))
@@ -143,7 +143,7 @@ def open_model(
 
 
 def _read_view(path: pathlib.Path) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the image over the project's background, and the mask (alpha above one half)."""
+    """The image on the project's background, and the mask (alpha above one half)."""
     rgba = shapenet.read_image(path, "PNG", "RGBA")
     alpha = rgba[..., 3:].astype(np.float32) / 255
     mask = rgba[..., 3] > 127

@@ -1,14 +1,14 @@
 """Common parts of the data sets built on ShapeNet: categories, frames, cameras and volumes.
 
-**World**: ShapeNet's models have +y up. Here they are rotated to +z up, `(x, y, z) = (X, -Z, Y)`,
-as Blender does when it reads an OBJ. The frame of a sample is the project's: rotated about the
-vertical axis so that +y is the right of the image, with the origin on the ground under the middle
-of the bounding box. The unit is the farthest point's distance from it (`object_frame`).
+**World**: ShapeNet's models have +y up. We rotate them to +z up, `(x, y, z) = (X, -Z, Y)`, as
+Blender does when it reads an OBJ. Samples are in the project's frame: rotated about the vertical
+axis so that +y is the right of the image, with the origin on the ground under the middle of the
+bounding box. The unit is the distance of the farthest point from the origin (`object_frame`).
 
 **Camera** of 3D-R2N2's renderings. Sources: commit 3f62115, `lib/blender_renderer.py`, and the
 matrices that later projects derived from it, which agree. The images have 137x137 pixels. The focal
-length is 35 mm on a sensor of 32 mm, so 35/32 * 137 = 149.8 pixels (the "field of view" of 25 in
-the metadata was not used). The camera looks at the origin of the world from the distance
+length is 35 mm on a sensor of 32 mm, that is 35/32 * 137 = 149.8 pixels (the "field of view" of 25
+in the metadata was not used). The camera looks at the origin of the world from the distance
 1.75 * ratio. The elevation is the angle above the ground; the azimuth is the angle from the
 direction (1, 0), clockwise seen from above.
 """
@@ -38,7 +38,7 @@ TO_WORLD = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 
 _MAX_FILE_SIZE = 1 << 24
 _FINE = 4
-_LARGEST = 1e4  # of a model's coordinates and of 1 / radius
+_LARGEST = 1e4  # bound of a model's coordinates and of 1 / radius
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -79,9 +79,9 @@ def turn_to_view(world_to_camera: np.ndarray) -> np.ndarray:
 
 
 def object_frame(points: np.ndarray, path: pathlib.Path) -> tuple[np.ndarray, float]:
-    """Origin [3] and unit of the frame of an object with all these points [n, 3] in the world.
+    """Origin [3] and unit of an object's frame, from all its points [n, 3] in the world.
 
-    ValueError, which names `path`, if there are no points, or if they are orders of magnitude
+    ValueError, which names `path`, if there are no points, or if the object is orders of magnitude
     larger or smaller than ShapeNet's models, whose edges are about 1.
     """
     if not len(points):
@@ -114,10 +114,10 @@ def corners(solid: WorldGrid) -> np.ndarray:
 
 
 def surface_points(solid: WorldGrid, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Uniformly distributed points on the outer faces of occupied cells, in the world.
+    """Uniform random points on the outer faces of occupied cells, in the world.
 
-    The surface consists of steps, so it is rougher and larger than the model's; on a slanted
-    plane, points are up to one cell from it.
+    The faces form steps, so their surface is rougher and larger than the model's. On a slanted
+    plane, points are up to one cell away from it.
     """
     padded = np.pad(solid.cells, 1)
     faces = []
@@ -138,10 +138,10 @@ def turned_occupancy(
 ) -> np.ndarray:
     """Resamples the volume to the schema's grid in the frame of a view, bool [32, 32, 32].
 
-    Of the 4^3 parts of a cell, those count whose centre is in an occupied cell of `solid`. A cell
-    is occupied if half of its parts count, or, to keep thin structures, if any part counts and none
-    of its 26 neighbours is occupied by the first rule. Comparisons with 3D-R2N2 should use its own
-    grid, see `grid_extra`.
+    We divide a cell into 4^3 parts; a part is solid if its centre is in an occupied cell of
+    `solid`. A cell is occupied if at least half of its parts are solid or, to keep thin structures,
+    if any part is and the first rule occupies none of its 26 neighbours. To compare with 3D-R2N2,
+    use its original grid (`grid_extra`).
     """
     size, fine = schema.OCCUPANCY_SIZE, schema.OCCUPANCY_SIZE * _FINE
     along = (np.arange(fine) + 0.5) * (2 / fine)
@@ -163,7 +163,7 @@ def turned_occupancy(
 
 
 def drawn_mask(pixels: np.ndarray, depth: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """The pixels that projected points show, with gaps of one pixel closed, bool [H, W]."""
+    """The pixels that contain projected points, with gaps of one pixel closed, bool [H, W]."""
     height, width = shape
     pixels = pixels[(depth > 0) & np.isfinite(pixels).all(axis=1)]
     cell = np.floor(pixels).astype(np.int64)
@@ -174,7 +174,7 @@ def drawn_mask(pixels: np.ndarray, depth: np.ndarray, shape: tuple[int, ...]) ->
 
 
 def grid_extra(solid: WorldGrid, origin: np.ndarray, unit: float, turn: np.ndarray) -> str:
-    """The volume in its original grid, for comparisons there, as the text of `Sample.extra`.
+    """The volume in its original grid, as the text of `Sample.extra`.
 
     JSON: `grid` is the base64 of the deflated bits of `cells` [n, n, n]. `grid_size` is n.
     `grid_to_frame` [3, 4] maps indices to the frame of the sample; cell (i, j, k) spans [i, i+1]
@@ -193,7 +193,7 @@ def grid_extra(solid: WorldGrid, origin: np.ndarray, unit: float, turn: np.ndarr
 
 
 def read_limited(path: pathlib.Path) -> bytes:
-    """Reads a file that is not larger than any file of these data sets."""
+    """Reads a file; ValueError if it is larger than any file of these data sets."""
     if path.stat().st_size > _MAX_FILE_SIZE:
         raise ValueError(f"{path}: {path.stat().st_size} bytes, expected at most {_MAX_FILE_SIZE}")
     return path.read_bytes()
@@ -205,7 +205,7 @@ def read_image(
     """Decodes an image of the format `kind` to uint8 [height, width, channels of `mode`].
 
     `mode` is "RGB" (grey images are converted) or "RGBA"; `size` is (width, height). ValueError,
-    which names the file, if it is no such image or has another size.
+    which names the file, for another image.
     """
     data = read_limited(path)
     try:
@@ -221,7 +221,7 @@ def read_image(
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ShapeNetModel:
-    """A model in the world, of which views are made: frame = (world - origin) / unit, rotated."""
+    """A model in the world. In the frame of a view it is (world - origin) / unit, rotated."""
 
     source: str  # name of the data set
     synset: str
@@ -235,7 +235,7 @@ class ShapeNetModel:
     def sample(
         self, view: int, eye: np.ndarray, inner: np.ndarray, image: np.ndarray, mask: np.ndarray
     ) -> schema.Sample:
-        """The sample of a view with the camera `eye` [3, 4], world to camera, and `inner` [3, 3].
+        """The sample of a view with extrinsics `eye` [3, 4] (from world) and intrinsics `inner`.
 
         ValueError if the camera is rolled on its side.
         """
