@@ -1,1 +1,1 @@
-"""Metrics of predictions, their tables, and the evaluation of trained networks."""
+"""Metrics of predictions, tables, and the evaluation of trained networks."""

@@ -1,13 +1,13 @@
 """Metrics of one pair of clouds after the best scale and shift of the prediction.
 
-An image shows neither the size of an object nor its distance from the camera. So these metrics do
-not count an error of the position, nor of the size by a factor of up to 1.25:
+An image shows neither the size of an object nor its distance from the camera. So these metrics
+ignore errors of the position, and of the size by a factor of up to 1.25:
 
     aligned CD  = min over s in [0.8, 1.25] and t of CD(s pred + t, gt)
 
 CD is the squared Chamfer distance `losses.chamfer_sq_mean`, in the unit of gt. There is no
-rotation. `align` finds a local minimum from s = 1 and t = 0. The aligned EMD is the EMD of the
-prediction moved by the same s and t. If a distance is smaller without alignment, we use that value.
+rotation. `align` finds a local minimum, starting at s = 1 and t = 0. The aligned EMD is the EMD
+after the same s and t. If a distance is smaller without alignment, we report the smaller value.
 """
 
 from typing import Any
@@ -23,7 +23,7 @@ from psgn_jax.losses.numeric import check_points
 LEAST_SCALE, LARGEST_SCALE = 0.8, 1.25
 
 ITERATIONS = 30
-_MOST_POINTS = 1024  # of gt in the iterations, unless pred has more; the metrics use all
+_MOST_POINTS = 1024  # of gt in the iterations, unless pred has more; metrics use all points
 
 
 def align(
@@ -38,7 +38,7 @@ def align(
 
         s = clip(sum w (p - mean p) . (g - mean g) / sum w |p - mean p|^2),  t = mean g - s mean p
 
-    It uses at most max(n, 1024) points of gt, and never increases the CD to these points.
+    At most max(n, 1024) points of gt are used. The CD to these points never increases.
     """
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
     gt = subset(gt, max(len(pred), _MOST_POINTS))
@@ -54,7 +54,7 @@ def align(
         squares = sum(jnp.square(p - mean_p[None]).sum(axis=1).mean() for p, _ in sides)
         ratio = products / jnp.where(squares > 0, squares, 1)
         scale = jnp.clip(jnp.where(squares > 0, ratio, 1), LEAST_SCALE, LARGEST_SCALE)
-        # A point that is not finite makes the distances NaN, and by this term the scale.
+        # If a point is not finite, the distances are NaN, and this term makes the scale NaN.
         scale = scale + 0 * to_gt.distance_sq.sum()
         return scale, mean_g - scale * mean_p
 
@@ -73,11 +73,11 @@ def aligned_metrics(
 
     Args:
       emd_tolerance: relative error of the EMD; None = no EMD.
-      known_emd: the EMD without alignment, if known, which saves an auction.
+      known_emd: the EMD without alignment, if known; it saves an auction.
 
     Returns:
       `aligned_cd_sq_radius2` (unit^2), `aligned_scale` (s, or 1 if alignment does not reduce the
-      CD) and, with `emd_tolerance`, `aligned_emd_radius` (unit, a mean over the points).
+      CD) and, with `emd_tolerance`, `aligned_emd_radius` (unit, mean over the points).
     """
     scale, shift = align(pred, gt)
     moved = scale * pred + shift[None]

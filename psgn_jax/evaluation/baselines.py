@@ -1,19 +1,19 @@
-"""What a network's figures are worth: baselines on the same samples, `psgn evaluate --baselines`.
+"""A network beside baselines on the same samples, `psgn evaluate --baselines`.
 
 Every row has a cloud of n points for each sample of a split; n is the network's number of points.
 
-- floor: n other points of the true surface. Expect no prediction to be nearer.
-- network: its predictions (of a network with a random input, one draw).
-- refined: its predictions after `prediction.refine`, as `psgn predict` gives them.
-- oracle: the best training cloud, chosen by looking at the truth. CD and F-scores are of the cloud
-  with the least CD, the EMD is the least of the 16 clouds with the least CD. It tells how much
-  copying can give (Tatarchenko et al., "What Do Single-view 3D Reconstruction Networks Learn?",
-  CVPR 2019).
-- retrieval: the cloud of the training image with the most similar mask (cosine of masks that are
-  averaged over 24x32 cells).
+- floor: n other points of the true surface. No prediction can be expected to be nearer.
+- network: its predictions (with a random input, one draw).
+- refined: its predictions after `prediction.refine`, as `psgn predict` writes them.
+- oracle: the best training cloud, chosen with the truth known. CD and F-scores belong to the cloud
+  with the least CD; the EMD is the least EMD of the 16 clouds with the least CD. This is the best
+  that copying could give (Tatarchenko et al., "What Do Single-view 3D Reconstruction Networks
+  Learn?", CVPR 2019).
+- retrieval: the cloud of the training image with the most similar mask (cosine of masks averaged
+  over 24x32 cells).
 - fixed cloud: n random points of all training clouds.
-- shuffled: the network's predictions for other images of the split. If this row is as good as the
-  network, the network ignores its images.
+- shuffled: the network's predictions for other images of the split. If they are as good, the
+  network ignores its images.
 """
 
 import dataclasses
@@ -41,9 +41,10 @@ THRESHOLDS = (0.01, 0.02, 0.05)
 METRICS = ("cd_sq_radius2", "emd_radius", *(f"fscore_{t:g}" for t in THRESHOLDS))
 TITLES = ("CD squared [radius^2]", "EMD [radius]", *(f"F at {t:g} radius [%]" for t in THRESHOLDS))
 MOST_TRAINING = 20_000
-"""Of larger training splits, this many samples are drawn at random."""
+"""Largest number of training samples; of more, we draw so many at random."""
 
-_COARSE, _BY_CD, _BY_EMD = 128, 64, 16  # points of a first comparison; clouds kept after two
+# The oracle compares this many points first; clouds that it keeps after the first two comparisons.
+_COARSE, _BY_CD, _BY_EMD = 128, 64, 16
 _RESAMPLES = 2000
 
 
@@ -51,7 +52,7 @@ def measure(config: Config, params: Any, split: str) -> tuple[dict[str, np.ndarr
     """The metrics of all rows, {row: float64 [samples, len(METRICS)]}, and the samples' models.
 
     Raises:
-      ConfigError: the training split is the evaluated one, or its records have too few points.
+      ConfigError: `split` is the training split, or its records have too few points.
       RecordError: the records are missing or damaged.
     """
     if split == config.data.train_split:
@@ -152,9 +153,9 @@ def _oracle(truth: np.ndarray, train: np.ndarray, coarse: np.ndarray) -> np.ndar
 
 
 def intervals(values: np.ndarray, models: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean of [samples, metrics] and the ends of its 95 % percentile bootstrap interval.
+    """Mean of [samples, metrics] and the ends of the 95 % percentile bootstrap interval.
 
-    Models are drawn with all their samples, because views of one model depend on each other.
+    Models are drawn with all their samples, because views of a model depend on each other.
     """
     counts, rng = np.bincount(models), np.random.default_rng(0)
     sums = np.zeros((len(counts), values.shape[1]))

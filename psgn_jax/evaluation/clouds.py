@@ -1,9 +1,9 @@
 """Evaluation metrics of one pair of clouds.
 
 The clouds `pred` [n, 3] and `gt` [m, 3], n, m >= 1, are in the same frame. Distances are in the
-unit of the coordinates, in the project's frame the radius of the object's bounding hemisphere,
-hence the suffix `_radius`. The other metrics are fractions. Batch the functions with
-`losses.map_pairs`. Metrics of several predictions of one image are in `prediction.sampling`.
+unit of the coordinates: in the project's frame the radius of the object's bounding hemisphere,
+hence the suffix `_radius`. The other metrics are fractions. Batch the functions by
+`losses.map_pairs`. `prediction.sampling` has metrics of several predictions of one image.
 """
 
 from collections.abc import Callable
@@ -20,11 +20,11 @@ from psgn_jax.losses.numeric import check_points, safe_sqrt
 FSCORE_THRESHOLD = 0.01
 
 VISIBILITY = ("visible", "hidden")
-"""The classes of true points, in names of metrics."""
+"""Classes of true points, as in the names of metrics."""
 
 
 class Emd(NamedTuple):
-    """Mean distance of matched points (unit) and the proven bound on its relative error."""
+    """Mean distance of matched points (unit), and the proven bound on its relative error."""
 
     emd: Float[Array, ""]
     gap: Float[Array, ""]
@@ -35,10 +35,10 @@ def emd(
 ) -> Emd:
     """Earth mover's distance per point (unit): `losses.emd_mean` with its certificate.
 
-    If gt has more points, we use n of them (`subset`). Then even a perfect prediction has a
+    If gt has more than n points, we use n of them (`subset`). Then even a perfect prediction has a
     positive EMD, the distance between two random samples of the object. It depends on n, so report
-    n. `gap` bounds (emd - optimum) / optimum; it is at most `tolerance`, unless the budget of the
-    auction ran out.
+    n. `gap` bounds (emd - optimum) / optimum. It is at most `tolerance`, unless the auction used up
+    its budget.
 
     Raises:
       ValueError: pred has more points than gt, or the errors of `losses.assign`.
@@ -88,19 +88,17 @@ METRICS: dict[str, Callable[[Nearest, Nearest, float | Array], Array]] = {
     "precision": lambda to_gt, to_pred, at: _near(to_gt.distance_sq, at).mean(),
     "recall": lambda to_gt, to_pred, at: _near(to_pred.distance_sq, at).mean(),
 }
-"""Metrics of the nearest neighbours of pred in gt and of gt in pred, and of the threshold."""
+"""Metric -> function of the nearest neighbours of pred in gt and of gt in pred, and a threshold."""
 
 
 def by_visibility(
     distance_sq: Float[Array, " m"], visible: Bool[Array, " m"], threshold: float | Array
 ) -> dict[str, Float[Array, ""]]:
-    """Means over the visible and over the hidden true points; NaN if there are none.
-
-    `data.visibility` defines which points are visible, and says why predicted points have no class.
+    """Means over the visible and over the hidden true points (`data.visibility`); NaN without any.
 
     Args:
-      distance_sq: of every true point to the nearest predicted one, unit^2.
-      threshold: largest distance of a point that counts as recalled, in the unit.
+      distance_sq: from every true point to the nearest predicted point, unit^2.
+      threshold: largest distance of a recalled point, in the unit.
 
     Returns:
       `visible_share`, the fraction of true points that are visible, and for each class C of
@@ -132,11 +130,11 @@ def evaluate_pair(
 ) -> dict[str, Float[Array, ""]]:
     """All metrics of one pair from one nearest-neighbour search.
 
-    The F-score is 2 precision recall / (precision + recall), 0 where both are 0 (Knapitsch et al.,
+    The F-score is 2 precision recall / (precision + recall), or 0 if both are 0 (Knapitsch et al.,
     "Tanks and Temples", ACM TOG 2017, section 4). It depends strongly on the number of points, so
-    report that. The default threshold is 1 % of the radius of the bounding hemisphere. In
+    report this number. The default threshold is 1 % of the radius of the bounding hemisphere. In
     Tatarchenko et al., "What Do Single-view 3D Reconstruction Networks Learn?", CVPR 2019, it is
-    1 % of the side of the reconstructed volume: pass 0.02 for 1 % of an object 2 units wide.
+    1 % of the side of the reconstructed volume: pass 0.02 for an object 2 units wide.
 
     Args:
       visible: which points of gt the depth image shows; adds the metrics of `by_visibility`.
@@ -146,12 +144,11 @@ def evaluate_pair(
     Returns:
       the metrics of `METRICS`, with units in their names (`radius2`: unit^2). `precision` is the
       share of pred with a distance to gt <= threshold, `recall` the share of gt near pred. With
-      `emd_tolerance`: `emd_radius` (unit, a mean over the points) and `emd_gap`, the bound on its
+      `emd_tolerance`: `emd_radius` (unit, mean over the points) and `emd_gap`, the bound on its
       relative error.
 
     Raises:
-      ValueError: a threshold (as a plain number) is not > 0, or the errors of
-        `losses.nearest_both` and `emd`.
+      ValueError: a threshold (a plain number) is not > 0; or as `losses.nearest_both` and `emd`.
     """
     if isinstance(threshold, int | float) and not 0 < threshold < float("inf"):
         raise ValueError(f"threshold: got {threshold}, expected a finite distance > 0")

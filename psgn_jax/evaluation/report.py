@@ -24,16 +24,16 @@ ERROR = "cd_sq_radius2"
 
 _TEMPLATE = pathlib.Path(__file__).with_name("report.html")
 _TABLE = ("cd_sq_radius2", "cd_l1_radius", "emd_radius", "fscore")
-_PICTURES = 600  # with more cases, only the best, median and worst have pictures in the gallery
-_EXTREMES = 10  # number of best, of median and of worst cases in `report.html`
+_PICTURES = 600  # with more cases, only the best, median and worst have pictures
+_EXTREMES = 10  # number of best, median and worst cases each, as in `report.html`
 _KEPT = ("points", "image", "intrinsics", "extrinsics")
 
 
 class Collector:
-    """A hook `on_batch` that keeps the samples in an unnamed file in `folder`.
+    """A callback `on_batch` that stores the samples in an unnamed file in `folder`.
 
-    Each is a dict of arrays: `image` uint8 [h, w, 3], `intrinsics`, `extrinsics`, true points
-    `points`, about as many as predicted, and predicted points `pred`, float32 [n, 3].
+    A sample is a dict of arrays: `image` uint8 [h, w, 3], `intrinsics`, `extrinsics`, `points`
+    (about as many true points as predicted) and the prediction `pred`, float32 [n, 3].
     """
 
     def __init__(self, folder: str | pathlib.Path) -> None:
@@ -61,7 +61,7 @@ class Collector:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Reported:
-    """The evaluation of one network, with its samples as in `Collector`."""
+    """The evaluation of a network, and its samples as in `Collector`."""
 
     label: str  # a short name
     evaluation: Evaluation
@@ -73,7 +73,7 @@ def write_report(folder: str | pathlib.Path, runs: Sequence[Reported]) -> pathli
     """Writes the pages; returns the path of `index.html`.
 
     Args:
-      runs: one run, or two runs on the same samples; cases are ranked by the errors of the first.
+      runs: one run, or two runs on the same samples; the errors of the first rank the cases.
 
     Raises:
       ValueError: the runs were evaluated on different samples.
@@ -130,7 +130,7 @@ def _viewer_case(
     i: int, title: str, runs: Sequence[Reported], errors: Sequence[np.ndarray]
 ) -> page.Case:
     cases = [run.cases[i] for run in runs]
-    # The slider of the viewer can only show clouds with the same number of points.
+    # The viewer's slider needs clouds with the same number of points.
     same = [k for k, case in enumerate(cases) if case["pred"].shape == cases[0]["pred"].shape]
     return page.Case(
         name=title,
@@ -144,13 +144,13 @@ def _viewer_case(
 
 
 def _thumbs(case: Mapping[str, np.ndarray]) -> list[str]:
-    """Data URIs of small pictures of the image and of the prediction."""
+    """Data URIs of small pictures of image and prediction."""
     clouds = spheres.by_height({"prediction": case["pred"]})
     return [*map(page.picture_uri, spheres.panels(case, clouds, (0,), height=96).values())]
 
 
 def _table(runs: Sequence[Reported]) -> list[list[str]]:
-    """The header and the rows, averages last; two runs side by side."""
+    """The header and the rows, with the averages last; two runs are side by side."""
     metrics = [name for name in _TABLE if name in runs[0].evaluation.metrics]
     head = ["category", "samples"]
     body = [[row.name, str(row.count)] for row in runs[0].evaluation.rows()]

@@ -1,7 +1,4 @@
-"""Metrics of every sample of a split, and their averages.
-
-There are two averages: over samples, and over categories (each category has the same weight).
-"""
+"""Metrics of every sample of a split, and their averages over samples and over categories."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -14,12 +11,12 @@ from psgn_jax.losses.iou import PREDICTION_THRESHOLDS
 
 OVER_SAMPLES, OVER_CATEGORIES = "mean over samples", "mean over categories"
 THRESHOLD_OF = "threshold_of_"
-"""`THRESHOLD_OF` + the name of a metric is the key of the threshold chosen for it."""
+"""`THRESHOLD_OF` + the name of a metric is the name of its chosen threshold."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """A category (or an average), its number of samples, its mean metrics."""
+    """A category or an average: number of samples, mean metrics."""
 
     name: str
     count: int
@@ -27,7 +24,7 @@ class Row:
 
 
 class SampleName(NamedTuple):
-    """Identifies the sample of a row of `samples.csv`; `record` is its index in the split."""
+    """Identifies a sample, as in `samples.csv`; `record` is its index in the split."""
 
     record: int
     category: str
@@ -42,14 +39,13 @@ class Evaluation:
     Attributes:
       metrics: name -> float64 [samples].
       threshold: of the F-score, in units.
-      num_points: of a predicted and of a true cloud; most metrics depend on both.
-      visible_tolerance: largest distance of a visible true point from a point that the depth image
-        measured, in units (`data.visibility`).
-      note: text below the table, in place of the default text about points.
+      num_points: numbers of predicted and of true points; most metrics depend on both.
+      visible_tolerance: the tolerance of `data.visibility`, in units.
+      note: text below the table; "" = the default text about points.
       frame: "place" if images and true points were placed by the rule of `data.framing`, or "keep".
-      refined: whether `prediction.refine` has changed the clouds.
-      chosen: values that were chosen on this or an earlier split, such as thresholds.
-      num_distinct: the least and the largest number of different points of a true cloud.
+      refined: whether the clouds went through `prediction.refine`.
+      chosen: values chosen on this or an earlier split, such as thresholds.
+      num_distinct: the least and the largest number of different points in a true cloud.
     """
 
     split: str
@@ -66,16 +62,16 @@ class Evaluation:
 
     @property
     def means(self) -> dict[str, float]:
-        """Every metric's mean over samples.
+        """Metric -> mean over samples.
 
-        Metrics of visible (hidden) points leave out samples without such points; if no sample has
-        any, the mean is NaN. In all other metrics a NaN makes the mean NaN.
+        Means of metrics of visible (hidden) points leave out samples without such points, and are
+        NaN if all lack them. In other metrics, a NaN makes the mean NaN.
         """
         everything = range(len(self.names))
         return {name: _mean(self._counted(name, everything)) for name in self.metrics}
 
     def _counted(self, name: str, indices: Sequence[int]) -> np.ndarray:
-        """A metric of some samples; for a metric of visible (hidden) points, of those with any."""
+        """A metric's values for samples that have it: visible (hidden) points may be missing."""
         values, share = self.metrics[name][list(indices)], self.metrics.get("visible_share")
         if share is not None and "_visible" in name:
             return values[share[list(indices)] > 0]
@@ -84,7 +80,7 @@ class Evaluation:
         return values
 
     def rows(self) -> list[Row]:
-        """A row per category, sorted by name, then the mean over samples and over categories."""
+        """A row per category, sorted by name, then the means over samples and over categories."""
         members: dict[str, list[int]] = {}
         for i, name in enumerate(self.names):
             members.setdefault(name.category or "(none)", []).append(i)
@@ -104,12 +100,12 @@ class Evaluation:
 def at_thresholds(
     measured: Evaluation, chosen: Mapping[str, float], *, best: str = ""
 ) -> Evaluation:
-    """Replaces the sweeps [samples, thresholds] of an evaluation by the values at one threshold.
+    """Replaces metrics [samples, thresholds] of an evaluation by the values at one threshold.
 
     Args:
       chosen: `{"threshold_of_iou": .4, ...}` from an earlier evaluation. A missing threshold is
-        chosen here, by the best mean over the samples.
-      best: name of the metric for which `one_minus_iou` is added.
+        chosen here, with the best mean over samples.
+      best: the metric from which `one_minus_iou` is computed.
     """
     metrics = dict(measured.metrics)
     taken: dict[str, float] = {}

@@ -1,4 +1,4 @@
-"""Evaluation on a split: every sample is predicted and counted once.
+"""Evaluation of a network on all samples of a split.
 
 Several processes (`system.distributed`) share the batches; each gets the whole result.
 """
@@ -34,9 +34,9 @@ def evaluate_split(
     """Metrics of a network on a split.
 
     Args:
-      eval_step: maps (params, batch on the host, its index) to predictions and metrics with a row
-        for each sample; see `compile_measure`.
-      max_samples: of the start of the split; 0 = all.
+      eval_step: maps (params, batch on the host, index of the batch) to predictions and metrics
+        with a row for each sample; see `compile_measure`.
+      max_samples: number of first samples; 0 = all.
       on_batch: called with (index of the batch, batch, predictions).
     """
     split = split or config.data.eval_split
@@ -69,12 +69,12 @@ def evaluate_split(
             distinct += [_distinct(cloud) for cloud in batch["points"][keep]]
             if on_batch is not None:
                 on_batch(index, batch, np.asarray(points))
-    # JAX returns the metrics sorted by name; those after aligning the clouds are put last.
+    # JAX sorts the metrics by name; those of aligned clouds are put last.
     metric_names = sorted(parts[0] if parts else (), key=lambda name: name.startswith("aligned_"))
     values = {name: np.concatenate([part[name] for part in parts]) for name in metric_names}
     if count > 1:
-        own = [names, {name: array.tolist() for name, array in values.items()}, num_pred]
-        names, values, num_pred = _merged(distributed.gather(own))
+        part = [names, {name: array.tolist() for name, array in values.items()}, num_pred]
+        names, values, num_pred = _merged(distributed.gather(part))
         distinct = [number for part in distributed.gather(distinct) for number in part]
     if not names:
         raise ConfigError(f"the split {split!r} of data.path={config.data.path!r} has no samples")
@@ -92,7 +92,7 @@ def evaluate_split(
 
 
 def _distinct(points: np.ndarray) -> int:
-    """The number of different points of a cloud float32 [n, 3]: batches may repeat points."""
+    """The number of different points of a cloud float32 [n, 3]; batches may repeat points."""
     return len(np.unique(np.ascontiguousarray(points).view("V12")))
 
 
@@ -116,12 +116,12 @@ def compile_measure(
     keys: Sequence[str],
     batch_size: int,
 ) -> Callable[[Any, Any, int], Any]:
-    """Compiled (params, batch on the host, its index) -> (predictions, metrics).
+    """Compiled (params, batch on the host, index of the batch) -> (predictions, metrics).
 
-    The devices of this process share the batch if their number divides it; else one computes it.
+    This process's devices share the batch if their number divides it; otherwise one computes it.
 
     Args:
-      measure: a pytree that is called with (params, batch) of one device's share.
+      measure: a pytree that is called with (params, batch) for a device's share.
       latents: (index, size, train=False) -> random inputs, one row per sample.
     """
     devices = jax.local_devices()
@@ -143,8 +143,8 @@ def compile_measure(
     measure = jax.device_put(measure, everywhere)
 
     def run(params: Any, batch: Mapping[str, Any], index: int) -> Any:
-        # The parameters may be on more devices than the evaluation uses. A batch has `visible`
-        # only if the records have depth.
+        # Training may have put the parameters on more devices. A batch has `visible` only if the
+        # records have depth.
         params = jax.device_put(params, everywhere)
         arrays = {key: batch[key] for key in (*keys, "visible") if key in batch}
         return compiled(measure, params, jax.device_put(arrays, split), np.int32(index))

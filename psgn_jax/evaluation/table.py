@@ -30,19 +30,19 @@ COLUMNS = {
     "total_mutual_difference_radius2": "total mutual difference [radius^2]",
     "log_volume_abs_error": "|log predicted - log true volume|",
 }
-"""Columns of the printed table: metric -> title, which ends with the unit. Fractions with "[%]" are
-printed as percentages. CSV and JSON have all metrics, and fractions."""
+"""Metric -> column title of the printed table, which ends with the unit. Fractions with "[%]" are
+printed as percentages. CSV and JSON have all metrics, without percentages."""
 
 _HEADER = 10  # characters, as many as "[radius^2]" has
 
 Lines = Sequence[Sequence[str]]
-"""Cells of a table: the header row, then the other rows."""
+"""Cells of a table; the first row is the header."""
 
 
 def aligned(lines: Lines, *, apart: int = 0) -> str:
-    """A table as text: the first column left-aligned, a rule before the last `apart` rows.
+    """A table as text: left-aligned first column, a rule before the last `apart` rows.
 
-    Column headers are broken into lines of at most `_HEADER` characters, or one longer word.
+    Headers are broken into lines of at most `_HEADER` characters or one longer word.
     """
     head = [textwrap.wrap(cell, _HEADER, break_long_words=False) for cell in lines[0]]
     deep = max(map(len, head))
@@ -80,7 +80,7 @@ def cell(metric: str, value: float) -> str:
 
 
 def text(evaluation: Evaluation) -> str:
-    """The printed table: a row for each category and the two averages; below, what they mean."""
+    """The printed table: a row for each category, the two averages, and an explanation."""
     names = [name for name in COLUMNS if name in evaluation.metrics]
     names += filter(_OF_DRAWS.fullmatch, evaluation.metrics)
     if evaluation.note:
@@ -102,14 +102,13 @@ def csv_text(evaluation: Evaluation) -> str:
 
 
 def samples_csv(evaluation: Evaluation) -> str:
-    """The metrics as CSV, one row per sample."""
     columns = [values.tolist() for values in evaluation.metrics.values()]
     rows = [[*name, *numbers] for name, *numbers in zip(evaluation.names, *columns, strict=True)]
     return csv_of([*SampleName._fields, *evaluation.metrics], rows)
 
 
 def json_text(evaluation: Evaluation, **others: Any) -> str:
-    """The table as JSON, and `others`; numbers that are not finite become null."""
+    """The table as JSON, with `others`; numbers that are not finite become null."""
     *categories, over_samples, over_categories = evaluation.rows()
     of_points = {
         "num_pred_points": evaluation.num_points[0],
@@ -140,43 +139,44 @@ def _note_on_points(evaluation: Evaluation) -> str:
         repeated = f", {number} of a cloud different, the others repeated"
     if "emd_gap" in evaluation.metrics:
         gap = 100 * float(np.max(evaluation.metrics["emd_gap"]))
-        once = "as often as it is there" if fewest < num_pred else "once"
+        once = "as often as it occurs" if fewest < num_pred else "once"
         emd = f""" EMD: mean distance
 between matched points of the prediction and of as many true points, each of which is used {once};
 it is at most {gap:.2f} % above the minimum."""
     if "visible_share" in evaluation.metrics:
         tolerance = evaluation.visible_tolerance
         visibility = f"""
-Visible: true points within {tolerance:g} radius of what the depth image measured;
-hidden: the others. Their columns: mean over such points of the squared distance to the nearest
-predicted one."""
+Visible: true points within {tolerance:g} radius of a point that the depth image measured;
+hidden: the others. Their columns: mean over these points of the squared distance to the nearest
+predicted point."""
     if "aligned_cd_sq_radius2" in evaluation.metrics:
         aligned = f"""
 Aligned: the same distances after a scale in [{LEAST_SCALE:g}, {LARGEST_SCALE:g}] and a shift of
 each prediction that bring it nearest to its truth ({ITERATIONS} nearest-neighbour iterations)."""
     if evaluation.frame == "place":
         frame = """
-Images were cropped and placed like photos, and the true points were moved with them. An object has
-radius 1 before it is placed and about 0.8 to 1.2 afterwards; distances are not divided by it."""
+Images were cropped and placed like photos, and the true points were moved with them. This changes
+an object's radius from 1 to about 0.8 to 1.2; distances are not divided by it."""
     if evaluation.refined:
         frame += f"""
-Predicted clouds were averaged with the mirror image's clouds, unless the network has depth as an
-input, and fitted to the image's mask if at most {MOST_OUTSIDE:.0%} of their points were
-projected outside it. Distances of several draws are without both."""
+Predicted clouds were averaged with the mirror image's clouds, unless the network reads depth, and
+fitted to the image's mask if at most {MOST_OUTSIDE:.0%} of their points project outside it.
+Distances of several draws are those of unchanged clouds."""
     return f"""
 Split {evaluation.split!r}, {num_pred} predicted points against {num_gt} true ones{repeated}.
-radius = that of an object's bounding hemisphere, the unit of all coordinates.
+radius: of the object's bounding hemisphere, the unit of all coordinates.
 CD squared: mean over predicted points of the squared distance to the nearest true point, plus the
-mean over true points of that to the nearest predicted one. CD-L1: half the sum of both means of the
-distances themselves.{emd}{visibility}{aligned}{frame}
+mean over true points of the squared distance to the nearest predicted point. CD-L1: half the sum of
+the corresponding means of distances without squares.{emd}{visibility}{aligned}{frame}
 """
 
 
 def csv_of(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """A table as CSV, whose texts are in quotes and never formulas or control characters.
+    """A table as CSV, whose texts are quoted and never formulas or control characters.
 
-    Names come from records of others, and spreadsheet programs compute cells such as `=1+1`. Such a
-    text gets an apostrophe in front (OWASP, "CSV Injection"), and escapes; `read_csv` removes both.
+    Names come from other people's records, and spreadsheet programs compute cells such as `=1+1`.
+    We put an apostrophe before such a text (OWASP, "CSV Injection") and escape control characters;
+    `read_csv` undoes both.
     """
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC)
@@ -185,7 +185,7 @@ def csv_of(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 
 def read_csv(text: str) -> list[dict[str, str]]:
-    """The rows of a table of `csv_of`, with all texts as they were."""
+    """The rows of a `csv_of` table, with the original texts."""
     head, *rows = ([_original(cell) for cell in row] for row in csv.reader(io.StringIO(text)))
     return [dict(zip(head, row, strict=True)) for row in rows]
 
@@ -193,7 +193,7 @@ def read_csv(text: str) -> list[dict[str, str]]:
 def _harmless(cell: Any) -> Any:
     if not isinstance(cell, str):
         return cell
-    first = unicodedata.normalize("NFKC", cell.lstrip()[:1])  # of full width, too
+    first = unicodedata.normalize("NFKC", cell.lstrip()[:1])  # full-width signs, too
     if cell.isprintable() and first not in tuple("=+-@'"):
         return cell
     return "'" + "".join(

@@ -1,1 +1,1 @@
-"""Exports trained networks for other programs: ONNX, StableHLO, and a folder with both."""
+"""Exports trained networks for other programs as ONNX and StableHLO files."""

@@ -1,4 +1,4 @@
-"""Writes the folder of `psgn export`: exported files, compared with JAX, and their description."""
+"""Writes the folder of `psgn export`: exported files, checked against JAX, and a description."""
 
 import hashlib
 import importlib.util
@@ -25,21 +25,21 @@ from psgn_jax.weights.run_folder import Trained
 
 FORMAT = "psgn_jax network 2"
 LATENTS = 16
-"""Number of random inputs in `network.json`, the first of `psgn predict --seed=0`."""
+"""Number of random inputs in `network.json`; they are the first of `psgn predict --seed=0`."""
 
 ONNX_NAMES = {"float32": "network.onnx", "float16": "network_float16.onnx"}
-"""Type in which weights can be stored -> file."""
+"""Stored type of the weights -> file."""
 
 LARGEST_DIFFERENCE = {"float32": 1e-4, "float16": 1e-2}
-"""Type of the weights -> largest accepted difference of a coordinate from JAX's (unit)."""
+"""Stored type of the weights -> largest accepted difference of a coordinate from JAX's (unit)."""
 
 TEMPLATES = pathlib.Path(__file__).resolve().parent / "templates"
 JAVASCRIPT = ("draws.js", "framing.js", "resample.js", "silhouette.js")
-"""Modules in `TEMPLATES` that frame photos, choose and fit draws like the Python code."""
+"""Modules in `TEMPLATES` that frame photos, and choose and fit draws, like the Python code."""
 
 
 def _constants(module: Any, names: str) -> dict[str, Any]:
-    """Constants of a module by their names in lower case, for programs in other languages."""
+    """Name in lower case -> constant of a module, for programs in other languages."""
     return {name.lower(): getattr(module, name) for name in names.split()}
 
 
@@ -74,18 +74,18 @@ def write_network(
 ) -> dict[str, Any]:
     """Writes a network as ONNX and StableHLO files, `network.json`, and `JAVASCRIPT`.
 
-    We run every file on random images and compare its clouds with JAX's before we write it.
+    Before we write a file, we compare its clouds with JAX's on random images.
 
     Args:
-      weights: any of `ONNX_NAMES`; each gives one ONNX file.
+      weights: any of `ONNX_NAMES`, an ONNX file each.
 
     Returns:
       The content of `network.json`.
 
     Raises:
       ConfigError: an argument is wrong.
-      ExportError: a parameter is not finite, an operation has no form in ONNX, or a file's clouds
-        differ too much from JAX's.
+      ExportError: a parameter is not finite, an operation cannot be converted to ONNX, or a file's
+        clouds differ too much from JAX's.
     """
     if not weights or not set(weights) <= set(ONNX_NAMES):
         raise ConfigError(
@@ -127,7 +127,7 @@ def write_network(
 
 
 def write_folder(run: Trained, out: str | os.PathLike[str], **options: Any) -> dict[str, Any]:
-    """Calls `write_network`, adds a README and examples; returns the content of `network.json`."""
+    """Calls `write_network` and adds a README and examples; returns `write_network`'s result."""
     description = write_network(run, out, **options)
     height, width = description["image_size"]
     values = {
@@ -152,7 +152,7 @@ def write_folder(run: Trained, out: str | os.PathLike[str], **options: Any) -> d
 
 
 def drawn_inputs(network: PortableNetwork) -> dict[str, np.ndarray]:
-    """Random images whose masks are ellipses; always the same ones."""
+    """Random images with elliptical masks, the same in every call."""
     rng, count = np.random.default_rng(0), 8
     height, width = network.config.data.image_size
     rows, columns = np.mgrid[:height, :width] / np.array([height, width]).reshape(2, 1, 1) - 0.5
@@ -166,7 +166,7 @@ def drawn_inputs(network: PortableNetwork) -> dict[str, np.ndarray]:
 
 
 def check(stored: str, points: np.ndarray, expected: np.ndarray) -> float:
-    """The largest difference of a file's coordinates from JAX's; `ExportError` if it is large."""
+    """The largest difference of a file's coordinates from JAX's; `ExportError` if too large."""
     difference = float(np.abs(points - expected).max())
     if not difference <= LARGEST_DIFFERENCE[stored]:
         raise ExportError(

@@ -1,4 +1,4 @@
-"""A trained network as one function of arrays, for any number of images.
+"""A trained network as a function of arrays, for any number of images.
 
 The function, the ONNX graph and the StableHLO program have the same inputs and output:
 
@@ -30,7 +30,7 @@ PLATFORMS = ("cpu", "cuda", "rocm", "tpu")
 
 
 class InputSpec(NamedTuple):
-    """An input of the network; a size in `shape` is a number or the name of a symbolic size."""
+    """An input of the network; `shape` has numbers and names of symbolic sizes."""
 
     name: str
     dtype: str
@@ -38,7 +38,7 @@ class InputSpec(NamedTuple):
 
 
 class ExportError(UserError):
-    """A network cannot be exported, or an exported file gives wrong results."""
+    """A network cannot be exported, or an exported file computes wrong results."""
 
 
 def symbolic(inputs: Sequence[InputSpec]) -> list[jax.ShapeDtypeStruct]:

@@ -1,8 +1,8 @@
 """Writes a JAX function as an ONNX file: a walk over the primitives of its trace.
 
-Convolutions read [b, h, w, c] in JAX and [b, c, h, w] in ONNX, so a tensor knows the order in which
-its axes are stored. Elementwise operations keep the order, so a chain of convolutions is only
-transposed at its two ends. Only this file imports onnx.
+Convolutions read [b, h, w, c] in JAX and [b, c, h, w] in ONNX, so each tensor states the order of
+its stored axes. Elementwise operations keep the order, so a chain of convolutions is transposed
+only at its ends. Only this file imports onnx.
 """
 
 import itertools
@@ -20,7 +20,7 @@ from psgn_jax.models.cpu_convolution import convolutions_for
 from psgn_jax.portable.network import ExportError, InputSpec, symbolic
 
 OPSET, IR_VERSION = 17, 8
-"""Versions that onnxruntime has supported since 1.12 (2022), in browsers too."""
+"""Supported since onnxruntime 1.12 (2022), in browsers too."""
 
 _CALLS = ("jit", "custom_jvp_call", "custom_vjp_call")
 _ELEMENTWISE = {
@@ -33,10 +33,10 @@ _ELEMENTWISE = {
 
 
 class _Tensor(NamedTuple):
-    """A tensor of the graph; known values of the traced function are arrays of NumPy.
+    """A tensor of the graph; constants of the traced function are arrays of NumPy.
 
     `shape` has JAX's order of axes; stored axis i is JAX's axis `order[i]`. An axis that JAX
-    repeats has size 1 here, because ONNX's operators repeat it.
+    broadcasts has size 1, because ONNX's operators broadcast it.
     """
 
     name: str
@@ -57,13 +57,13 @@ def to_onnx(
     """The content of an ONNX file that computes `function`.
 
     Args:
-      function: maps arrays to one array, whose sizes may depend on symbolic sizes of the inputs.
-      inputs: the names, types and shapes of the arrays.
-      stored: "float32", or "float16" for half the size. Runtimes convert kernels to float32 once,
-        at loading.
+      function: maps arrays to an array, whose sizes may depend on symbolic sizes of the inputs.
+      inputs: names, types and shapes of the arrays.
+      stored: "float32", or "float16" for half the size. Runtimes convert kernels to float32 when
+        they load the file.
 
     Raises:
-      ExportError: the function contains a primitive that is not converted here.
+      ExportError: the function has a primitive that cannot be converted.
     """
     with convolutions_for("export"):
         traced = jax.make_jaxpr(lambda *arrays: function(*arrays))(*symbolic(inputs))
@@ -117,7 +117,7 @@ class _Graph:
         return self.constant(array)
 
     def sizes(self, shape: Sequence[Any], *, infer: bool) -> str:
-        """A shape as a tensor; `infer`: its last symbolic size is -1, which Reshape computes."""
+        """A shape as a tensor; with `infer`, Reshape computes its last symbolic size (-1)."""
         sizes = list(shape)
         unknown = [i for i, size in enumerate(sizes) if not isinstance(size, int)]
         if infer and unknown:
@@ -146,7 +146,7 @@ class _Graph:
         return self.node("Transpose", value.name, perm=[value.order.index(a) for a in order])
 
     def whole(self, value: _Value, shape: Sequence[Any]) -> _Value:
-        """The value with its repeated axes at full size."""
+        """The value with its broadcast axes at full size."""
         if tuple(value.shape) == tuple(shape):
             return value
         order = _common_order([value])
@@ -155,7 +155,7 @@ class _Graph:
         return _Tensor(self.node("Expand", self.name(value, order), target), tuple(shape), order)
 
     def elementwise(self, kind: str, *operands: _Value, **options: Any) -> _Tensor:
-        """A node whose operands are numbers, or have one order of axes."""
+        """A node whose operands are numbers or have the same order of axes."""
         rank = max(len(x.shape) for x in operands)
         full = [x for x in operands if len(x.shape) == rank]
         order = _common_order(full)
@@ -165,7 +165,7 @@ class _Graph:
         return _Tensor(self.node(kind, *names, **options), shape, order)
 
     def reshape(self, value: _Value, shape: Sequence[Any]) -> _Value:
-        """A reshape; one of the leading axes alone keeps the stored order of the others."""
+        """A reshape; if only leading axes change, the others keep their stored order."""
         if isinstance(value, np.ndarray):
             return value.reshape(shape)
         pairs = zip(reversed(value.shape), reversed(shape), strict=False)
@@ -193,7 +193,7 @@ class _Graph:
         kind, strides = "Conv", params["window_strides"]
         kernel = kernel.transpose(numbers.rhs_spec)
         if set(params["lhs_dilation"]) != {1}:
-            # JAX pads the dilated image. ONNX cuts `pads` off the result of the largest padding.
+            # JAX pads the dilated image; ONNX crops `pads` from the fully padded result.
             kind, strides = "ConvTranspose", params["lhs_dilation"]
             kernel = np.flip(kernel, tuple(range(2, kernel.ndim))).swapaxes(0, 1)
             pads = np.array(kernel.shape[2:]) - 1 - pads
@@ -204,7 +204,7 @@ class _Graph:
         return _Tensor(name, out.shape, tuple(numbers.out_spec))
 
     def sum_of_windows(self, x: _Tensor, params: Any, out: Any) -> _Tensor:
-        """Of images: averages times the size of a window."""
+        """Sums over windows of images: averages times the window's size."""
         window = params["window_dimensions"]
         order = sorted(range(len(window)), key=lambda axis: window[axis] > 1)
         name = self.node(
@@ -253,7 +253,7 @@ class _Graph:
         if kind in ("max", "min") and isinstance(operands[0], np.ndarray):
             operands = operands[::-1]
         match kind, operands:
-            # Runtimes compute a convolution together with a Relu or Clip.
+            # Runtimes fuse a convolution with Relu or Clip.
             case "max", [x, np.ndarray(ndim=0) as limit] if limit == np.float32(0):
                 return self.elementwise("Relu", x)
             case "min", [_Tensor() as x, np.ndarray(ndim=0) as limit]:
@@ -312,7 +312,7 @@ def _plain(shape: Sequence[Any]) -> tuple[int, ...]:
 
 
 def _common_order(values: Sequence[_Value]) -> tuple[int, ...]:
-    """The order in which operands of the same rank are read."""
+    """The order of axes for operands of the same rank."""
     plain = _plain(values[0].shape)
     orders = (x.order for x in values if isinstance(x, _Tensor))
     return next((order for order in orders if order != plain), plain)

@@ -1,1 +1,1 @@
-"""The experiments of the paper; `runner` has their common parts."""
+"""The paper's experiments; `runner` has the common parts."""

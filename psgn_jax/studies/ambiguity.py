@@ -1,10 +1,10 @@
 """Several plausible shapes for one image: `psgn study ambiguity`.
 
 The data are `data_gen.catalogues.cabinets`. Images from the front hide the depth of a cabinet,
-images of a turned cabinet show it. On both we train a deterministic network, Mo2, Mo4 and Mo8 (on
+images of a turned cabinet show it. On both we train a deterministic network, Mo2, Mo4 and Mo8 (with
 the best of 2, 4 and 8 draws of the random input) and the conditional variational autoencoder. We
 measure distances from the truth; the spread (standard deviation over draws) of the output points
-along the hidden direction x and along y and z; the depths of the drawn cabinets beside their true
+along the hidden direction x and along y and z; the depths of the drawn cabinets against their true
 distribution; and the metrics of `prediction.sampling` for the true shapes that share an image.
 
 Source: Fan, Su, Guibas, CVPR 2017, sections "Generation of Multiple Plausible Shapes" and
@@ -33,11 +33,11 @@ from psgn_jax.system.untrusted import parse_json
 from psgn_jax.viewing import spheres
 from psgn_jax.weights.run_folder import open_run
 
-NUM_DRAWS = 8  # that are compared
+NUM_DRAWS = 8  # compared draws per image
 NUM_MEASURED = 32  # draws per image whose depth is measured
 
-# Geometry of `data_gen.catalogues.cabinets` before normalisation: position of the front of the body
-# along x, from the middle of the rail; and length of the deepest body.
+# Geometry of `data_gen.catalogues.cabinets` before normalisation: x of the front of the body, from
+# the middle of the rail; length of the deepest body.
 BODY_BEGINS, DEEPEST = 0.94, 1.94
 DEPTH_RANGE = (0.15, 1.0)
 
@@ -64,7 +64,7 @@ BASE: runner.Overrides = {
 
 
 def configs(base: Config, _: Callable[[str], str]) -> dict[str, runner.Overrides]:
-    """The five networks; Mo2 and Mo4 have as many steps as take the time of Mo8 on a CPU."""
+    """The five networks; Mo2 and Mo4 train for the time of Mo8 on a CPU."""
     random: runner.Overrides = {"model.random_size": 8}
     steps = base.train.steps
     posterior: runner.Overrides = {
@@ -95,7 +95,7 @@ class Cabinet(NamedTuple):
 
 
 def cabinets(data: DataConfig) -> list[Cabinet]:
-    """The parameters of every evaluated record, in order."""
+    """The parameters of the evaluated records, in order."""
     reader = RecordReader(data.eval_folders, data.eval_split)
     known: list[Cabinet] = []
     for index in range(len(reader)):
@@ -116,8 +116,8 @@ def measured_depth(points: np.ndarray, scale: float) -> float:
     """The hidden depth of a cabinet, from its points [n, 3] in the frame of a sample `front`.
 
     The far end of the body is the 5 % quantile of x over the points above the rail: the back face
-    has more than 5 % of these points, and less than 5 % are outliers. The body and the rail are
-    described in `data_gen.catalogues.cabinets`.
+    has more than 5 % of these points, and less than 5 % are outliers. See
+    `data_gen.catalogues.cabinets` for the body and the rail.
     """
     above = points[points[:, 2] > 0.1, 0]
     if not len(above):
@@ -137,7 +137,7 @@ def _cross(draws: Array, truths: Array) -> Array:
 
 
 def of_draws(draws: np.ndarray, truth: np.ndarray, scale: float) -> dict[str, float]:
-    """Measures of the draws [k, n, 3] for one image with true points [m, 3]."""
+    """Measures of draws [k, n, 3] for an image with true points [m, 3]."""
     some = draws[:NUM_DRAWS]
     distances = np.asarray(_cross(some, truth[None]))
     found = {
@@ -164,7 +164,7 @@ def of_draws(draws: np.ndarray, truth: np.ndarray, scale: float) -> dict[str, fl
 
 
 def by_kind(each: Mapping[str, np.ndarray], front: np.ndarray) -> dict[str, Any]:
-    """The results [samples] of `of_draws` by kind of image, and the spreads over all samples."""
+    """The results of `of_draws` by kind of image, [samples], and the spreads over all samples."""
     result: dict[str, Any] = {}
     total = []
     for kind, of in (("front", front), ("turned", ~front)):
@@ -185,7 +185,7 @@ def by_kind(each: Mapping[str, np.ndarray], front: np.ndarray) -> dict[str, Any]
 
 
 def measure(run: runner.Run) -> runner.Measured:
-    """Measures a network; for the figure: a sample, true shapes with its image, and draws."""
+    """Measures a network; shown: a sample, the true shapes with its image, and draws."""
     config, params = run.config, open_run(run.folder, "last").params
     model, known = networks.build(config.model), cabinets(config.data)
     cases: list[runner.Sample] = []
@@ -221,7 +221,7 @@ def measure(run: runner.Run) -> runner.Measured:
     shown = first, [cases[i]["points"] for i in sharing], np.stack(some)
     arrays = {key: np.atleast_1d(value) for key, value in metrics.items()}
     about = f"{found.about}, {NUM_DRAWS} draws, {NUM_MEASURED} for depths"
-    # Cabinets that differ only in depth count as one model; in `front`, they have the same image.
+    # Cabinets that differ only in depth count as one model; in `front` they have one image.
     names = [n._replace(model_id=str(c.seed)) for n, c in zip(found.names, known, strict=True)]
     return found._replace(names=names, metrics=arrays, shown=shown, about=about)
 
@@ -243,6 +243,8 @@ def ratios(results: runner.Results) -> list[Lines]:
 
 def figure(results: runner.Results) -> figures.Figure:
     """Draws for one image, sorted by depth, from two angles; after a single draw, true shapes."""
+    # Rotated shapes are wider than in the image.
+    zoom = np.array([[0.85, 1, 1], [1, 0.85, 1], [1, 1, 1]])
     rows, labels = [], []
     for name, runs in results.items():
         sample, shapes, draws = runs[0].shown
@@ -251,8 +253,6 @@ def figure(results: runner.Results) -> figures.Figure:
             clouds = {"prediction": draws[0]}
             for i, cloud in enumerate(shapes, 1):
                 clouds[f"true shape {i}"] = spheres.thinned(cloud, draws[0])
-        # Rotated shapes are wider than those in the image.
-        zoom = np.array([[0.85, 1, 1], [1, 0.85, 1], [1, 1, 1]])
         case = {**sample, "intrinsics": sample["intrinsics"] * zoom}
         for angle in (45, 90):
             panels = spheres.panels(case, spheres.by_height(clouds), (angle,)).values()

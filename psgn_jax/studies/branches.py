@@ -1,6 +1,6 @@
 """The points of each branch: `psgn study branches [--runs=RUN]`.
 
-The paper states that the deconv branch predicts the main body as an ordered surface, and the fc
+According to the paper, the deconv branch predicts the main body as an ordered surface, the fc
 branch unordered points on details. We measure the two-branch networks of the study `networks`, or
 the runs in `--runs`:
 
@@ -8,8 +8,8 @@ the runs in `--runs`:
   cells), divided by the mean distance of two points of the branch; 1 = no order;
 - squared distances between the points of each branch and the truth, and the spread of each branch;
 - the share of true points whose nearest predicted point belongs to each branch. For fc, we also
-  give it for each fifth of a sample's true points, sorted by their distance from the centre of the
-  object, or by the number of true points within `AROUND`, which is small at thin parts.
+  measure this share for each fifth of a sample's true points, sorted by the distance from the
+  object's centre, or by the number of true points within `AROUND`, which is small at thin parts.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figures of both branches, which show images
 and no numbers; the measures are **ours**. Unit of lengths: the radius of the bounding hemisphere.
@@ -71,7 +71,7 @@ def neighbours_in_grid(grid: OutputGrid) -> np.ndarray:
 
 
 def measure_sample(case: runner.Sample, model: ModelConfig) -> dict[str, float]:
-    """The metrics of a sample; `pred` has the fc points first, `points` are uniform."""
+    """The metrics of a sample; `pred` begins with the fc points, `points` are uniform."""
     pred, gt = case["pred"], case["points"]
     network = build(model)
     branches = network.branches
@@ -106,7 +106,7 @@ def measure_sample(case: runner.Sample, model: ModelConfig) -> dict[str, float]:
 
 
 def shares(values: np.ndarray, by: np.ndarray) -> np.ndarray:
-    """Share of the booleans `values` [m] that are True in each fifth; sorted by `by` [m]."""
+    """Share of True in `values` [m] in each fifth, after sorting by `by` [m]."""
     ranked = values[np.argsort(by, kind="stable")].astype(np.float64)
     return np.array([part.mean() if len(part) else np.nan for part in np.array_split(ranked, 5)])
 
@@ -116,7 +116,7 @@ def _rms(offsets: np.ndarray) -> float:
 
 
 def measure(run: runner.Run) -> runner.Measured:
-    """Measures the branches of a run; `ConfigError` for a network with a single branch."""
+    """Measures the branches of a run; `ConfigError` if the network lacks one."""
     model = run.config.model
     branches = build(model).branches
     if not (branches.fc and branches.deconv):
@@ -130,7 +130,7 @@ def measure(run: runner.Run) -> runner.Measured:
 
 
 def panels(case: runner.Sample, model: ModelConfig) -> dict[str, np.ndarray]:
-    """Image; maps of x, y, z; points by branch, and truth, from two directions."""
+    """Image; maps of x, y, z; points by branch and truth from two directions."""
     network, pred = build(model), case["pred"]
     branches = network.branches
     branch = np.repeat([0, 1], [len(branches.fc), len(branches.deconv)])
@@ -146,7 +146,7 @@ def panels(case: runner.Sample, model: ModelConfig) -> dict[str, np.ndarray]:
 
 
 def figure(results: runner.Results) -> figures.Figure:
-    """Rows of samples for each run; one colour scale for all maps, in steps of .25."""
+    """Samples of each run, a row each; one colour scale for all maps, in steps of .25."""
     rows, labels = [], []
     for name, runs in results.items():
         shown = list(runs[0].shown.values())

@@ -2,15 +2,15 @@
 
 We train the point networks `cd` and `emd`; `volume`, which predicts the logarithm of the object's
 volume; the paper's voxel head with four sets of inputs (`HEADS`); and 3D-R2N2 (`r2n2`) on one to
-five views, which gets as much time as the head `OURS` and the three networks that it reads. We
-measure on the test split, or without one on the evaluation split:
+five views, for about the time of the head `OURS` and its three input networks. We measure on the
+test split or, if there is none, on the evaluation split:
 
-- IoU of 32^3 grids, with thresholds that were chosen on the evaluation split;
-- CD and EMD of 1,024 points. As in the paper, farthest point sampling makes clouds of grids, here
-  from 4,096 points on the surface of the occupied cells (**ours**: the paper does not state from
-  which). CD and EMD to the true surface points are **ours**, too;
-- recall of thin parts (**ours**): of the true cells that are in no 2x2x2 block of occupied cells,
-  the share that a predicted grid contains.
+- IoU of 32^3 grids, with thresholds chosen on the evaluation split;
+- CD and EMD of 1,024 points. As in the paper, farthest point sampling turns grids into clouds. We
+  sample from 4,096 points on the surface of the occupied cells (**ours**: the paper does not state
+  the points). CD and EMD to the true surface points are **ours**, too;
+- recall of thin parts (**ours**): the share of the true cells in no 2x2x2 block of occupied cells
+  that a predicted grid contains.
 
 Source: Fan, Su, Guibas, CVPR 2017, section "Comparison to state-of-the-art", table and figures;
 Choy et al., "3D-R2N2", ECCV 2016. The networks are smaller than theirs; the data differ.
@@ -43,13 +43,13 @@ HEADS = {
     "head_cd_emd": ("cd", "emd"),
     "head_cd_emd_volume": ("cd", "emd", "volume"),
 }
-"""Name of a voxel head -> the runs that it reads."""
+"""Voxel head -> the runs that it reads."""
 
 OURS, PEER = "head_cd_emd_volume", "r2n2"
 VIEWS = (1, 3, 5)
 NUM_POINTS = 1024
 CANDIDATES = 4096
-"""Points on the surface of a volume, of which we take the farthest."""
+"""Points on the surface of a volume, for farthest point sampling."""
 
 PAPER = {
     "plane": (0.601, 0.513, 0.549, 0.561),
@@ -67,7 +67,7 @@ PAPER = {
     "watercraft": (0.611, 0.513, 0.596, 0.610),
     "mean": (0.640, 0.560, 0.617, 0.631),
 }
-"""IoU in the paper's table: the paper's network, and 3D-R2N2 with 1, 3 and 5 views, on ShapeNet."""
+"""IoU in the paper's table: the paper's network and 3D-R2N2 with 1, 3 and 5 views, on ShapeNet."""
 
 _CASES = ("chair", "table", "bench", "lamp", "plane", "firearm")
 
@@ -97,8 +97,8 @@ BASE: runner.Overrides = {
 def configs(base: Config, folder: Callable[[str], str]) -> dict[str, runner.Overrides]:
     """All networks; `emd`, `volume` and the heads have half as many steps as the others.
 
-    3D-R2N2 then takes about as long as `OURS` and its networks: with 1,600 steps, the same time on
-    two cores was enough for 1,689 and 1,382 steps of 3D-R2N2.
+    Then 3D-R2N2 takes about as long as `OURS` and its networks: in their time for 1,600 steps on
+    two cores, 3D-R2N2 made 1,689 and 1,382 steps.
     """
     half = max(1, base.train.steps // 2)
     emd = {"loss.name": "emd_mean", "loss.emd_tolerance": 0.02, "train.steps": half}
@@ -134,13 +134,13 @@ def configs(base: Config, folder: Callable[[str], str]) -> dict[str, runner.Over
 
 
 def solid_at(probability: np.ndarray, threshold: float) -> np.ndarray:
-    """Cells at or above a threshold; if there are none, the most probable cells."""
+    """Cells at or above a threshold, or else the most probable cells."""
     volume = probability >= threshold
     return volume if volume.any() else probability >= probability.max()
 
 
 def thin_cells(volume: np.ndarray) -> np.ndarray:
-    """Occupied cells that are in no 2x2x2 block of occupied cells, bool like `volume`."""
+    """Occupied cells in no 2x2x2 block of occupied cells, bool like `volume`."""
     return volume & ~ndimage.binary_opening(volume, np.ones((2, 2, 2)))
 
 
@@ -151,8 +151,8 @@ _distances = jax.jit(functools.partial(evaluate_pair, emd_tolerance=0.01))
 def cloud_of(volume: np.ndarray, number: int, stream: int) -> np.ndarray:
     """A cloud [1024, 3], by farthest point sampling of the surface of the occupied cells.
 
-    `stream` selects the random numbers: 0 for true, 2 for predicted volumes, so that they
-    share none. Stream 1 chooses the points of true surfaces.
+    `stream` selects the random numbers: 0 for true volumes, 1 for true surfaces, 2 for predicted
+    volumes.
     """
     solid = shapenet.WorldGrid(volume, np.array(GRID_ORIGIN), GRID_EDGE / len(volume))
     points = shapenet.surface_points(solid, CANDIDATES, np.random.default_rng([stream, number]))
@@ -174,7 +174,7 @@ def distances(cloud: np.ndarray, case: runner.Sample, number: int) -> dict[str, 
 
 
 def measure(run: runner.Run) -> runner.Measured:
-    """Measures a run, as far as its predictions allow; see `METRICS`."""
+    """The `METRICS` that a run's predictions allow."""
     data = dataclasses.replace(run.config.data, occupancy=True)
     run = run._replace(config=dataclasses.replace(run.config, data=data))
     scores = open_run(run.folder, "last").scores
@@ -243,11 +243,11 @@ _COLUMNS: dict[str, tuple[str, str, Any]] = {
         for who, run in (("ours", metric), ("3D-R2N2", PEER))
     },
 }
-"""Title -> name of the runs, metric and factor."""
+"""Title -> configuration, metric and factor."""
 
 
 def by_category(results: runner.Results) -> list[Lines]:
-    """A row for each category, and the means over categories, of IoU also for all heads."""
+    """A row for each category and for the means over categories; IoU also of all heads."""
     names = results[OURS][0].names
     categories = np.array([name.category or "(none)" for name in names])
     more = {name: (name, "iou", 1) for name in HEADS if name != OURS}
@@ -277,10 +277,10 @@ def _mean(parts: Sequence[Any]) -> float:
 
 
 def figure(results: runner.Results) -> figures.Figure:
-    """Image, our cloud, our volume, 3D-R2N2's, the true volume, from two sides.
+    """Image, our cloud, our volume, 3D-R2N2's volume and the true volume, from two sides.
 
-    Of up to six categories, we show the test sample with the most thin cells. Spheres stand at the
-    centres of the occupied cells.
+    For up to six categories, we show the sample with the most thin cells. Spheres are at the
+    centres of occupied cells.
     """
     rows, titles = [], {"our volume": OURS, "3D-R2N2, 1 view": PEER}
     for category, case in results["cd"][0].shown.items():
@@ -313,6 +313,6 @@ STUDY = runner.Study(
     note="""* printed in the paper: other data (renderings of ShapeNet), networks and trainings. By
 category: means over samples; mean: over categories. u: a tenth of the grid's edge, the paper's
 unit; the edge is 2 radius. Unlike in the paper, more views gain nothing: this version predicts in
-the frame of the first view and is not told how the camera turned between the views. The seconds of
-3D-R2N2 include compilation for two to five views.""",
+the frame of the first view and does not know how the camera turned between the views. The seconds
+of 3D-R2N2 include compilation for two to five views.""",
 )

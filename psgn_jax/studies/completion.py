@@ -1,9 +1,8 @@
 """Shape completion from one RGB-D image: `psgn study completion`.
 
-We train one network twice, with RGB and with RGB-D images, everything else being equal. We measure
-the true points that the depth image shows (visible) separately from the others (hidden). In the
-figure, visible true points are blue, hidden points orange, and each predicted point has the colour
-of the nearest true point.
+We train the same network with RGB and with RGB-D images. We measure the true points that the depth
+image shows (visible) separately from the others (hidden). In the figure, visible true points are
+blue, hidden points orange, and each predicted point has the colour of the nearest true point.
 
 Source: Fan, Su, Guibas, CVPR 2017, section "Shape Completion from RGBD Images", which shows images
 and no numbers; networks, sizes and measures here are **ours**.
@@ -35,7 +34,7 @@ VISIBLE, HIDDEN = (40, 95, 190), (225, 120, 30)
 
 
 def figure(results: Results) -> figures.Figure:
-    """Image and depth; both predictions and the truth seen from the camera, then rotated."""
+    """Image and depth; both predictions and the truth from the camera, then rotated."""
     rows = []
     for number, case in results["rgbd"][0].shown.items():
         truth = case["points"]

@@ -25,7 +25,7 @@ def check_installed() -> None:
 
 
 def blank(width: float, height: float) -> Figure:
-    """An empty figure; its size is in pixels."""
+    """An empty figure with a size in pixels."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI, layout="constrained")
@@ -44,11 +44,11 @@ def bars(
     errors: Mapping[str, Sequence[float]] | None = None,
     colours: Sequence[str] = COLOURS,
 ) -> Figure:
-    """Charts of grouped bars below each other; each bar is labelled with its value.
+    """Charts of grouped bars, one below the other; bars are labelled with their values.
 
     Args:
       charts: title -> name of the bars -> a value for each of `groups`.
-      errors: name of the bars -> half lengths of their error bars.
+      errors: name of the bars -> half lengths of the error bars.
     """
     count = len(next(iter(charts.values())))
     figure = blank(max(860, 40 * count * len(groups)), 300 * len(charts))
@@ -72,7 +72,7 @@ Curve = tuple[np.ndarray, np.ndarray]
 
 
 def curves(charts: Mapping[str, Mapping[str, Curve]]) -> Figure:
-    """Charts by title: a line for each curve, with a band of the standard error over the seeds."""
+    """A chart for each title: its curves, with bands of the standard error over the seeds."""
     from matplotlib import ticker
 
     columns = min(4, len(charts))
@@ -104,12 +104,12 @@ def grid(
     scale: tuple[float, float] | None = None,
     scale_title: str = "",
 ) -> Figure:
-    """Rows of panels. A panel's title is drawn unless the panel above has the same.
+    """Rows of panels. A title is not repeated below the same title.
 
     Args:
-      rows: title -> panel: an image uint8 [h, w, 3], or values [h, w] in a colour map, NaN white.
-      labels: of the rows, on the left.
-      scale: range of the values of all panels, with a colour bar; None = a range for each panel.
+      rows: title -> panel: an image uint8 [h, w, 3], or values [h, w] for a colour map, NaN white.
+      labels: labels of the rows, on the left.
+      scale: range of the colour map, with a colour bar; None = a range for each panel.
     """
     columns = max(map(len, rows))
     height, width = next(iter(rows[0].values())).shape[:2]

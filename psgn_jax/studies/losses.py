@@ -1,10 +1,10 @@
 """CD against EMD in training: `psgn study losses [--runs=CD_RUN,EMD_RUN]`.
 
 We compare the two-branch networks of the study `networks`, trained with the CD and with EMD + 5 CD,
-or two other finished runs. According to the paper, the CD "tends to scatter a few points in its
-uncertain area", and the EMD is "more compact" but "sometimes overly shrinks local structures". So
-we measure the share of predicted points farther than `FAR` from the truth (outliers) and of true
-points farther than `FAR` from the prediction (missed).
+or two finished runs. According to the paper, the CD "tends to scatter a few points in its uncertain
+area", and the EMD is "more compact" but "sometimes overly shrinks local structures". So we measure
+the share of predicted points farther than `FAR` from the truth (outliers) and of true points
+farther than `FAR` from the prediction (missed).
 
 Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figure of both, which shows an example and
 no numbers; networks, sizes and measures here are **ours**.
@@ -51,7 +51,7 @@ def measure_sample(case: Sample) -> dict[str, float]:
 
 
 def figure(results: Results) -> figures.Figure:
-    """A row for each sample: image, predictions and truth seen from the camera, then rotated."""
+    """A row for each sample: image; predictions and truth from the camera, then rotated."""
     rows, colours = [], dict(zip(results, COLOURS, strict=False))
     for number, case in next(iter(results.values()))[0].shown.items():
         shown = {name: results[name][0].shown[number]["pred"] for name in colours}

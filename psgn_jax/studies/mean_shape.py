@@ -4,10 +4,10 @@ If an image does not determine the shape S, a network trained with a distance L 
 
     x* = argmin over x of E_S[L(x, S)],
 
-the mean shape of that distance. We compute x* by stochastic gradient descent, without a network,
-for four distributions of plane shapes: a circle with random radius; a spiky arc at a random
-position on the diagonal; a bar with a square at one of its four corners; a bar with a disk above it
-with probability 1/2. All shapes lie in a square of side 1.2.
+the mean shape for L. We compute x* by stochastic gradient descent, without a network, for four
+distributions of plane shapes: a circle of random radius; a spiky arc at a random position on the
+diagonal; a bar with a square at one of its four corners; a bar with a disk above it with
+probability 1/2. All shapes lie in a square of side 1.2.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 4.3 and its figure on mean shapes, which show the clouds
 and no numbers; sizes and measures here are **ours**.
@@ -38,7 +38,7 @@ SIDE = 0.14  # side of the square
 # Centres of the squares at the bar's corners, outside the bar.
 CORNERS = [(x * (BAR[0] - SIDE / 2), y * (BAR[1] + SIDE / 2)) for x in (-1, 1) for y in (-1, 1)]
 DISK, DISK_CENTRE = 0.1, (0.0, 0.26)
-# A point farther than this from a shape counts as outside: a quarter of the bar's width.
+# A point farther than this from a shape is outside: a quarter of the bar's width.
 NEAR = 0.03
 
 
@@ -53,7 +53,7 @@ def _ring(angle: Array, radius: Array | float) -> Plane:
 
 
 def circle(key: PRNGKey, n: int) -> Plane:
-    """A circle about the origin; the radius is uniform in `RADII`."""
+    """A circle about the origin with a radius uniform in `RADII`."""
     of_radius, of_points = jax.random.split(key)
     radius = jax.random.uniform(of_radius, (), minval=RADII[0], maxval=RADII[1])
     return _ring(2 * jnp.pi * jax.random.uniform(of_points, (n,)), radius)
@@ -67,14 +67,14 @@ def arc_at(angle: Array) -> Array:
 
 
 def arc(key: PRNGKey, n: int) -> Plane:
-    """The spiky arc at a position on the diagonal that is uniform in `PLACES`."""
+    """The spiky arc at a position uniform in `PLACES` on the diagonal."""
     of_place, of_points = jax.random.split(key)
     place = jax.random.uniform(of_place, (), minval=PLACES[0], maxval=PLACES[1])
     return arc_at(jnp.pi / 2 * jax.random.uniform(of_points, (n,))) + place
 
 
 def _attached(key: PRNGKey, n: int, part: Callable[[PRNGKey], Plane], area: float) -> Plane:
-    """Points uniform on the union of the bar and a part of area `area`."""
+    """Uniform points on the union of the bar and a part with this area."""
     of_bar, of_part, of_choice = jax.random.split(key, 3)
     share = area / (area + 4 * BAR[0] * BAR[1])
     chosen = jax.random.uniform(of_choice, (n, 1)) < share
@@ -119,7 +119,7 @@ def measure_circle(mean: np.ndarray) -> dict[str, float]:
 
 
 def measure_arc(mean: np.ndarray) -> dict[str, float]:
-    """Distance of the points from the arc at its mean position; small if the shape is kept."""
+    """Distance of the points from the arc at its mean position; small if the arc is kept."""
     curve = np.asarray(arc_at(jnp.linspace(0, jnp.pi / 2, 2001)))
     distance = np.linalg.norm(mean[:, None] - curve[None], axis=-1).min(axis=1)
     return {
@@ -146,7 +146,7 @@ def measure_squares(mean: np.ndarray) -> dict[str, float]:
 
 
 def measure_disk(mean: np.ndarray) -> dict[str, float]:
-    """Like `measure_squares`. Where there is a disk, it has 24.7 % of the points of the shape."""
+    """Like `measure_squares`; a disk has 24.7 % of the points of its shape."""
     distance = np.linalg.norm(mean - np.asarray(DISK_CENTRE), axis=1)
     return _measure_parts(mean, np.maximum(distance - DISK, 0), "disk")
 
@@ -157,7 +157,7 @@ DISTRIBUTIONS = {
     "bar, square at a corner": (bar_with_square, measure_squares),
     "bar, disk half of the time": (bar_with_disk, measure_disk),
 }
-"""Name -> function that draws n points, uniform on a random shape; measures of the mean shape."""
+"""Name -> function that draws n uniform points on a random shape; measures of the mean shape."""
 
 DISTANCES = {"EMD": losses.emd_mean, "CD": losses.chamfer_sq_mean}
 
@@ -167,7 +167,7 @@ def mean_shape(
 ) -> Plane:
     """The minimiser x [n, 2] of E_S[distance(x, S)], by Adam on eight random shapes per step.
 
-    The learning rate falls from .01 to .0001 along half a cosine; the start is a normal cloud with
+    The learning rate falls from .01 to .0001 along half a cosine. The start is a normal cloud with
     standard deviation .1.
     """
     tx = optax.adam(optax.cosine_decay_schedule(0.01, steps, alpha=0.01))
@@ -199,15 +199,15 @@ def train(run: Run) -> None:
         return
     clouds, key = {}, jax.random.key(run.seed)
     for row, (name, (draw, _)) in enumerate(DISTRIBUTIONS.items()):
-        own = jax.random.fold_in(key, row)
-        found = mean_shape(DISTANCES[run.name], draw, own, run.config.train.steps)
+        distance, steps = DISTANCES[run.name], run.config.train.steps
+        found = mean_shape(distance, draw, jax.random.fold_in(key, row), steps)
         clouds[name] = np.asarray(found)
     np.savez(buffer := io.BytesIO(), allow_pickle=False, **clouds)
     write_atomic(_file(run), buffer.getvalue())
 
 
 def measure(run: Run) -> Measured:
-    """The measures of each mean shape; `shown` are the mean shapes [n, 2]."""
+    """The measures of each mean shape; shown: the mean shapes [n, 2]."""
     with np.load(_file(run)) as file:
         clouds = {name: file[name] for name in DISTRIBUTIONS}
     metrics = {

@@ -2,8 +2,8 @@
 
 We train `vanilla` (fully connected), `two_branch` and `hourglass` with the squared Chamfer distance
 (CD) and with the earth mover's distance (EMD) plus five times the CD. `fc_equal` is `vanilla` with
-hidden layers scaled to as many parameters as `two_branch`. The studies `branches` and
-`losses` measure some of these runs if they get the same `--workdir`.
+as many parameters as `two_branch`. With the same `--workdir`, the studies `branches` and `losses`
+measure some of these runs.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figure comparing networks: "the introduction
 of deconvolution significantly improves performance. Stacking another hourglass level also gives
@@ -16,7 +16,7 @@ from psgn_jax.studies import figures, runner
 
 LOSSES = {"cd": "chamfer_sq_mean", "emd": "emd_mean + 5*chamfer_sq_mean"}
 TRAINED_FOR = {"cd": "cd_sq_radius2", "emd": "emd_radius"}
-"""Loss -> the metric that the figure shows of its networks."""
+"""Loss -> metric of its networks in the figure."""
 NETWORKS: dict[str, runner.Overrides] = {
     "vanilla": {"model.name": "vanilla", "model.fc_points": 1024},
     # 4,306,243 parameters; two_branch has 4,306,323.
@@ -47,7 +47,7 @@ BASE: runner.Overrides = {
 
 
 def configs(networks: list[str]) -> dict[str, runner.Overrides]:
-    """The configurations of some networks with both losses, such as `two_branch_cd`."""
+    """The configurations of networks with both losses, such as `two_branch_cd`."""
     return {
         f"{network}_{loss}": {**NETWORKS[network], "loss.name": name}
         for loss, name in LOSSES.items()
@@ -56,12 +56,12 @@ def configs(networks: list[str]) -> dict[str, runner.Overrides]:
 
 
 def measure(run: runner.Run) -> runner.Measured:
-    """The metrics of a run, after alignment as well."""
+    """The metrics of a run, with and without alignment."""
     return runner.evaluate(run._replace(config=runner.changed(run.config, {"eval.aligned": True})))
 
 
 def figure(results: runner.Results) -> figures.Figure:
-    """Errors divided by `vanilla`'s, with the error over samples of the difference."""
+    """Errors divided by `vanilla`'s, with the standard errors of the differences over samples."""
     series: dict[str, list[float]] = {name: [] for name in NETWORKS}
     errors: dict[str, list[float]] = {name: [] for name in NETWORKS}
     models = runner.models_of(results)

@@ -2,8 +2,8 @@
 
 Each training is an ordinary run in `WORKDIR/CONFIG-SEED`: a stopped study resumes, and a finished
 run is not trained again. We measure last checkpoints, because most studies measure the samples on
-which the best were chosen. The results are `NAME.md` (tables), `NAME.csv` (all numbers),
-`NAME.png`, and `NAME_curves.png`: the metrics during training against the samples seen.
+which the best checkpoints were chosen. The results are `NAME.md` (tables), `NAME.csv` (all
+numbers), `NAME.png`, and `NAME_curves.png`, the metrics during training against the samples seen.
 """
 
 import dataclasses
@@ -36,10 +36,10 @@ Sample = Mapping[str, np.ndarray]
 CASE = ("image", "points", "intrinsics", "extrinsics")
 """Arrays of a sample that are kept by default, besides `pred`."""
 
-NUM_SHOWN = 6  # evenly spaced samples, for the figure
+NUM_SHOWN = 6  # evenly spaced samples in the figure
 
 Overrides = Mapping[str, Any]
-"""Fields of a configuration that differ, by dotted name."""
+"""Dotted name of a field -> its value."""
 
 
 class Run(NamedTuple):
@@ -54,15 +54,15 @@ class Run(NamedTuple):
 class Measured(NamedTuple):
     """Measures of one run."""
 
-    names: Sequence[SampleName]  # runs are compared on the same samples
-    # Name -> float64 [samples], NaN for a sample without it; [1] for a number of the whole run.
+    names: Sequence[SampleName]  # the same for all runs of a study
+    # Name -> float64 [samples], NaN for samples without the metric; [1] for one of the whole run.
     metrics: Mapping[str, np.ndarray]
-    shown: Any = None  # data for the figure; by default some samples by number
-    about: str = ""  # number of samples and points, for the text below the tables
+    shown: Any = None  # data for the figure, by default {number: sample}
+    about: str = ""  # numbers of samples and points, for the text below the tables
 
 
 Results = Mapping[str, Sequence[Measured]]
-"""Name of a configuration -> the measures of its runs, one for each seed."""
+"""Configuration -> the measures of its runs, one for each seed."""
 
 
 def train_network(run: Run) -> None:
@@ -80,11 +80,11 @@ def evaluate(
     *,
     keys: Sequence[str] = CASE,
 ) -> Measured:
-    """The metrics of the run's task on every sample of its evaluation split, last checkpoint.
+    """The metrics of a run's last checkpoint on every sample of the evaluation split.
 
     Args:
       of_sample: maps `keys` and `pred` of a sample to further metrics.
-      keys: arrays of a sample that are kept, if the batch contains them.
+      keys: arrays of a sample to keep, if the batch contains them.
     """
     opened, config = open_run(run.folder, "last"), run.config
     split = config.data.eval_split
@@ -115,22 +115,22 @@ def evaluate(
 
 @dataclasses.dataclass(frozen=True)
 class Study:
-    """An experiment: which runs, what is measured, which metrics, tables and figure are shown."""
+    """An experiment: its runs, their measures, and the tables and the figure of the results."""
 
     name: str  # of the result files
-    base: Overrides  # what all configurations change of the recipe
-    # Maps the base configuration, and a function from a configuration's name to the folder of its
-    # run with the same seed, to the overrides of each configuration.
+    base: Overrides  # changes of the recipe for all configurations
+    # (base configuration, function: configuration -> folder of its run with the same seed)
+    # -> {configuration: overrides}.
     configs: Callable[[Config, Callable[[str], str]], Mapping[str, Overrides]]
-    # Metric -> title of its row, which ends with the unit in brackets; empty: all, by their names.
+    # Metric -> title of its row, which ends with the unit in brackets; empty: all metrics.
     metrics: Mapping[str, str]
     figure: Callable[[Results], figures.Figure]
     measure: Callable[[Run], Measured] = evaluate
-    pairs: Sequence[tuple[str, str]] = ()  # whose difference, first minus second, is shown
+    pairs: Sequence[tuple[str, str]] = ()  # show these differences, first minus second
     tables: Callable[[Results], Sequence[Lines]] = lambda _: ()  # further tables
     train: Callable[[Run], None] = train_network  # trains a run, or resumes it
-    recipe: str = "authors_small"  # with which all configurations begin
-    split: str = ""  # measured if there is one; otherwise the evaluation split
+    recipe: str = "authors_small"  # the start of all configurations
+    split: str = ""  # measured if it exists; otherwise the evaluation split
     note: str = ""  # definitions, below the tables
 
     def runs(
@@ -160,7 +160,7 @@ _EVALUATIONS = 16  # points of a learning curve
 
 
 def changed(config: Config, overrides: Overrides) -> Config:
-    """The configuration with some fields replaced, and intervals that fit into its steps."""
+    """The configuration with new values of fields, and intervals limited by its steps."""
     tree = to_dict(config)
     for key, value in overrides.items():
         section, _, field = key.rpartition(".")
@@ -187,14 +187,14 @@ def run(
 
     Args:
       only: CONFIG:SEED: train only this run, and measure nothing. So several machines can share a
-        study; a call without it joins the results.
-      finished: folders of finished runs to measure instead; of two, the difference, second minus
-        first, is shown.
-      measure: FOLDER:SPLIT of further splits to measure; their results are named after both, such
-        as `networks-authors-test.md`.
+        study; a call without `only` joins the results.
+      finished: folders of finished runs to measure instead; for two, the tables show the
+        difference, second minus first.
+      measure: FOLDER:SPLIT of further splits to measure, with results such as
+        `networks-authors-test.md`.
 
     Raises:
-      ConfigError: an argument, the data or a run in `workdir` is not suitable.
+      ConfigError: an argument, the data or a run in `workdir` does not fit.
       UserError: a signal stopped a training; the same call continues.
     """
     figures.check_installed()
@@ -278,8 +278,7 @@ def _write(
 
 _ERRORS = (
     "+-: standard error over samples (views of a model count as dependent) and, with several "
-    'seeds, over seeds. "Better on" counts models. Differences are paired: '
-    "they are between runs with the same seed on the same samples."
+    'seeds, over seeds. "Better on" counts models. Differences are paired by seed and sample.'
 )
 
 
@@ -288,8 +287,8 @@ def learning_curves(
 ) -> dict[str, dict[str, figures.Curve]]:
     """{title: {configuration: curve}} from the evaluations during the trainings of `runs`.
 
-    Only at the last point, the learning rate is at its end. So compare points with other
-    configurations' points, not with trainings of that length.
+    Only at the last point has the learning rate reached its end. So compare points with the same
+    points of other configurations, not with shorter trainings.
     """
     charts: dict[str, dict[str, figures.Curve]] = {}
     for metric, title in metrics.items():
@@ -311,7 +310,7 @@ def _by_name(runs: Sequence[Run]) -> dict[str, list[Run]]:
 
 
 def _evaluated(run: Run, metric: str) -> dict[int, float]:
-    """Samples seen -> the metric in the log of a run."""
+    """Samples seen -> metric, from a run's log."""
     size = run.config.train.batch_size
     lines = read_metrics(run.folder / "metrics.jsonl")
     wanted = (line for line in lines if line["kind"] == "eval" and line["step"])
@@ -319,7 +318,7 @@ def _evaluated(run: Run, metric: str) -> dict[int, float]:
 
 
 def _finished_runs(folders: Sequence[str], data: str) -> list[Run]:
-    """Finished runs, evaluated like the first run, or on `data`."""
+    """Finished runs, to be evaluated on `data` or on the data of the first run."""
     configs = [load_config(folder) for folder in folders]
     names = ("path", "eval_path", "eval_split", "num_eval_points")
     same = {f"data.{name}": getattr(configs[0].data, name) for name in names}
@@ -347,28 +346,28 @@ def _check_data(config: Config) -> None:
 
 
 class Summary(NamedTuple):
-    """A number of the results: the mean of a metric, or of its difference of two configurations."""
+    """The mean of a metric, or of its difference between two configurations."""
 
     configuration: str
-    minus: str  # the configuration that is subtracted; "" for none
+    minus: str  # the subtracted configuration, or ""
     metric: str
     mean: float  # over seeds and samples
-    error_samples: float  # standard error; seeds are averaged first. NaN for one model
-    error_seeds: float  # standard error. NaN for one seed
-    # Share of models that are better than in `minus`. NaN without `minus`, and for metrics of
-    # which neither more nor less is better.
+    error_samples: float  # standard error of the means over seeds; NaN for one model
+    error_seeds: float  # standard error of the means over samples; NaN for one seed
+    # Share of models that are better than in `minus`; NaN without `minus`, and for metrics of
+    # which neither larger nor smaller values are better.
     better: float
-    samples: int  # their number
+    samples: int  # number of samples
     seeds: int
 
 
 _LARGER_IS_BETTER = ("fscore", "precision", "recall", "iou", "gain", "thin_recall")
 _SMALLER_IS_BETTER = ("cd_", "emd_", "gt_to", "log_volume", "outliers", "missed", "uneven")
-"""How the names of metrics begin. A metric in radii is better if it is smaller."""
+"""Beginnings of the names of metrics. Metrics in radii are better if they are smaller, too."""
 
 
 def summarise(results: Results, study: Study) -> list[Summary]:
-    """The means of all metrics of the table, then the differences of `Study.pairs`."""
+    """The means of the table's metrics, then the differences in `Study.pairs`."""
     values = {metric: _values(results, metric) for metric in study.metrics}
     means = [(n, "", m, a, models) for m, (of, models) in values.items() for n, a in of.items()]
     changes = [
@@ -381,7 +380,7 @@ def summarise(results: Results, study: Study) -> list[Summary]:
 
 
 def _values(results: Results, metric: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Name -> [seeds, samples with the metric], and the models of these samples."""
+    """Configuration -> [seeds, samples with the metric], and the models of these samples."""
     arrays = {
         name: np.stack([measured.metrics[metric] for measured in many])
         for name, many in results.items()
@@ -397,13 +396,13 @@ def _values(results: Results, metric: str) -> tuple[dict[str, np.ndarray], np.nd
 
 
 def models_of(results: Results) -> np.ndarray:
-    """The number of each sample's model [samples]."""
+    """The number of the model of each sample [samples]."""
     names = next(iter(results.values()))[0].names
     return np.unique([(n.category, n.model_id) for n in names], axis=0, return_inverse=True)[1]
 
 
 def _sums(values: np.ndarray, models: np.ndarray) -> np.ndarray:
-    """The sum of the values of each model."""
+    """The sums of the values over each model's samples."""
     return np.bincount(np.unique(models, return_inverse=True)[1], values)
 
 
@@ -421,9 +420,9 @@ def _summary(name: str, minus: str, metric: str, array: np.ndarray, models: np.n
 
 
 def standard_error(values: np.ndarray, models: np.ndarray | None = None) -> float:
-    """Standard error of the mean of values [n]; NaN for fewer than two values, or models.
+    """Standard error of the mean of values [n]; NaN for fewer than two values or models.
 
-    Views of a model depend on each other: with `models` [n], only models count as independent.
+    With `models` [n], only models count as independent, because views depend on each other.
     """
     deviations = values - values.mean() if len(values) else values
     if models is not None:
@@ -438,7 +437,7 @@ def standard_error(values: np.ndarray, models: np.ndarray | None = None) -> floa
 
 
 def _tables(summaries: Sequence[Summary], study: Study) -> list[Lines]:
-    """The means, with a column for each configuration, and the differences."""
+    """The means with a column for each configuration, and the differences."""
     means = {(e.metric, e.configuration): e for e in summaries if not e.minus}
     names = list(dict.fromkeys(name for _, name in means))
     lines = [["", *names]]
@@ -468,9 +467,9 @@ def _cell(title: str, summary: Summary | None, *, sign: bool = False) -> str:
 
 
 def cost(run: Run) -> tuple[float, float]:
-    """Seconds of the steps in the log of a run: median per step, and total; NaN for a short log.
+    """Median seconds per step and total seconds of steps in a run's log; NaN for a short log.
 
-    Compilation before the first step, evaluations and checkpoints are not included.
+    They exclude compilation, evaluations and checkpoints.
     """
     last, steps, seconds = 0, [], []
     for line in read_metrics(run.folder / "metrics.jsonl"):
@@ -485,7 +484,7 @@ def cost(run: Run) -> tuple[float, float]:
 
 
 def _costs(runs: Sequence[Run]) -> list[Lines]:
-    """A table of parameters, samples and times; means over seeds. Empty without networks."""
+    """A table of parameters, samples seen and times (means over seeds); empty without networks."""
     lines = [["", "parameters", "samples seen", "seconds per step", "minutes of steps"]]
     for name, several in _by_name(runs).items():
         if not (several[0].folder / "checkpoints").is_dir():

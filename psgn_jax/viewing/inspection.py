@@ -1,4 +1,4 @@
-"""Describes and checks a data set: a report in text, and a contact sheet."""
+"""Describes and checks a data set: a text report and a contact sheet."""
 
 import collections
 import pathlib
@@ -18,25 +18,25 @@ from psgn_jax.viewing import spheres
 from psgn_jax.viewing.page import nearest_distances
 
 # We flag a sample if less than this fraction of its points is within `NEAR_PIXELS` pixels of the
-# mask: its image does not show the whole object, or its camera is wrong. 2.5 % of the authors'
-# samples are flagged.
+# mask: the image does not show the whole object, or the camera is wrong. We flag 2.5 % of the
+# authors' samples.
 FLAG_BELOW = 0.99
 NEAR_PIXELS = 2
 _HIGHEST = 512  # height of the pictures on a contact sheet
 
 
 class Check(NamedTuple):
-    """How well the image, the depth and the points of a sample agree; lengths in units."""
+    """How well image, depth and points of a sample agree; lengths in units."""
 
     inside: float  # fraction of the points that project into the mask
     near: float  # fraction of the points within `NEAR_PIXELS` pixels of the mask
-    depth_median: float  # from back-projected pixels to the nearest point; NaN without depth
+    depth_median: float  # distance of a back-projected pixel to the nearest point; NaN: no depth
     reach: float  # largest distance of a point from the origin
     lowest: float  # smallest z of a point
 
 
 def check(sample: schema.Sample) -> Check:
-    """Compares the points of a sample with its mask and its depth."""
+    """Compares a sample's points with its mask and depth."""
     pixels, depth = camera.project(sample.points, sample.intrinsics, sample.extrinsics)
     pixels = np.where(depth[:, None] > 0, pixels, np.inf)
     median = float("nan")
@@ -54,7 +54,7 @@ def check(sample: schema.Sample) -> Check:
 
 
 def _report_split(reader: RecordReader, num_checked: int) -> list[str]:
-    """Lines about one split; lines about damage begin with `DAMAGED`."""
+    """Lines about a split; lines about damage begin with `DAMAGED`."""
     shards = reader.shards
     size = sum(s.size for s in shards)
     lines = [
@@ -118,7 +118,7 @@ def _summary(checks: Sequence[Check]) -> list[str]:
 
 
 def report(path: str | pathlib.Path, num_checked: int = 256) -> tuple[list[str], bool]:
-    """Describes and checks a data set: lines of text, and whether no damage was found.
+    """Describes and checks a data set: lines of text, and whether it is undamaged.
 
     Raises:
       RecordError: there is no readable manifest.
@@ -142,11 +142,11 @@ def report(path: str | pathlib.Path, num_checked: int = 256) -> tuple[list[str],
 
 
 def make_sheet(path: str | pathlib.Path, num_samples: int = 12) -> Image.Image:
-    """Draws a contact sheet of samples; damaged ones are skipped.
+    """A contact sheet of undamaged samples.
 
     Each has three pictures, as high as the first image but at most 512 pixels: the image, its cloud
-    with the outline of the mask, and the cloud from another side. We leave out a test split if
-    there are others, because nothing should be chosen by looking at it.
+    with the outline of the mask, and the cloud from another side. If there are other splits, we
+    leave out a test split, because nothing should be chosen by looking at it.
     """
     rows: list[tuple[str, dict[str, np.ndarray]]] = []
     every = load_manifest(path).splits()

@@ -1,7 +1,7 @@
-"""A viewer for point clouds: one HTML file that needs no internet connection and no other files.
+"""A viewer for point clouds: an HTML file that works offline and without other files.
 
 It shows the image, the predicted cloud and the ground truth. A slider chooses one of several
-samples, a mouse or a finger turns the clouds. Points are coloured by height, branch, error,
+samples; a mouse or a finger turns the clouds. Points are coloured by height, branch, error,
 certainty, or from the image. A content security policy forbids all requests. Coordinates are
 stored as int16 with an error below 1e-4 units.
 """
@@ -24,28 +24,28 @@ from psgn_jax.viewing import spheres
 _HEAD = pathlib.Path(__file__).with_name("head.html")
 _TEMPLATE = pathlib.Path(__file__).with_name("page.html")
 CLOUD_SCRIPT = pathlib.Path(__file__).with_name("cloud.js")
-"""Draws clouds in a browser; an ES module."""
+"""An ES module that draws clouds in a browser."""
 
-_EXTENT = 2.0  # largest coordinate that can be stored; objects extend to about 1
-_ERROR_TOP, _SPREAD_TOP = 0.2, 0.3  # distances with the last colour of the scale, unit
+_EXTENT = 2.0  # largest stored coordinate; objects extend to about 1
+_ERROR_TOP, _SPREAD_TOP = 0.2, 0.3  # distances (unit) at the end of the colour scale
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Case:
-    """One image with its predictions, as shown on the page.
+    """An image with its predictions, as shown on the page.
 
     Attributes:
       name: a unique name; `page.html#NAME` opens the case.
       image: uint8 [H, W, 3].
       samples: float32 [k, n, 3], predictions in the project's frame.
       truth: float32 [m, 3].
-      num_fc: number of points of the fc branch, which come first.
+      num_fc: number of points of the fc branch, the first points.
       colours: uint8 [k, n, 3], from the image.
       spread: float32 [k, n], how far each point varies between draws (`prediction.draws`).
       about: a short text, such as the category.
       metrics: a short text for each sample.
       camera: `intrinsics` and `extrinsics` of the image.
-      behind: whether the image is shown behind the cloud, which needs a camera.
+      behind: whether to show the image behind the cloud; needs a camera.
     """
 
     name: str
@@ -64,11 +64,11 @@ class Case:
 FIELDS = (
     "points", "colours", "seen", "branch", "photo", "to_view", "intrinsics", "extrinsics"
 )  # fmt: skip
-"""The arrays of a prediction that `case_of` needs; it uses `spread`, too, if there is one."""
+"""The arrays of a prediction that `case_of` needs; it also reads `spread`, if there is one."""
 
 
 def case_of(name: str, arrays: Mapping[str, np.ndarray]) -> Case:
-    """The case of a prediction, from the arrays of its NPZ file; its image is the photo."""
+    """The case for the arrays of a prediction's NPZ file; its image is the photo."""
     to_photo = np.linalg.inv(arrays["to_view"].astype(np.float64))
     return Case(
         name,
@@ -83,7 +83,7 @@ def case_of(name: str, arrays: Mapping[str, np.ndarray]) -> Case:
 
 
 def document_of(cases: Sequence[Case]) -> str:
-    """One page as a text of HTML."""
+    """One page, as HTML text."""
     return _page("psgn_jax", [to_json(_encode(case)) for case in cases], [])
 
 
@@ -108,10 +108,10 @@ def write_pages(
 ) -> dict[str, pathlib.Path]:
     """Writes one page, or several that link to each other: `page.html`, `page-2.html`, ...
 
-    Only one page is in memory at a time. Returns the page of each case, by the case's name.
+    Only one page is in memory at a time. Returns {name of a case: its page}.
 
     Args:
-      max_bytes: maximum size of a page, unless a single case is larger.
+      max_bytes: largest size of a page, unless a single case is larger.
 
     Raises:
       ValueError: a name occurs twice.
@@ -146,10 +146,10 @@ def write_pages(
 
 
 def document(template: pathlib.Path, data: str, **pieces: str) -> str:
-    """A page that makes no requests: a template with its pieces and its data, a text of JSON.
+    """Fills a template; the page makes no requests.
 
-    `/*NAME*/` in the template is the place of the piece NAME, `/*HEAD*/` of `head.html`, which
-    holds the data, and `/*CLOUD*/` of `cloud.js`.
+    `/*NAME*/` is the place of the piece NAME, `/*CLOUD*/` of `cloud.js`, and `/*HEAD*/` of
+    `head.html`, which contains `data`, a JSON text.
     """
     pieces["HEAD"] = _HEAD.read_text(encoding="utf-8")
     pieces["CLOUD"] = CLOUD_SCRIPT.read_text(encoding="utf-8").replace("export ", "")
@@ -160,7 +160,7 @@ def document(template: pathlib.Path, data: str, **pieces: str) -> str:
 
 
 def nearest_distances(queries: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Distance [n] of each query to the nearest point; those that are not finite are far away."""
+    """Distance [n] of each query to the nearest point; non-finite points are far away."""
     near, far = (np.nan_to_num(a, nan=1e9, posinf=1e9, neginf=-1e9) for a in (points, queries))
     return cKDTree(near).query(far)[0]
 
@@ -197,7 +197,7 @@ def _encode(case: Case) -> dict[str, Any]:
 
 
 def to_json(value: Any) -> str:
-    """JSON in one line; a "<" is escaped, because it could end the script element."""
+    """JSON in one line; "<" is escaped, because it could end the script element."""
     return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 

@@ -1,7 +1,7 @@
 """Draws clouds as in the paper: points are small shaded spheres that cast a shadow on the ground.
 
-We draw spheres with their normals into a depth buffer, light them softly and darken the gaps
-between them, at twice the size of the picture.
+We rasterise spheres with their normals into a depth buffer, shade them and darken the gaps between
+them, at twice the picture's resolution.
 """
 
 import io
@@ -18,17 +18,17 @@ from psgn_jax.data import camera
 from psgn_jax.system.files import write_atomic
 
 RADIUS = 0.028
-"""Radius of a sphere (unit): half the distance of neighbours of 1,024 points, evenly spread over a
-typical surface."""
+"""Radius of a sphere (unit): half the distance of neighbours if 1,024 points are spread evenly over
+a typical surface."""
 
 BRANCH_COLOURS = ((226, 114, 62), (70, 130, 180))
-"""Colours of points from the fully connected branch and from the deconvolution branch."""
+"""Colours of points of the fully connected and of the deconvolution branch."""
 
 # By height, from the ground up.
 HEIGHT_COLOURS = np.array(
     [[61, 82, 120], [66, 128, 150], [110, 170, 148], [205, 190, 120], [224, 134, 88]], np.float64
 )
-# By a value, from small to large, perceptually uniform.
+# By value, from small to large, perceptually uniform.
 VALUE_COLOURS = np.array(
     [[48, 30, 110], [124, 38, 128], [200, 62, 100], [245, 130, 70], [252, 220, 140]], np.float64
 )
@@ -37,7 +37,7 @@ VALUE_COLOURS = np.array(
 _KEY = np.array([-0.5, -0.75, -0.6]) / np.linalg.norm([0.5, 0.75, 0.6])
 _AMBIENT, _DIFFUSE, _SPECULAR = 0.42, 0.62, 0.16
 _OVERSAMPLING = 2
-_SHADOW_SLANT = (-0.25, 0.3)  # offset of the shadow per unit of height: toward the camera, right
+_SHADOW_SLANT = (-0.25, 0.3)  # shift of the shadow per unit of height: toward the camera, right
 _SHADOW_DARKNESS = 0.42
 
 
@@ -73,16 +73,16 @@ def render(
     radius: float = RADIUS,
     shadow: bool = True,
 ) -> np.ndarray:
-    """Draws one cloud as lit spheres on white, uint8 [height, width, 3].
+    """Draws a cloud as shaded spheres on white, uint8 [height, width, 3].
 
     Args:
-      points: [n, 3] in the project's frame; those that are not finite or behind the camera are left
-        out.
+      points: [n, 3] in the project's frame; points that are not finite or behind the camera are
+        left out.
       colours: uint8 [n, 3].
       intrinsics: [3, 3] in pixels of an image of `size`, (height, width).
       extrinsics: [3, 4], from the project's frame to the camera's.
-      radius: of the spheres, unit of the frame.
-      shadow: whether the cloud has a shadow on the ground z = 0.
+      radius: radius of the spheres, in units.
+      shadow: whether to draw a shadow on the ground z = 0.
     """
     keep = np.isfinite(points).all(axis=1)
     points, colours = points[keep].astype(np.float64), colours[keep]
@@ -112,7 +112,7 @@ def turned(extrinsics: np.ndarray, degrees: float) -> np.ndarray:
     return np.concatenate([extrinsics[:, :3] @ turn, extrinsics[:, 3:]], axis=1)
 
 
-_WIDEST = 4  # largest width of a picture in heights
+_WIDEST = 4  # largest width of a picture, divided by its height
 
 
 def panels(
@@ -123,18 +123,18 @@ def panels(
     height: int = 192,
     radius: Mapping[str, float] | None = None,
 ) -> dict[str, np.ndarray]:
-    """Pictures of a sample: its image, and clouds seen from its camera, then rotated.
+    """Pictures of a sample: its image, and clouds as its camera sees them, then rotated.
 
     Args:
       case: `image` uint8 [h, w, 3], `intrinsics` and `extrinsics`.
       turns: angles about the vertical axis in degrees.
-      radius: title -> radius of the spheres, by default `RADIUS`.
+      radius: title -> radius of the spheres; default `RADIUS`.
 
     Returns:
-      `image`, and TITLE or `TITLE, ANGLE degrees` -> uint8 [height, w, 3].
+      `image`, TITLE, and `TITLE, ANGLE degrees` -> uint8 [height, w, 3].
     """
     shape = case["image"].shape[:2]
-    # Much wider images are squeezed, so that a record cannot take much memory.
+    # Very wide images are squeezed, to bound the memory for a record.
     size = (height, max(1, min(round(shape[1] * (height / shape[0])), _WIDEST * height)))
     intrinsics = camera.scale_intrinsics(case["intrinsics"], shape, size)
     image = Image.fromarray(case["image"]).resize(size[::-1], Image.Resampling.BICUBIC)
@@ -153,8 +153,8 @@ def sheet(rows: Sequence[tuple[str, Mapping[str, np.ndarray]]], *, columns: int)
     """Draws many cases in one picture, `columns` beside each other.
 
     Args:
-      rows: label and pictures of each case; the label stands over the first picture, the titles
-        over the others. All pictures have the same height.
+      rows: label and titled pictures of each case, all of the same height. The label stands over
+        the first picture, the titles over the others.
     """
     lengths = [sum(picture.shape[1] for picture in pictures.values()) for _, pictures in rows]
     wide, high = max(lengths), next(iter(rows[0][1].values())).shape[0]
@@ -177,12 +177,12 @@ def sheet(rows: Sequence[tuple[str, Mapping[str, np.ndarray]]], *, columns: int)
 
 
 def thinned(truth: np.ndarray, pred: np.ndarray) -> np.ndarray:
-    """Every k-th true point, about as many as predicted, because a denser cloud looks better."""
+    """Every k-th true point, about as many as predicted, for a fair comparison by eye."""
     return truth[:: max(1, len(truth) // max(1, len(pred)))]
 
 
 def turntable(points: np.ndarray, colours: np.ndarray, path: str | pathlib.Path) -> None:
-    """Writes a GIF of a cloud that rotates about the vertical axis, 12.5 frames a second."""
+    """Writes a GIF of a cloud rotating about the vertical axis, at 12.5 frames a second."""
     size = 240, 320
     intrinsics, extrinsics = camera.default_camera(size)
     pictures = [
@@ -196,13 +196,13 @@ def turntable(points: np.ndarray, colours: np.ndarray, path: str | pathlib.Path)
 
 
 def check_picture(path: str | pathlib.Path, flag: str) -> None:
-    """Raises a ValueError if `write_picture` does not write the format of a file."""
+    """Raises ValueError if `write_picture` does not support the format of `path`."""
     if pathlib.Path(path).suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise ValueError(f"{flag}={path}: accepted: a name that ends with .png or .jpg")
 
 
 def write_picture(picture: Image.Image, path: str | pathlib.Path) -> None:
-    """Writes a picture atomically, in the format of the suffix."""
+    """Writes a picture atomically, in the format of its suffix."""
     buffer = io.BytesIO()
     picture.save(buffer, Image.registered_extensions()[pathlib.Path(path).suffix.lower()])
     write_atomic(path, buffer.getvalue(), sync=False)
@@ -232,7 +232,7 @@ def _stamp(
     flat = (row * width + column)[inside]
     rise = np.sqrt(forward[inside])
     surface = depth[owner] - radius * rise
-    # If a pixel has several fragments, the last assignment remains, here the nearest one's.
+    # Of several fragments in a pixel, the last assignment remains: the nearest.
     far_first = np.argsort(-surface, kind="stable")
     nearest = np.full(height * width, -1)
     nearest[flat[far_first]] = far_first
@@ -253,11 +253,11 @@ def _lit(normal: np.ndarray, colour: np.ndarray) -> np.ndarray:
 
 
 def _openness(depth: np.ndarray, radius: float) -> np.ndarray:
-    """Ambient occlusion factor: 1 in front of the surroundings, down to .62 in gaps behind them."""
+    """Ambient occlusion: 1 in front of the surroundings, down to .62 in gaps behind them."""
     empty = np.isnan(depth)
     near, far = np.nanmin(depth), np.nanmax(depth)
     span = max(far - near, 1e-6)
-    # Empty pixels get the largest depth, not infinity, so that silhouettes do not dominate.
+    # Empty pixels get the largest finite depth, so that silhouettes do not dominate.
     filled = np.where(empty, 1.0, (depth - near) / span)
     around = ndimage.gaussian_filter(filled, max(2.0, depth.shape[0] / 64))
     behind = (filled - around) * span

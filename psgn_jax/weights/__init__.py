@@ -1,4 +1,4 @@
-"""Trained weights: the file format, the files in the package, and functions that open them.
+"""Trained weights: file format, checkpoints, run folders, and the weights in the package.
 
-Files `<name>.safetensors` in this folder are part of the package and can be opened by name.
+The package contains the files `<name>.safetensors` in this folder; they can be opened by name.
 """

@@ -1,13 +1,13 @@
 """Checkpoints of a run, written in the background; the newest and the best are kept.
 
-In the folder, `<step>/` contains a checkpoint: the arrays by dotted name, and a JSON item `meta`
-with the caller's data and a checksum of every array. `scores.json` contains the metrics of the
-checkpoints that were evaluated, and what they measure. Orbax renames a folder when it is complete,
-so a process that is killed leaves no incomplete checkpoint; the checksums detect later damage.
+The folder `<step>/` contains the arrays of a checkpoint by dotted name, and a JSON item `meta` with
+the caller's data and a checksum of every array. `scores.json` contains the metrics of evaluated
+checkpoints, and what they measure. Orbax renames a folder when it is complete, so a killed process
+leaves no incomplete checkpoint; the checksums detect later damage.
 
-Orbax's `CheckpointManager` is not enough: it ranks checkpoints only by metrics that are known when
-they are saved, returns wrong numbers for a flipped bit, and ends with an error at a damaged
-checkpoint, where this module takes an earlier checkpoint.
+Orbax's `CheckpointManager` does not suffice: it ranks checkpoints only by metrics that are known
+when they are saved, returns wrong numbers for a flipped bit, and fails at a damaged checkpoint,
+where this module takes an earlier checkpoint.
 """
 
 import contextlib
@@ -35,12 +35,11 @@ _STEP = re.compile(r"0|[1-9][0-9]{0,17}")
 """Names of the folders of checkpoints."""
 
 RANKING = ("cd_sq_radius2", "one_minus_iou", "log_volume_abs_error")
-"""A checkpoint is ranked by the first of these metrics that its evaluation contains; lower is
-better."""
+"""The first of these metrics in its evaluation ranks a checkpoint; lower is better."""
 
 
 class Checkpoint(NamedTuple):
-    """One checkpoint as read: its step, arrays by dotted name and the caller's `meta`."""
+    """A checkpoint: its step, arrays by dotted name, and the caller's `meta`."""
 
     step: int
     leaves: dict[str, np.ndarray]
@@ -55,9 +54,9 @@ class CheckpointError(UserError):
 
 
 class Checkpoints:
-    """The checkpoints in one folder, of which the `keep` newest and the best are kept.
+    """The checkpoints in a folder, which keeps the `keep` newest and the best.
 
-    With `read_only` nothing in the folder changes, because a training may be running.
+    With `read_only` nothing in the folder changes, because a training may be running there.
     """
 
     def __init__(self, directory: str | pathlib.Path, keep: int = 2, *, read_only: bool = False):
@@ -79,7 +78,7 @@ class Checkpoints:
         return sorted(int(p.name) for p in folders)
 
     def best_step(self) -> int | None:
-        """The step with the lowest metric (the latest in case of a tie), or None."""
+        """The step with the lowest metric (of ties, the latest), or None."""
         ranked = []
         for step in self.steps():
             scores = self.scores.get(step, {})
@@ -88,7 +87,7 @@ class Checkpoints:
         return -min(ranked)[1] if ranked else None
 
     def measure(self, what: Mapping[str, Any]) -> bool:
-        """States what the next scores measure; forgets other scores, and then returns True."""
+        """States what the next scores measure; returns whether it dropped incomparable scores."""
         changed = ", ".join(name for name in what if self.measured.get(name) != what[name])
         self.measured = dict(what)
         if forgotten := bool(changed and self.scores):
@@ -109,8 +108,8 @@ class Checkpoints:
     def save(self, step: int, leaves: Mapping[str, Any], meta: Mapping[str, Any]) -> None:
         """Copies the arrays to the host, waits for the previous save and writes in the background.
 
-        `OSError` for a full disk and `CheckpointError` for another error of writing are raised
-        here or by the next `save`, `wait` or `close`.
+        This or the next call of `save`, `wait` or `close` raises `OSError` for a full disk, or
+        `CheckpointError` for another error of writing.
         """
         self.wait()
         # A copy, because the caller donates the buffers while the writer still reads them.
@@ -133,14 +132,14 @@ class Checkpoints:
             self._saver.save(self._directory / str(step), args=items)
 
     def restore_newest(self, *, best_first: bool = False) -> Checkpoint | None:
-        """The newest intact checkpoint, or None if there are none at all.
+        """The newest intact checkpoint, or None if there is no checkpoint.
 
-        With `best_first` it is the best checkpoint, if intact. Damaged checkpoints are skipped with
-        a warning, and moved to `damaged/` unless read-only.
+        With `best_first`, it is the best checkpoint, if intact. Damaged checkpoints are skipped
+        with a warning, and moved to `damaged/` unless read-only.
 
         Raises:
-          CheckpointError: none of the checkpoints can be read (nothing is moved, because the cause
-            is probably the disk or a permission), a later version of this package wrote it, or the
+          CheckpointError: no checkpoint can be read (then none is moved, because the cause is
+            probably the disk or a permission), a later version of this package wrote it, or its
             folder has the name of another step.
         """
         steps, best = self.steps()[::-1], self.best_step()
@@ -150,9 +149,9 @@ class Checkpoints:
         for step in steps:
             try:
                 checkpoint = self._read(step)
-            except CheckpointError:  # of a later version or another step
+            except CheckpointError:  # a later version, or another step
                 raise
-            except Exception as error:  # orbax raises many types of errors for unreadable files
+            except Exception as error:  # unreadable files raise errors of many types
                 unreadable.append((step, error))
                 continue
             for newer, why in unreadable:
@@ -200,7 +199,7 @@ class Checkpoints:
         return Checkpoint(step, leaves, document["meta"])
 
     def wait(self) -> None:
-        """Waits until the last save is complete, then deletes checkpoints that are not kept."""
+        """Waits for the last save, then deletes checkpoints that are not kept."""
         if self._saver is None:
             return
         with _writing(self._directory):
@@ -238,12 +237,12 @@ class Checkpoints:
 
 
 def _of_this_process(kind: type[_Checkpointer]) -> _Checkpointer:
-    """A checkpointer of orbax that does not wait for the other processes of a training."""
+    """A checkpointer of orbax that does not wait for the training's other processes."""
     alone = ocp.options.MultiprocessingOptions()
     if jax.process_count() > 1:
-        own = jax.process_index()
+        index = jax.process_index()
         alone = ocp.options.MultiprocessingOptions(
-            primary_host=own, active_processes={own}, barrier_sync_key_prefix=f"process{own}"
+            primary_host=index, active_processes={index}, barrier_sync_key_prefix=f"process{index}"
         )
     options = ocp.CompositeOptions(multiprocessing_options=alone)
     handler = ocp.CompositeCheckpointHandler(composite_options=options)
@@ -251,7 +250,7 @@ def _of_this_process(kind: type[_Checkpointer]) -> _Checkpointer:
 
 
 def _read_scores(path: pathlib.Path) -> tuple[dict[int, dict[str, float]], dict[str, Any]]:
-    """The metrics of each step, and what they measure; empty, with a warning, if damaged."""
+    """Step -> metrics, and what they measure; empty, with a warning, if the file is damaged."""
     try:
         raw = without_checksum(json.loads(path.read_text("utf-8")))
         measured = dict(raw.pop("measured", {}))

@@ -1,18 +1,18 @@
 """The file format of weights: safetensors with configuration, metrics, data and licences.
 
 A file contains the parameters of a network, as float16 or float32, named like the leaves of a
-checkpoint (`params.<layer>.kernel`). The metadata consist of these texts:
+checkpoint (`params.<layer>.kernel`), and these metadata:
 
     format    "psgn_jax weights 1"
     config    the configuration of the training, like `config.json` but without local paths
     figures   JSON: step, samples_seen, parameters (their number), averaged, metrics (name ->
               number), data (name, source and number of samples of each training set)
-    sources   JSON: the data and their licences, in the format of a data set's `sources.json`
-    sha256    checksum of all of the above and of every array
+    sources   JSON: data and licences, in the format of a data set's `sources.json`
+    sha256    checksum of all texts above and of every array
 
-The reader checks, in this order: the size of the file and of its header, before it reads more; the
-format and the dtypes; the checksum; that all numbers are finite; the metadata; and that the network
-of the configuration has exactly these parameters, with the same shapes.
+The reader checks, in this order: the sizes of the file and of its header; the format and the
+dtypes; the checksum; that all numbers are finite; the metadata; and that the configuration's
+network has exactly these parameters, with the same shapes.
 """
 
 import dataclasses
@@ -42,7 +42,7 @@ SUFFIX = ".safetensors"
 MAX_HEADER_BYTES = 1 << 20
 MAX_FILE_BYTES = 1 << 30
 DTYPES = {"float16": "F16", "float32": "F32"}
-"""The accepted dtypes, and their names in safetensors."""
+"""Dtype -> name in safetensors."""
 
 _TEXTS = ("format", "config", "figures", "sources")
 
@@ -79,12 +79,12 @@ class _Source:
 
 
 class WeightsError(UserError):
-    """A file of weights that cannot be read or written."""
+    """A file of weights cannot be read or written."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Weights:
-    """The parameters of a network with metadata, described in the module's docstring."""
+    """The parameters of a network with the metadata of the module's docstring."""
 
     config: Config
     params: Any
@@ -94,12 +94,12 @@ class Weights:
 
 
 def write_weights(path: str | os.PathLike[str], weights: Weights) -> None:
-    """Writes a file of weights atomically, without the paths in its configuration.
+    """Writes a file of weights atomically, without the paths of its configuration.
 
     Raises:
       ConfigError: the task is not "points".
-      WeightsError: the suffix is wrong, the parameters do not belong to the network, a parameter is
-        not finite or too large for float16, or the file would be larger than the limit.
+      WeightsError: the suffix is wrong, the parameters do not fit the network, a parameter is not
+        finite or too large for float16, or the file would exceed the limit.
     """
     require_points_task(weights.config, "a file of weights")
     path, dtype = pathlib.Path(path), weights.dtype
@@ -148,7 +148,7 @@ def read_weights(path: str | os.PathLike[str]) -> Weights:
 
 
 def _read_arrays(path: pathlib.Path) -> tuple[dict[str, str], dict[str, np.ndarray], str]:
-    """The texts and the arrays, as float32, of a file, and its dtype."""
+    """The texts of a file, its arrays as float32, and their stored dtype."""
     _check_sizes(path)
     try:
         with safe_open(path, framework="np") as file:
@@ -172,7 +172,7 @@ def _read_arrays(path: pathlib.Path) -> tuple[dict[str, str], dict[str, np.ndarr
 
 
 def read_sources(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
-    """The data and licences that a JSON file lists; `ConfigError` if it does not."""
+    """The data and licences in a JSON file; `ConfigError` if it lists none."""
     try:
         rows = read_json(path)
         if rows == []:
@@ -195,7 +195,7 @@ def figures_of(
     metrics: Mapping[str, float],
     data: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
-    """The metadata `figures` of a training, described in the module's docstring."""
+    """The metadata `figures` of a training (see the module)."""
     return {
         "step": step,
         "samples_seen": step * config.train.batch_size,
@@ -214,7 +214,7 @@ def _check_sources(rows: Any) -> None:
 
 
 def _check_sizes(path: pathlib.Path) -> None:
-    """Checks the sizes of the file and of its header, reading only eight bytes."""
+    """Checks the sizes of the file and of its header; reads only eight bytes."""
     try:
         size = size_of(path)
         with path.open("rb") as file:
@@ -241,7 +241,7 @@ def _common_dtype(path: pathlib.Path, dtypes: Mapping[str, str]) -> str:
 
 
 def _check_fits(config: Config, leaves: Mapping[str, np.ndarray], path: pathlib.Path) -> Any:
-    """The parameters as a tree; `WeightsError` unless they are exactly the network's."""
+    """The parameters as a tree; `WeightsError` unless they fit the network exactly."""
     try:
         with convolutions_for("export"):  # the simplest to trace
             model = networks.build(config.model)

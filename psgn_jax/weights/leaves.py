@@ -1,4 +1,4 @@
-"""Names of the leaves of a tree of arrays, as in checkpoints and files of weights."""
+"""Trees of arrays as dicts of named leaves, as in checkpoints and files of weights."""
 
 import hashlib
 from collections.abc import Mapping
@@ -10,16 +10,16 @@ from flax import traverse_util
 
 
 def named_leaves(tree: Any) -> dict[str, Any]:
-    """Leaves by dotted path, `{"params.head.kernel": ...}`, as named in a checkpoint."""
+    """Leaves by dotted path, such as `{"params.head.kernel": ...}`."""
     leaves, _ = jax.tree_util.tree_flatten_with_path(tree)
     return {jax.tree_util.keystr(path, simple=True, separator="."): leaf for path, leaf in leaves}
 
 
 def from_named_leaves(template: Any, leaves: Mapping[str, np.ndarray]) -> Any:
-    """A tree with the structure of `template` (arrays or shapes) and these leaves.
+    """A tree with these leaves and the structure of `template`, a tree of arrays or shapes.
 
     Raises:
-      ValueError: a leaf is missing or not in `template`, or has another shape or dtype.
+      ValueError: a leaf is missing, not in `template`, or of another shape or dtype.
     """
     wanted = named_leaves(template)
     if different := sorted(wanted.keys() ^ leaves.keys()):
@@ -36,7 +36,7 @@ def from_named_leaves(template: Any, leaves: Mapping[str, np.ndarray]) -> Any:
 
 
 def checksum(leaves: Mapping[str, Any], head: bytes = b"") -> str:
-    """SHA-256 over `head`, then names, dtypes, shapes and values of the leaves."""
+    """SHA-256 of `head` and the names, dtypes, shapes and values of the leaves."""
     digest = hashlib.sha256(head)
     for name, leaf in sorted(leaves.items()):
         array = np.ascontiguousarray(leaf)
@@ -46,7 +46,7 @@ def checksum(leaves: Mapping[str, Any], head: bytes = b"") -> str:
 
 
 def params_from_named_leaves(leaves: Mapping[str, np.ndarray], *, averaged: bool = True) -> Any:
-    """The parameters of a checkpoint as a nested dict; averaged, if there are averages."""
+    """The parameters of a checkpoint as a nested dict; if `averaged`, the averages, if any."""
     averaged = averaged and any(name.startswith("ema.") for name in leaves)
     section = "ema." if averaged else "params."
     chosen = {n.removeprefix(section): x for n, x in leaves.items() if n.startswith(section)}

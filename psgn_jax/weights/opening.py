@@ -1,7 +1,7 @@
-"""Opens a trained network: from the folder of a run, from a file of weights, or by name.
+"""Opens a trained network: the folder of a run, a file of weights, or a name.
 
-Names are the names of the files in `psgn_jax/weights/`, which are part of the package.
-With `train.init`, a training starts from such a network (`open_initial`, `initial_params`).
+Names are those of the files in `psgn_jax/weights/`. With `train.init`, a training starts from a
+trained network (`open_initial`, `initial_params`).
 """
 
 import fnmatch
@@ -20,19 +20,19 @@ from psgn_jax.weights.leaves import named_leaves
 from psgn_jax.weights.run_folder import Trained, open_run
 
 FOLDER = pathlib.Path(__file__).resolve().parent
-"""Folder of the files in the package."""
+"""Folder of the package's weights."""
 
 DEFAULT = "free-2"
-"""Name of the weights that are used if none are named."""
+"""Name of the default weights."""
 
 
 def shipped() -> dict[str, pathlib.Path]:
-    """The files of weights in the package by name."""
+    """Name -> file of the package's weights."""
     return {path.stem: path for path in sorted(FOLDER.glob(f"*{SUFFIX}"))}
 
 
 def weights_path(name_or_file: str = "", argument: str = "weights") -> pathlib.Path:
-    """The file of weights for a name or a path; "" is `DEFAULT`. `ConfigError` if there is none."""
+    """The file for a name or path of weights; "" = `DEFAULT`. `ConfigError` if there is none."""
     known, name = shipped(), name_or_file or DEFAULT
     path = pathlib.Path(name)
     if name in known and not path.is_file():
@@ -55,14 +55,14 @@ def open_network(
     """Opens a trained network from a run or from weights.
 
     Args:
-      weights: name or file of weights (`weights_path`); used if there is no `workdir`. The `scores`
-        of the opened run are then the metrics in the file.
-      checkpoint: "best" or "last", of a run; weights have no others.
-      name: of the argument in messages, in place of `workdir` and `weights`.
+      weights: name or file of weights (`weights_path`), without `workdir`. The result's `scores`
+        are then the metrics in the file.
+      checkpoint: "best" or "last" checkpoint of the run; "best" for weights.
+      name: name of the argument in messages, instead of `workdir` and `weights`.
 
     Raises:
-      ConfigError: both are given, or another checkpoint than "best" without `workdir`, or the
-        network does not exist.
+      ConfigError: `workdir` and `weights` are given, `checkpoint` does not fit, or there is no such
+        network.
       CheckpointError, WeightsError: the network cannot be read.
     """
     if workdir and weights:
@@ -78,23 +78,23 @@ def open_network(
 
 
 def open_initial(config: Config) -> Trained:
-    """Opens the network that `train.init` names: the folder of a run, a file of weights, or a name.
+    """Opens the network in `train.init`: the folder of a run, a file of weights, or a name.
 
-    Of several, separated by commas, the result has the mean of the parameters. It is often better
+    Of several networks, separated by commas, we take the mean of the parameters. It is often better
     than each network if they were trained from the same parameters with different seeds (Wortsman
     et al., "Model soups", ICML 2022).
 
     Raises:
-      ConfigError: there is no such network, its task differs, or the layers of several differ.
-      CheckpointError, WeightsError: one of them cannot be read.
+      ConfigError: there is no such network, its task differs, or the networks have different
+      layers. CheckpointError, WeightsError: one of them cannot be read.
     """
     init, names = config.train.init, check_initial(config)
     runs = [_open(config, name) for name in names]
     if len(names) == 1:
         return runs[0]
     shapes = [jax.tree.map(np.shape, run.params) for run in runs]
-    for name, own in zip(names, shapes, strict=True):
-        if own != shapes[0]:
+    for name, shape in zip(names, shapes, strict=True):
+        if shape != shapes[0]:
             raise ConfigError(
                 f"train.init={init!r}: {name!r} has other layers than {names[0]!r}; "
                 "expected networks with the same layers"
@@ -110,10 +110,10 @@ def open_initial(config: Config) -> Trained:
 
 
 def check_initial(config: Config) -> list[str]:
-    """The networks that `train.init` names; `ConfigError` if one does not exist."""
+    """The networks in `train.init`; `ConfigError` if one does not exist."""
     init = config.train.init
     names = [name.strip() for name in init.split(",")]
-    if len(names) == 1 or os.path.exists(init):  # False for a list that is too long for a name
+    if len(names) == 1 or os.path.exists(init):  # a path may contain commas
         names = [init]
     if "" in names:
         raise ConfigError(f"train.init={init!r}: a name is empty; accepted: names between commas")
@@ -138,11 +138,11 @@ def _open(config: Config, init: str) -> Trained:
 
 
 def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
-    """The trained parameters; for the layers in `train.init_skip`, the parameters of `drawn`.
+    """The trained parameters, but for the layers in `train.init_skip` the random ones in `drawn`.
 
-    `drawn` are random parameters of the new network, a nested dict. If only the new network has a
-    random input, its layers start with a tenth of their random parameters (ours): with all of
-    them, the first clouds of a trained network would be noise, with an EMD of .83 in place of .13.
+    If only the new network has a random input, the layers of this input start with a tenth of their
+    random parameters (**ours**). With the full parameters, the first clouds would be noise, with an
+    EMD of .83 instead of .13.
 
     Raises:
       ConfigError: layers of the two networks differ and are not skipped (the message lists them),

@@ -1,4 +1,4 @@
-"""What a network and the networks that it started from were trained on: data, sources, licences."""
+"""The data, sources and licences behind a network and the networks from which it started."""
 
 import contextlib
 import pathlib
@@ -15,10 +15,10 @@ from psgn_jax.weights.run_folder import load_config
 
 
 def data_of(config: Config) -> list[dict[str, Any]]:
-    """The data sets of a training and of the networks that it started from.
+    """The data sets of a training and of the networks from which it started.
 
     A row has the name and, if the manifest can be read, the source and the number of training
-    samples. Folders with the same name are listed with their parents' names.
+    samples. Folders with the same name are listed with the names of their parents.
     """
     return _once([*_own_data(config), *_inherited_data(config)])
 
@@ -26,11 +26,8 @@ def data_of(config: Config) -> list[dict[str, Any]]:
 def sources_of(config: Config, stated: Sequence[dict[str, Any]] = ()) -> list[dict[str, Any]]:
     """The sources and licences of `data_of`, as in `weights.file.Weights`.
 
-    Args:
-      stated: the rows of the training's data; without them, their licences are not stated.
-
-    Returns:
-      a row for each; none if nothing is stated at all.
+    `stated` are the rows for the training's data; without them, licences are "not stated". The
+    result is empty if nothing is known.
     """
     inherited: list[dict[str, Any]] = []
     for name, origin in _origins(config):
@@ -38,8 +35,8 @@ def sources_of(config: Config, stated: Sequence[dict[str, Any]] = ()) -> list[di
         inherited += rows or [_not_stated(f"the data of {pathlib.Path(name).name}")]
     known = {row["name"] for row in _inherited_data(config)}
     new = [row["name"] for row in _own_data(config) if row["name"] not in known]
-    own = list(stated) or [_not_stated(name) for name in new if inherited]
-    return [*own, *(row for row in _once(inherited) if row not in own)]
+    rows = list(stated) or [_not_stated(name) for name in new if inherited]
+    return [*rows, *(row for row in _once(inherited) if row not in rows)]
 
 
 def _own_data(config: Config) -> list[dict[str, Any]]:
@@ -69,7 +66,7 @@ def _inherited_data(config: Config) -> list[dict[str, Any]]:
 
 
 def _origins(config: Config) -> Iterator[tuple[str, Config | Weights | None]]:
-    """The networks that a training started from: name, and what it was, or None if it is gone."""
+    """The networks from which a training started: name, and content or None if it is missing."""
     for init in filter(None, map(str.strip, config.train.init.split(","))):
         origin: Config | Weights | None = None
         with contextlib.suppress(UserError, OSError):

@@ -1,7 +1,7 @@
-"""The folder of a run: reads configuration, checkpoints and scores for evaluation and prediction.
+"""Reads configuration, checkpoints and scores from the folder of a run.
 
 `config.json` contains the configuration, `checkpoints/` the files of `weights.checkpoint`. Reading
-changes nothing in the folder, because a training may be running in it.
+changes nothing in the folder, because a training may be running there.
 """
 
 import contextlib
@@ -29,15 +29,15 @@ class Trained(NamedTuple):
     config: Config
     step: int
     params: Any  # for evaluation: averaged, if the run has averages
-    scores: dict[str, float]  # metrics and chosen thresholds recorded for this checkpoint, if any
+    scores: dict[str, float]  # metrics and chosen thresholds of this checkpoint, if evaluated
     source: str = ""  # the folder of the run, or the name of the weights
     source_kind: str = "workdir"  # or "weights"
     sources: Sequence[Mapping[str, Any]] = ()  # data and licences, as in `weights.file.Weights`
-    checkpoint: str = "best"  # the checkpoint that was asked for, "best" or "last"
+    checkpoint: str = "best"  # the requested checkpoint, "best" or "last"
 
     @property
     def name(self) -> str:
-        """The last part of `source`, without the folders of this machine."""
+        """The last part of `source`."""
         return pathlib.Path(self.source).resolve().name if self.source else ""
 
 
@@ -48,10 +48,10 @@ def open_run(
     """Opens a run at its best or last checkpoint.
 
     Args:
-      checkpoint: "last", or "best" on the validation metric. With a warning, the last replaces a
-        missing or damaged best checkpoint, and the copy in the checkpoint a damaged
-        `config.json`.
-      name: of the argument in messages.
+      checkpoint: "last", or "best" by the validation metric. With a warning, the last checkpoint
+        replaces a missing or damaged best checkpoint, and the configuration in the checkpoint a
+        damaged `config.json`.
+      name: name of the argument in messages.
 
     Raises:
       ConfigError: there is no run, or its configuration does not fit the checkpoint.
@@ -102,7 +102,7 @@ _OF_THE_NETWORK = ("task", "model.", "data.image_size", "data.inputs", "voxels."
 
 
 def _check_fits(config: Config, trained: Config, run: str, step: int) -> None:
-    """Raises `ConfigError` if `config.json` describes another network than the checkpoint's."""
+    """Raises `ConfigError` if `config.json` describes another network than the checkpoint."""
     before, now = flatten(trained), flatten(config)
     names = [name for name in now if name.startswith(_OF_THE_NETWORK)]
     if different := [name for name in names if before[name] != now[name]]:
@@ -136,7 +136,7 @@ def _refuse_pipes(workdir: str | os.PathLike[str]) -> None:
 
 @contextlib.contextmanager
 def locked(workdir: str | pathlib.Path) -> Iterator[None]:
-    """Locks a run's folder against other trainings; removes temporary files of killed processes.
+    """Context that locks a run's folder against other trainings, without temporary files.
 
     Raises:
       ConfigError: another process holds the lock.

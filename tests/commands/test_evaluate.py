@@ -162,7 +162,7 @@ def test_samples_without_visible_points_have_no_part_in_their_means():
     assert np.isnan(rows["lamp"][key])
     assert rows["mean over samples"][key] == rows["mean over categories"][key] == 2
     assert rows["mean over samples"]["visible_share"] == pytest.approx(1 / 6)
-    assert "within 0.025 radius of what the depth image measured" in table_lib.text(table)
+    assert "within 0.025 radius of a point that the depth image measured" in table_lib.text(table)
     # A broken prediction is not left out.
     broken = visibility_table([0.5, 0.5, 0.5], [2.0, np.nan, 3.0])
     rows = {row.name: row.metrics for row in broken.rows()}

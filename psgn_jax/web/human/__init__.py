@@ -1,1 +1,1 @@
-"""The paper's study of human ability: a page for modelling objects, and their scores."""
+"""The paper's study of human ability: a page to model objects, and the scores of the models."""

@@ -1,4 +1,4 @@
-"""The files of a study: the page, `study.json`, which lists its cases, and the saved models."""
+"""The files of a study: the page, `study.json` with its cases, and the saved models."""
 
 import dataclasses
 import hashlib
@@ -21,7 +21,7 @@ from psgn_jax.viewing.page import document, picture_uri, to_json
 STATIC = pathlib.Path(__file__).resolve().parent / "static"
 PAGE, STUDY_FILE = "index.html", "study.json"
 ANSWERS_FILE = "human.json"
-"""The name under which the page saves its models."""
+"""The file that the page saves."""
 
 MAX_CASES, MAX_SOLIDS = 200, 800
 _MAX_BYTES = 60_000_000
@@ -47,7 +47,7 @@ class StudyFile:
 
     format: Literal["psgn human study"]
     version: Annotated[int, Bounds(low=1, high=1)]
-    id: str  # checksum of the images and cameras, also in the page and in the saved models
+    id: str  # checksum of images and cameras, also in the page and in the saved models
     data: str  # folders of records, separated by commas
     split: str
     cases: tuple[CaseRecord, ...]  # in the order of the page
@@ -58,12 +58,12 @@ class Answer:
     """The model of one case."""
 
     case: str
-    seconds: Seconds  # that the person spent on it
+    seconds: Seconds  # time that the person spent
     done: bool
-    parts: Count  # each has up to three mirrored copies
+    parts: Count  # number of parts; a part has up to three mirrored copies
     # Corners of all convex parts and copies, in the project's frame.
     solids: tuple[tuple[tuple[Coordinate, Coordinate, Coordinate], ...], ...]
-    model: str = ""  # as the page reads it back
+    model: str = ""  # for the page
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,9 +79,9 @@ class AnswersFile:
 def build_study(
     data: str, out: str | os.PathLike[str], *, split: str = "validation", cases: int = 16
 ) -> pathlib.Path:
-    """Writes the page, one HTML file, and `study.json`; returns the page.
+    """Writes the page, an HTML file, and `study.json`; returns the path of the page.
 
-    The page has images and cameras, but no points, names or categories of the objects.
+    The page has images and cameras, but not the objects' points, names or categories.
     """
     out = pathlib.Path(out)
     check_folder(out, "out")
@@ -137,16 +137,16 @@ def _read(kind: type[T], path: pathlib.Path, missing: str, damaged: str) -> T:
 
 
 def read_study(folder: str | os.PathLike[str]) -> StudyFile:
-    """Reads `study.json`; raises `ConfigError` if it is missing, damaged or another file."""
+    """Reads `study.json`; `ConfigError` if it is missing, damaged or another file."""
     path = pathlib.Path(folder) / STUDY_FILE
     return _read(StudyFile, path, "expected a folder of `psgn human`", "write the study again")
 
 
 def open_cases(study: StudyFile, data: str = "") -> list[Sample]:
-    """The records of a study, from `data` or from where they were when the page was written.
+    """The records of a study, in `data` or the folder from which the page was written.
 
     Raises:
-      ConfigError: the records are others.
+      ConfigError: the records differ from the page's.
       RecordError: they cannot be read.
     """
     reader = RecordReader((data or study.data).split(","), study.split)
@@ -160,10 +160,10 @@ def open_cases(study: StudyFile, data: str = "") -> list[Sample]:
 
 
 def read_answers(path: str | os.PathLike[str], study: StudyFile) -> tuple[Answer, ...]:
-    """The models of all cases, in the order of the study. The file is not trusted.
+    """The models of all cases, in the order of the study, from an untrusted file.
 
     Raises:
-      ConfigError: it is missing or damaged, of another study, or has values out of bounds.
+      ConfigError: it is missing, damaged or of another study, or has values out of bounds.
     """
     answers = _read(
         AnswersFile,

@@ -1,8 +1,8 @@
 """Compares a person's models with networks: tables and the paper's figure.
 
-We compare the points of each model and network with the points of the record by the metrics of
-`evaluation.clouds`. As in the paper, models are not aligned with the truth: the person builds them
-in the frame of the record, seen through the camera of the image.
+The metrics of `evaluation.clouds` compare points of models and networks with the record's points.
+As in the paper, models are not aligned with the truth: the person builds them in the record's
+frame, seen by the image's camera.
 
 Source: Fan, Su, Guibas, CVPR 2017, section "Analysis of human ability for single view 3D
 reconstruction". The paper uses 16 cases and 1,024 points, and shows the figure without numbers. The
@@ -34,7 +34,7 @@ from psgn_jax.web.human.cases import Answer, StudyFile
 from psgn_jax.weights.run_folder import Trained
 
 NUM_POINTS = 1024  # as in the paper
-MAX_NETWORKS = 3  # for which the figure has colours
+MAX_NETWORKS = 3  # colours in the figure
 PERSON = "person"
 METRICS = ("cd_sq_radius2", "emd_radius")
 _SHOWN = {
@@ -42,15 +42,15 @@ _SHOWN = {
     "cd_sq_radius2": ("CD squared [0.001 radius^2]", 1000),
 }
 _NUDGE = 1e-5
-# Each round of sampling replaces the hidden points of the previous one. A model of which less than
-# about 2 % of the surface is visible is refused.
+# Each round of sampling replaces the hidden points of the previous round. A model is refused if
+# less than about 2 % of its surface is visible.
 _ROUNDS = 400
 _COLOURS = ("#e2723e", "#4682b4", "#5aa55a", "#966ebe")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scored:
-    """A modelled case, and its metrics: person or network -> metric -> value."""
+    """A modelled case with its metrics: person or network -> metric -> value."""
 
     answer: Answer
     sample: Sample
@@ -58,10 +58,11 @@ class Scored:
 
 
 def label_networks(runs: Sequence[Trained]) -> dict[str, Trained]:
-    """Names for the networks: the last part of their folder, or of the name of their weights.
+    """Name -> network; the name is the last part of the folder, or the name of the weights.
 
     Raises:
-      ConfigError: there are too many, one cannot predict points from images, or two have one name.
+      ConfigError: there are too many networks, two have the same name, or one cannot predict points
+        from photos.
     """
     if len(runs) > MAX_NETWORKS:
         raise ConfigError(f"{len(runs)} networks: accepted: at most {MAX_NETWORKS}")
@@ -78,7 +79,7 @@ def label_networks(runs: Sequence[Trained]) -> dict[str, Trained]:
 
 
 def predict(run: Trained, samples: Sequence[Sample], records: Sequence[int]) -> list[np.ndarray]:
-    """Points [n, 3] of a network for each image; a random input depends on the record's number."""
+    """A network's points [n, 3] for each image; a random input depends on the record's number."""
     config, model = run.config, networks.build(run.config.model)
     size = config.data.image_size
     network = jax.jit(lambda params, batch, r: networks.predict(config, model, params, batch, r))
@@ -98,11 +99,11 @@ def score(
     networks: Mapping[str, Trained],
     num_points: int = NUM_POINTS,
 ) -> list[Scored]:
-    """Points and metrics of every case that has a model, with `num_points` points.
+    """The metrics of every case with a model, for clouds of `num_points` points.
 
     Raises:
-      ConfigError: no case has a model, a model has no visible surface, a network has another number
-        of points, or the records have fewer.
+      ConfigError: no case has a model, a model has no visible surface, or a network or a record
+        does not have the number of points.
     """
     rows = [i for i, answer in enumerate(answers) if answer.solids]
     if not rows:
@@ -147,7 +148,7 @@ def write_scores(
     networks: Mapping[str, Trained],
     num_points: int,
 ) -> str:
-    """Writes scores.json, scores.md and scores.png, the paper's figure; returns scores.md."""
+    """Writes scores.json, scores.md and scores.png (the paper's figure); returns scores.md."""
     names = list(scored[0].metrics)
 
     def mean(name: str, metric: str) -> float:
@@ -195,9 +196,10 @@ def write_scores(
         for name, run in networks.items()
     )
     text = f"""{markdown(lines)}
-{len(scored)} of {len(study.cases)} cases have a model. Each cloud has {num_points} points. Those of
-a model are uniform by area on the surface of the union of its parts. Models and predictions are not
-aligned with the truth. radius: that of the object's bounding hemisphere.{trained}
+{len(scored)} of {len(study.cases)} cases have a model. Each cloud has {num_points} points. The
+points of a model are uniform by area on the surface of the union of its parts. Models and
+predictions are not aligned with the truth. radius: the radius of the object's bounding
+hemisphere.{trained}
 """
     groups = [case.answer.case.removeprefix("Case ") for case in scored]
     charts = {
@@ -214,7 +216,7 @@ aligned with the truth. radius: that of the object's bounding hemisphere.{traine
 
 
 def inside(solid: ConvexHull, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
-    """Which points are inside a solid; on its surface either answer is possible."""
+    """Which points are inside a solid; for points on its surface, either answer is possible."""
     normals, offsets = solid.equations[:, :3], solid.equations[:, 3]
     return np.asarray((points @ normals.T + offsets < 0).all(axis=1))
 
@@ -222,8 +224,8 @@ def inside(solid: ConvexHull, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarr
 def sample_union(solids: Sequence[ConvexHull], count: int, seed: int) -> Float[np.ndarray, "n 3"]:
     """Points uniform by area on the surface of the union of solids.
 
-    Surfaces that are inside another solid, or where two solids touch, have no points. Where faces
-    of two solids coincide and point to the same side, we keep the points of the first.
+    Surfaces inside another solid, or where two solids touch, have no points. Where faces of two
+    solids coincide and have the same normal, we keep the first solid's points.
 
     Raises:
       ValueError: too little of the surface is visible.

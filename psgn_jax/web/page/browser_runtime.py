@@ -1,8 +1,8 @@
 """ONNX Runtime Web, which runs the network in the browser. It is not part of the repository.
 
-`npm pack` downloads it once from the package `onnxruntime-web`; the cache folder keeps it. On a
-machine without npm or network, `--runtime` names a folder or an archive of the same version. We
-verify the checksum of every file, wherever it comes from.
+`npm pack` downloads the package `onnxruntime-web` once into the cache folder. On a machine without
+npm or network, `--runtime` names a folder or an archive of the same version. We verify the checksum
+of every file.
 """
 
 import contextlib
@@ -30,7 +30,7 @@ FILES = {
         "3398c10d07d229bd91b364548e130e0e51a8e5704b88c7c083ebbeb78842dee2"
     ),
 }
-"""Name in the package's folder `dist` -> SHA-256."""
+"""File in the package's folder `dist` -> SHA-256."""
 
 _MAX_BYTES = 64 << 20  # of one file
 _REMEDY = (
@@ -40,7 +40,7 @@ _REMEDY = (
 
 
 def runtime_files(given: str | os.PathLike[str] = "") -> dict[str, bytes]:
-    """The runtime's files by name, of a folder or `.tgz`; "" = the cache, which npm fills.
+    """Name -> content of the runtime's files, from a folder or `.tgz`; "" = the cache or npm.
 
     Raises:
       ConfigError: the files are not available, or a checksum differs.
@@ -77,7 +77,7 @@ def _packed(folder: pathlib.Path) -> pathlib.Path:
 
 
 def _read(path: pathlib.Path) -> dict[str, bytes]:
-    """The files that exist in a folder (or its `dist`) or in npm's archive."""
+    """The files in a folder (or its `dist`) or in npm's archive."""
     if path.is_dir():
         folder = path / "dist" if (path / "dist").is_dir() else path
         return {name: (folder / name).read_bytes() for name in FILES if (folder / name).is_file()}

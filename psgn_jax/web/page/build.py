@@ -1,4 +1,4 @@
-"""Builds the page's folder: JavaScript modules, the network, the runtime and example photos."""
+"""Writes the page's folder: JavaScript modules, network, runtime and example photos."""
 
 import gzip
 import json
@@ -27,7 +27,7 @@ def build_page(
     """Writes the page, or replaces an earlier one; returns its size in bytes.
 
     Args:
-      weights: how weights are stored, see `portable.folder.write_network`.
+      weights: the stored type, see `portable.folder.write_network`.
       runtime: see `browser_runtime.runtime_files`.
     """
     out = pathlib.Path(out)

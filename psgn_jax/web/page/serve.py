@@ -13,13 +13,13 @@ from psgn_jax.system.errors import UserError
 
 
 def server(folder: pathlib.Path, port: int = 0) -> http.server.ThreadingHTTPServer:
-    """A server of the files in `folder` on 127.0.0.1, to be started with `serve_forever`.
+    """A server of the files in `folder` on 127.0.0.1; start it with `serve_forever`.
 
-    It answers GET and HEAD, shows no folders, and follows no links out of `folder`. Requests whose
-    `Host` names another server are refused: a foreign page could send them by DNS rebinding.
+    It answers GET and HEAD, shows no folders, and follows no links out of `folder`. It refuses
+    requests whose `Host` names another server, which foreign pages could send by DNS rebinding.
 
     Args:
-      port: its port; 0 = a free one.
+      port: 0 = a free port.
 
     Raises:
       UserError: it cannot listen there.
@@ -33,7 +33,7 @@ def server(folder: pathlib.Path, port: int = 0) -> http.server.ThreadingHTTPServ
 
 class _Handler(http.server.SimpleHTTPRequestHandler):
     timeout = 60  # seconds without data, after which a connection is closed
-    # Some systems name other types.
+    # Some systems have other types.
     extensions_map = http.server.SimpleHTTPRequestHandler.extensions_map | {
         ".js": "text/javascript",
         ".mjs": "text/javascript",
@@ -45,16 +45,16 @@ class _Handler(http.server.SimpleHTTPRequestHandler):
             super().handle()
 
     def send_head(self) -> Any:
-        # Any port: browsers leave 80 out, and a tunnel has its own.
+        # Any port: browsers omit 80, and a tunnel has another port.
         if re.fullmatch(r"(127\.0\.0\.1|localhost)(:\d+)?", self.headers.get("Host") or ""):
             return super().send_head()
         why = "The host must be 127.0.0.1 or localhost."
         return self.send_error(HTTPStatus.FORBIDDEN, explain=why)
 
     def translate_path(self, path: str) -> str:
-        """The requested file; "", which cannot be opened, if it is not in the folder."""
+        """The requested file, or "", which cannot be opened, if it is not in the folder."""
         start = urlsplit(path).path == "/"
-        # A name that no file can have, or (RuntimeError, before Python 3.13) links in a circle.
+        # For impossible names, and (RuntimeError, before Python 3.13) for cyclic links.
         with contextlib.suppress(OSError, ValueError, RuntimeError):
             file = pathlib.Path(super().translate_path("/index.html" if start else path)).resolve()
             if file.is_relative_to(self.directory) and file.is_file():
