@@ -25,7 +25,7 @@ def psgn_with(name, value, *arguments, cwd):
 @pytest.mark.parametrize(
     ("name", "value", "arguments", "why"),
     [
-        ("JAX_PLATFORMS", "cuda", LIST, "JAX cannot start"),
+        ("JAX_PLATFORMS", "cuda", TRAIN, "JAX cannot start"),
         ("JAX_PLATFORMS", "bogus", TRAIN, "JAX cannot start (Unable to initialize backend"),
         ("JAX_NUM_CPU_DEVICES", "x", LIST, 'Invalid value "x"'),
         ("JAX_ENABLE_X64", "maybe", LIST, "invalid truth value"),
