@@ -380,7 +380,8 @@ def test_photos_have_the_same_cloud_through_every_door(open_page, serve, runtime
     """The command, the call from Python and the page, with the weights of the package.
 
     The browser's network rounds differently. Where several ways to match the clouds of photo and
-    mirror image are nearly as good, that may choose another one for a few points.
+    mirror image are nearly as good, that may choose another one for a few points, and the camera that
+    is fitted to the cloud moves all others by some 1e-4.
     """
     pytest.importorskip("onnx")
     from psgn_jax.web.page.build import build_page
@@ -399,5 +400,5 @@ def test_photos_have_the_same_cloud_through_every_door(open_page, serve, runtime
             np.testing.assert_array_equal(archive["points"][0], cloud)
         give(page, path, *[mask] * mask.exists())
         own, cloud = clouds(page)[0][0], model(path, samples=SAMPLES).points[0]
-        assert np.mean(np.abs(own - cloud).max(axis=1) < 1e-4) > 0.97, path
+        assert np.mean(np.abs(own - cloud).max(axis=1) < 1e-3) > 0.97, path
         assert emd_exact(own, cloud).cost / len(own) < 1e-3, path
