@@ -380,8 +380,8 @@ def test_photos_have_the_same_cloud_through_every_door(open_page, serve, runtime
     """The command, the call from Python and the page, with the weights of the package.
 
     The browser's network rounds differently. Where several ways to match the clouds of photo and
-    mirror image are nearly as good, that may choose another one for a few points, and the camera that
-    is fitted to the cloud moves all others by some 1e-4.
+    mirror image are nearly as good, that may choose another one for a few points, and the camera
+    that is fitted to the cloud moves all others by some 1e-4.
     """
     pytest.importorskip("onnx")
     from psgn_jax.web.page.build import build_page
