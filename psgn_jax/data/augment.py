@@ -58,8 +58,7 @@ def stretch(view: View, factor: float) -> View:
     This is exact if the image's x axis is parallel to the frame's y axis. Then y affects only the
     column, column - cx = fx (+-y + t0) / z, and t0 is multiplied by the same factor. Colours are
     interpolated between columns; mask and depth take the nearest column. Columns without a source
-    become background: grey if the image's background is grey, otherwise the image is extended
-    (`resample`). The occupancy does not change; `config.experiment` refuses the combination.
+    become grey. The occupancy does not change; `config.experiment` refuses the combination.
     """
     width = view.image.shape[1]
     centre = float(view.intrinsics[0, 2])
@@ -79,8 +78,8 @@ def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
     """Scales the image about its middle and shifts it: another crop of the same scene.
 
     The camera changes, the points do not. Colours are interpolated; mask and depth take the nearest
-    pixel; pixels without a source become background as in `stretch`. The scale and the shift (down,
-    right), in pixels, are reduced if the object would leave the image.
+    pixel; pixels without a source become grey. The scale and the shift (down, right), in pixels,
+    are reduced if the object would leave the image.
     """
     height, width = view.mask.shape
     # Per axis, for output coordinate o and input coordinate i (edges at integers): o = s i + t.

@@ -113,12 +113,8 @@ def stretch(
     new, moved = np.full_like(image, schema.BACKGROUND_GREY), np.zeros_like(mask)
     source = source[part]
     moved[rows, part], vacated = take_nearest(mask[rows], source)
-    if vacated.any() and not _has_grey_background(image, mask):
-        before, after = _margins(float(source[0]), float(source[-1]), mask.shape[1])
-        return _columns(_extend(image, mask, (0, 0), (before, after)), source + before), moved
     new[rows, part] = _columns(image[rows], source)
-    if vacated.any():
-        new[:, part][:, vacated] = schema.BACKGROUND_GREY
+    new[:, part][:, vacated] = schema.BACKGROUND_GREY
     return new, moved
 
 
@@ -142,16 +138,6 @@ def recrop(
     moved = resample(mask.astype(np.uint8), size, factor, offset).astype(np.bool_)
     if window := _window(image, mask):
         return _recrop_window(image, window, factor, offset), moved
-    # Source coordinates of the first and last pixel centres along both axes.
-    ends = [
-        ((0.5 - move) / factor, (side - 0.5 - move) / factor)
-        for side, move in zip(size, offset, strict=True)
-    ]
-    outside = any(low < 0 or high > side for (low, high), side in zip(ends, size, strict=True))
-    if outside and not _has_grey_background(image, mask):
-        rows, columns = (_margins(*end, side) for end, side in zip(ends, size, strict=True))
-        image = _extend(image, mask, rows, columns)
-        offset = offset[0] - factor * rows[0], offset[1] - factor * columns[0]
     return resample(image, size, factor, offset, _BILINEAR, _GREY), moved
 
 
@@ -206,37 +192,6 @@ def _window(image: np.ndarray, mask: np.ndarray) -> tuple[slice, slice] | None:
         if (part != schema.BACKGROUND_GREY).any():
             return None
     return slice(top, bottom), slice(left, right)
-
-
-def _has_grey_background(image: np.ndarray, mask: np.ndarray) -> bool:
-    """Whether the pixels of the border that are not on the object are plain grey."""
-    for edge in (np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1]):
-        if (image[edge][~mask[edge]] != schema.BACKGROUND_GREY).any():
-            return False
-    return True
-
-
-def _extend(
-    image: np.ndarray, mask: np.ndarray, rows: tuple[int, int], columns: tuple[int, int]
-) -> np.ndarray:
-    """The image with its background extended by `rows` and `columns` pixels (before, after).
-
-    The margins mirror the image. Where they would show the object, they repeat the pixel at the
-    edge, or are grey if this pixel belongs to the object.
-    """
-    margins = (rows, columns)
-    larger = np.pad(image, (*margins, (0, 0)), "symmetric")
-    copied = np.pad(mask, margins, "symmetric")  # pixels of the margins that show the object
-    height, width = mask.shape
-    copied[rows[0] : rows[0] + height, columns[0] : columns[0] + width] = False
-    larger[copied] = np.pad(image, (*margins, (0, 0)), "edge")[copied]
-    larger[copied & np.pad(mask, margins, "edge")] = schema.BACKGROUND_GREY
-    return larger
-
-
-def _margins(first: float, last: float, size: int) -> tuple[int, int]:
-    """Pixels to add before and after an axis to interpolate from `first` to `last`."""
-    return max(0, math.ceil(1 - first)), max(0, math.ceil(last + 1 - size))
 
 
 def _columns(image: np.ndarray, source: np.ndarray) -> np.ndarray:
