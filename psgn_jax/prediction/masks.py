@@ -48,6 +48,8 @@ MARGIN = 0.2
 # Windows around a point that has no part under it, as fractions of the photo's sides.
 WINDOWS = (0.6, 0.36)
 
+# `alpha`: an object is translucent if less than this share of the pixels above `_FAINT` is opaque.
+_FAINT, _OPAQUE_SHARE = 25, 0.2
 # `plain`: a lossy image is searched on a copy with at most this many pixels per side.
 _SEARCH_SIDE = 512
 # `plain`: the fraction of the border that must be background, up to this deviation.
@@ -242,7 +244,7 @@ def find_mask(
     inside, crop = _boxes(box, size)
     at = None if point is None else _row_and_column(point, size)
     if alpha is not None and method in ("auto", "alpha"):
-        mask = _chosen((alpha > 127) & inside, at)
+        mask = _chosen(visible(alpha) & inside, at)
         if mask.mean() < _SMALLEST:
             raise PhotoError("the image is transparent all over, expected an object")
         return FoundMask(mask, "alpha")
@@ -271,6 +273,12 @@ def find_mask(
         )
     doubtful = certain < DOUBTFUL_BELOW
     return FoundMask(mask, f"network, {percent}% certain", (_DOUBTFUL,) * doubtful)
+
+
+def visible(alpha: np.ndarray) -> np.ndarray:
+    """The object in an alpha channel [h, w]: what is opaque or, of a glass, also what is faint."""
+    opaque, faint = alpha > 127, alpha > _FAINT
+    return faint if opaque.sum() < _OPAQUE_SHARE * faint.sum() else opaque
 
 
 def _by_network(

@@ -35,6 +35,8 @@ def test_alpha_and_a_plain_background_come_before_the_network():
     found, how, _ = masks.find_mask(image, np.uint8(255) * (away < 100))
     assert how == "alpha"
     np.testing.assert_array_equal(found, away < 100)
+    glass = np.uint8(60) * mask + np.uint8(180) * (away > 2400) * mask  # only its edge is opaque
+    np.testing.assert_array_equal(masks.find_mask(image, glass).mask, mask)
 
 
 def test_the_network_finds_objects_or_a_mask_is_asked_for(rng):

@@ -10,7 +10,7 @@ import { findMask } from "./mask.js";
 import { fit } from "./silhouette.js";
 
 const CLICK = 0.02, SAMPLES = 8, PAUSE = 120, HISTORY = 10, VEIL = "rgba(18, 24, 40, .68)", EDGE = "#ffb020";
-const RUNTIME = "runtime/ort-wasm-simd-threaded.wasm.gz", MAX_BYTES = 80e6, MAX_SIDE = 1600, MIN_SIDE = 16;
+const RUNTIME = "runtime/ort-wasm-simd-threaded.wasm.gz", MAX_BYTES = 80e6, MAX_SIDE = 1600, MIN_SIDE = 16, FAINT = 25, OPAQUE_SHARE = 0.2;
 const $ = id => document.getElementById(id);
 const each = (selector, act) => document.querySelectorAll(selector).forEach(act);
 const make = (tag, fields) => Object.assign(document.createElement(tag), fields);
@@ -20,11 +20,17 @@ const sum = values => values.reduce((a, b) => a + b, 0);
 const contextOf = (width, height) => make("canvas", { width, height }).getContext("2d", { willReadFrequently: true });
 const pixelsOf = context => context.getImageData(0, 0, context.canvas.width, context.canvas.height).data;
 
-/** 1 where an image of four bytes per pixel is opaque; a loop, because every stroke begins with it. */
-function opaqueIn(rgba) {
+/** 1 where an image of four bytes per pixel has a larger alpha; a loop, because every stroke begins with it. */
+function opaqueIn(rgba, alpha = 127) {
   const mask = new Uint8Array(rgba.length / 4);
-  for (let i = 0; i < mask.length; i++) mask[i] = rgba[4 * i + 3] > 127;
+  for (let i = 0; i < mask.length; i++) mask[i] = rgba[4 * i + 3] > alpha;
   return mask;
+}
+
+/** The object in an alpha channel: what is opaque or, of a glass, also what is faint. */
+function visibleIn(rgba) {
+  const opaque = opaqueIn(rgba), faint = opaqueIn(rgba, FAINT);
+  return sum(opaque) < OPAQUE_SHARE * sum(faint) ? faint : opaque;
 }
 
 /** photo: { rgb, width, height, bitmap }; maskSession: of the mask network, once a photo needs it; mask: the context of a canvas that is opaque on the object; doubt: what to say of that mask until it is changed; clouds: one for each guess; draws: what they were chosen from, in the network's unit, `scale` of theirs; turns: how many files of each kind were chosen. */
@@ -90,7 +96,7 @@ const open = guarded(async files => {
   clearTimeout(timer);
   removeClouds();
   draw();
-  const opaque = opaqueIn(rgba), share = sum(opaque) / opaque.length;
+  const opaque = visibleIn(rgba), share = sum(opaque) / opaque.length;
   if (masked >= 0) await openMask(files[masked]);
   else if (share > 0.0005 && share < 0.97) setMask(opaque);
   else {
