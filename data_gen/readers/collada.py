@@ -398,7 +398,7 @@ def _polygons(
         blocks = [block[order(len(block)).ravel()] for block in blocks]
     for element in primitive.iterfind("ph"):
         loops = [rows(child) for child in element if child.tag in ("p", "h")]
-        corners = np.concatenate(loops)
+        corners = np.concatenate([np.zeros((0, stride), np.int64), *loops])
         where = np.clip(corners[:, at], 0, len(positions) - 1)
         blocks.append(corners[with_holes(positions[where], [len(loop) for loop in loops])])
     corners = np.concatenate([np.zeros((0, stride), np.int64), *blocks])

@@ -155,9 +155,10 @@ class FolderFiles(Files):
             if alike is None or part == "..":
                 return None
             path = path / alike
+        if not path.is_file():  # before `resolve`, which raises for a cycle of links
+            return None
         real = path.resolve()
-        inside = any(real.is_relative_to(home) for home in self._homes)
-        return path if inside and path.is_file() else None
+        return path if any(real.is_relative_to(home) for home in self._homes) else None
 
     def why_not(self, name: str) -> str:
         with contextlib.suppress(OSError, ValueError):

@@ -87,7 +87,8 @@ def read_ply(data: bytes, assets: Assets) -> list[Part]:
     elif painted is not None:
         assets.warn(TWO_COLOURS)
     count = len(triangles) // 3
-    return [polygons, part(np.full(count, 3), triangles, np.zeros(count, np.int64))]
+    owner = np.full(count, 0 if uv is not None else -1)
+    return [polygons, part(np.full(count, 3), triangles, owner)]
 
 
 def _elements(data: bytes, assets: Assets) -> tuple[dict[str, _Rows], list[str]]:

@@ -76,7 +76,7 @@ class Prediction:
       scale, shift: the network's points are `scale * points + shift` (`data.framing.normal_form`);
         1 and 0 without normal form.
       seconds: duration of each step.
-      draws: float32 [d, n, 3], the clouds of r = 0 and of all draws, as the network predicted them;
+      draws: float32 [d, n, 3], the first cloud and all draws, as the network predicted them;
         the first k became `points`. None without a random input.
     """
 
