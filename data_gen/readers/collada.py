@@ -258,8 +258,14 @@ class _Document:
         if uv is None and look is not None and look.material.texture is not None:
             self.assets.warn(NO_COORDINATES, primitive.get("material"))
         colours = of_corners("COLOR", min((n for s, n in inputs if s == "COLOR"), default="0"), 3)
+        index = rows[:, at]
+        if len(positions) > len(index):  # many primitives may share a large source
+            there = (index >= 0) & (index < len(positions))
+            used, numbers = np.unique(index[there], return_inverse=True)
+            positions, index = positions[used], np.full(len(index), -1)
+            index[there] = numbers
         return Part(
-            positions, counts, rows[:, at], (look,), uv=uv, normals=of_corners("NORMAL", "0", 3),
+            positions, counts, index, (look,), uv=uv, normals=of_corners("NORMAL", "0", 3),
             colours=None if colours is None else rgba(colours, self.assets),
         )  # fmt: skip
 

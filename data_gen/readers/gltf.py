@@ -65,9 +65,9 @@ class _Surface(NamedTuple):
 
 def _matrices(move: np.ndarray, turn: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Matrices [n, 4, 4] of translations, rotations (quaternions x, y, z, w) and scales."""
-    still = ~turn.any(axis=1, keepdims=True)
+    still = np.linalg.norm(turn, axis=1, keepdims=True) == 0
     result = np.tile(np.eye(4), (len(move), 1, 1))
-    result[:, :3, :3] = Rotation.from_quat(turn + still * np.array([0, 0, 0, 1])).as_matrix()
+    result[:, :3, :3] = Rotation.from_quat(np.where(still, [0, 0, 0, 1], turn)).as_matrix()
     result[:, :3, :3] *= scale[:, None]
     result[:, :3, 3] = move
     return result
@@ -326,7 +326,8 @@ class _Scene:
             return nothing
         fields = of_material.object(slot)
         texture = self.root.item("textures", fields.get("index", int))
-        source = texture.extension("EXT_texture_webp") or texture
+        webp = texture.extension("EXT_texture_webp")
+        source = webp if webp and "source" in webp else texture
         if "source" not in source:
             what = ", ".join(texture.object("extensions").fields) or "no source"
             self.assets.warn(BROKEN_TEXTURE, f"{texture.path} ({what})")
