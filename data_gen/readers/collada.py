@@ -258,14 +258,8 @@ class _Document:
         if uv is None and look is not None and look.material.texture is not None:
             self.assets.warn(NO_COORDINATES, primitive.get("material"))
         colours = of_corners("COLOR", min((n for s, n in inputs if s == "COLOR"), default="0"), 3)
-        index = rows[:, at]
-        if len(positions) > len(index):  # many primitives may share a large source
-            there = (index >= 0) & (index < len(positions))
-            used, numbers = np.unique(index[there], return_inverse=True)
-            positions, index = positions[used], np.full(len(index), -1)
-            index[there] = numbers
         return Part(
-            positions, counts, index, (look,), uv=uv, normals=of_corners("NORMAL", "0", 3),
+            positions, counts, rows[:, at], (look,), uv=uv, normals=of_corners("NORMAL", "0", 3),
             colours=None if colours is None else rgba(colours, self.assets),
         )  # fmt: skip
 
@@ -398,16 +392,17 @@ def _polygons(
             raise DamagedError(f"{len(values)} indices, expected {stride} whole numbers per corner")
         return values.astype(np.int64).reshape(-1, stride)
 
+    nothing = np.zeros((0, stride), np.int64)
     blocks = [rows(element) for element in primitive.iterfind("p")]
     if primitive.tag in ("tristrips", "trifans"):
         order = strip if primitive.tag == "tristrips" else fan
         blocks = [block[order(len(block)).ravel()] for block in blocks]
     for element in primitive.iterfind("ph"):
         loops = [rows(child) for child in element if child.tag in ("p", "h")]
-        corners = np.concatenate([np.zeros((0, stride), np.int64), *loops])
+        corners = np.concatenate([nothing, *loops])
         where = np.clip(corners[:, at], 0, len(positions) - 1)
         blocks.append(corners[with_holes(positions[where], [len(loop) for loop in loops])])
-    corners = np.concatenate([np.zeros((0, stride), np.int64), *blocks])
+    corners = np.concatenate([nothing, *blocks])
     if primitive.tag == "polylist":
         counts = _numbers(primitive.find("vcount")).astype(np.int64)
     elif primitive.tag == "polygons":

@@ -82,6 +82,11 @@ def placed(part: Part, matrices: np.ndarray) -> Part:
 
     We reverse polygons if the matrices of all their corners mirror.
     """
+    if len(matrices) == 1 and len(part.vertices) > len(part.corners):  # parts may share an array
+        there = (part.corners >= 0) & (part.corners < len(part.vertices))
+        corners = np.where(there, part.corners, -1)
+        used, corners[there] = np.unique(corners[there], return_inverse=True)
+        part = dataclasses.replace(part, vertices=part.vertices[used], corners=corners)
     linear = matrices[:, :3, :3]
     determinants = np.linalg.det(linear)
 

@@ -13,7 +13,7 @@ from data_gen.catalogues import sh3f
 from data_gen.catalogues.entry import SPLITS, split_of
 from data_gen.catalogues.open_catalogue import open_catalogue, parse_options
 from data_gen.mesh import UnusableModelError
-from data_gen.readers.model_files import ZipFiles
+from data_gen.readers.model_files import FolderFiles, ZipFiles
 
 BOX = CUBE + FACES
 
@@ -109,6 +109,8 @@ def test_files_of_a_hub_are_links_to_its_blobs(write, tmp_path):
     assert len(first.load().faces) == 12
     with pytest.raises(UnusableModelError, match="a link that leads out of the folder"):
         second.load()
+    (snapshot / "c.obj").symlink_to("c.obj")
+    assert FolderFiles(snapshot).find("c.obj") is None
 
 
 def test_compressed_models_are_read_and_archives_are_counted(write, tmp_path, caplog):

@@ -9,6 +9,7 @@ from helpers.obj_text import RED_BLUE, png
 from data_gen.mesh import UnusableModelError
 from data_gen.readers import collada
 from data_gen.readers.load import load_model
+from data_gen.readers.parts import Part, placed
 
 HALVES = "<triangles count='2' material='m'>{inputs}<p>{p}</p></triangles>"
 VERTEX = "<input semantic='VERTEX' source='#v' offset='0'/>"
@@ -218,8 +219,16 @@ def test_collada_nothing_vanishes(write):
     assert extent[1] / extent[2] == pytest.approx(2)
     no_scenes = dae(nodes=" ").replace("visual_scene", "x")
     no_namespace, comment = dae().replace("xmlns=", "x="), dae().replace("?>", "?><!-- a -->")
-    for text in (dae(scene=False), no_scenes, no_namespace, comment):
+    empty_hole = dae(primitive("polygons", "<p>0 1 2</p><p>0 2 3</p><ph/>"))
+    for text in (dae(scene=False), no_scenes, no_namespace, comment, empty_hole):
         assert len(load_model(write("a.dae", text)).faces) == 2
+
+
+def test_primitives_that_share_an_array_keep_what_they_use(rng):
+    points, corners = rng.random((100, 3)), np.array([7, 99, 3, 7, -1, 100])
+    part = placed(Part(points, np.array([3, 3]), corners), np.eye(4)[None])
+    np.testing.assert_array_equal(part.vertices, points[[3, 7, 99]])
+    assert part.corners.tolist() == [1, 2, 0, 1, -1, -1]
 
 
 @pytest.mark.parametrize(

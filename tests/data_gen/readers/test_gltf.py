@@ -516,6 +516,14 @@ def webp():
     return g.text()
 
 
+@case("WebP without a source of its own", colours=[R, B])
+def empty_webp():
+    g = Gltf()
+    g.show([textured(g, picture([[RED, BLUE]]))], rotation=[0, 0, 0, 1e-200])
+    g.json["textures"][0]["extensions"] = {"EXT_texture_webp": {}}
+    return g.text()
+
+
 @case(
     "MeshPrimitiveModes",
     feature="lines and points",

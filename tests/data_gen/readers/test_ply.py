@@ -138,7 +138,11 @@ def test_ply_several_textures(write):
     some = [faces[0], f"{TRIANGLES[1]} 0 1"]
     model = load_model(write("a.ply", ply(faces=some, head=head, of_faces=wedges + number)))
     assert (colours(model), model.warnings) == ([RED, GREY], ())
-    text = ply(faces=[face[:-2] for face in faces], head=head, of_faces=wedges)
+    some = [face[:-2] for face in faces]
+    strips = ply(faces=some, head="comment TextureFile red.png", of_faces=wedges, more=STRIPS)
+    model = load_model(write("a.ply", strips + "4 0 1 3 2\n"))
+    assert colours(model) == [RED, RED, GREY, GREY]
+    text = ply(faces=some, head=head, of_faces=wedges)
     model = load_model(write("a.ply", text))
     assert colours(model) == [RED, RED]
     assert "texnumber" in model.warnings[0]

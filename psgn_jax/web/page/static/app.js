@@ -20,10 +20,10 @@ const sum = values => values.reduce((a, b) => a + b, 0);
 const contextOf = (width, height) => make("canvas", { width, height }).getContext("2d", { willReadFrequently: true });
 const pixelsOf = context => context.getImageData(0, 0, context.canvas.width, context.canvas.height).data;
 
-/** 1 where an image of four bytes per pixel has a larger alpha; a loop, because every stroke begins with it. */
-function opaqueIn(rgba, alpha = 127) {
+/** 1 where the alpha of an image of four bytes per pixel is above a level; a loop, because every stroke begins with it. */
+function opaqueIn(rgba, level = 127) {
   const mask = new Uint8Array(rgba.length / 4);
-  for (let i = 0; i < mask.length; i++) mask[i] = rgba[4 * i + 3] > alpha;
+  for (let i = 0; i < mask.length; i++) mask[i] = rgba[4 * i + 3] > level;
   return mask;
 }
 
