@@ -144,11 +144,12 @@ class _Document:
         roots = scenes = self.root.findall("library_visual_scenes/visual_scene")
         if len(scenes) > 1:
             self.assets.warn("scenes other than the default one not read", len(scenes) - 1)
-        urls = [e.get("url") for e in self.root.iterfind("scene/instance_visual_scene")]
+        instances = self.root.iterfind("scene/instance_visual_scene")
+        url = next((e.get("url") for e in instances), None)
         try:
-            roots = [self.find(urls[0] if urls else None, "visual_scene")]
+            roots = [self.find(url, "visual_scene")]
         except DamagedError:
-            self.assets.warn("no scene, the first one or all geometries are read")
+            self.assets.warn("no scene, the first one or all geometries are read", url or "")
         if self.root.find("library_animations/animation") is not None:
             self.assets.warn("animations not read, the pose of the nodes is taken")
         stack = [(e, turn) for e in roots[:1] or self.root.findall("library_geometries")]

@@ -197,8 +197,8 @@ def _map_name(rest: str) -> tuple[str, dict[str, list[str]]]:
     words = rest.split()
     options: dict[str, list[str]] = {}
     while words and (option := words[0].lower()) in _MAP_OPTIONS:
-        numbers = itertools.takewhile(lambda word: floats([word], 1), words[1:-1][:3])
-        count = _MAP_OPTIONS[option] or len(list(numbers))
+        values = itertools.takewhile(lambda word: floats([word], 1), words[1:-1][:3])
+        count = _MAP_OPTIONS[option] or len(list(values))
         options[option], words = words[1 : 1 + count], words[1 + count :]
     return (" ".join(words) if options else rest), options
 

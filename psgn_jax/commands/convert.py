@@ -6,7 +6,7 @@
 
 - `authors`: SRC is a folder with the authors' batch files (`*.gz`). Files 48 and 49 are the split
   `test`, samples whose names begin with `f` are `validation`. Training samples with the shape of a
-  validation or test object, mirrored or not, go to the split `duplicate`, which is never read.
+  validation or test object, mirrored or not, go to the split `duplicate`, which no config uses.
 - `r2n2`: SRC contains `ShapeNetRendering` and `ShapeNetVox32` of 3D-R2N2.
 - `occnet`: SRC is the folder `ShapeNet` of Occupancy Networks, with one folder per category.
 

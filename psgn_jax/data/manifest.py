@@ -23,7 +23,7 @@ SPLIT_NAME = re.compile(r"[a-z0-9_]+")
 """Valid names of splits, with which the names of their files begin."""
 
 DUPLICATES = "duplicate"
-"""Split of training samples with the shape of a validation or test object; it is never read."""
+"""Split of training samples with the shape of a validation or test object; no config uses it."""
 
 # Sums of counts over all shards stay within 64 bits.
 _Count = Annotated[int, Bounds(0, (1 << 40) - 1)]

@@ -25,7 +25,7 @@ from psgn_jax.weights.run_folder import Trained
 
 FORMAT = "psgn_jax network 2"
 LATENTS = 16
-"""Number of random inputs in `network.json`; they are the first of `psgn predict --seed=0`."""
+"""Number of random inputs in `network.json` besides r = 0: the first of `psgn predict --seed=0`."""
 
 ONNX_NAMES = {"float32": "network.onnx", "float16": "network_float16.onnx"}
 """Stored type of the weights -> file."""

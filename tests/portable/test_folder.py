@@ -141,8 +141,10 @@ def without_this_package():
     return {**os.environ, "PYTHONPATH": installed, "PYTHONSAFEPATH": "1"}
 
 
-@pytest.mark.parametrize(("size", "random_size"), [((48, 64), 0), ((60, 60), 3)])
-def test_the_python_example_predicts_as_this_package(size, random_size, tmp_path, monkeypatch):
+@pytest.mark.parametrize(("size", "random_size", "alpha"), [((48, 64), 0, 255), ((60, 60), 3, 60)])
+def test_the_python_example_predicts_as_this_package(
+    size, random_size, alpha, tmp_path, monkeypatch
+):
     run = make_run(size, model__random_size=random_size, model__fc_points=30)
     last = run.params["fc"]["points"]
     last["kernel"] *= np.float32(0.002)
@@ -152,7 +154,7 @@ def test_the_python_example_predicts_as_this_package(size, random_size, tmp_path
     folder.write_folder(run, tmp_path, weights=("float32",), stablehlo=False)
     rgba = np.random.default_rng(0).integers(0, 256, (90, 140, 4), dtype=np.uint8)
     rgba[..., 3] = 0
-    rgba[20:70, 30:110, 3] = 255
+    rgba[20:70, 30:110, 3] = alpha
     rgba[30:40, 60:70, 3] = 0
     Image.fromarray(rgba).save(tmp_path / "photo.png")
     command = [sys.executable, "example.py", "photo.png", "cloud.xyz"]

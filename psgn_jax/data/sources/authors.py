@@ -1,8 +1,7 @@
 """Reads the authors' published training batches.
 
 A file contains 32 samples as a zlib stream (not gzip, in spite of its name). The arrays are, in
-this
-order:
+this order:
 
     colour     uint8 [32, 192, 256, 3], BGR
     depth      uint16 [32, 192, 256], 0 = background
@@ -70,8 +69,7 @@ TEST_FILES = ("48.gz", "49.gz")
 """Files of the test split: we train and choose nothing on them.
 
 The authors have no test split, and we chose the recipes on files 15 and 31. This choice is
-**ours**:
-we got these two files after all choices up to the weights small-3."""
+**ours**: we got these two files after all choices up to the weights small-3."""
 
 
 def split_of(path: pathlib.Path, model_id: str) -> str:

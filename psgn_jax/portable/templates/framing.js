@@ -8,6 +8,19 @@ import { resize } from "./resample.js";
 /** An error whose message is for the user. */
 export class PhotoError extends Error {}
 
+/** 1 where the alpha of an image of four bytes per pixel is above a level; a loop, because every stroke begins with it. */
+export function opaqueIn(rgba, level = 127) {
+  const mask = new Uint8Array(rgba.length / 4);
+  for (let i = 0; i < mask.length; i++) mask[i] = rgba[4 * i + 3] > level;
+  return mask;
+}
+
+/** The object in an alpha channel, as by psgn_jax.prediction.masks: what is opaque or, of a glass, also what is faint. */
+export function visibleIn(rgba) {
+  const opaque = opaqueIn(rgba), faint = opaqueIn(rgba, 25), count = mask => mask.reduce((a, b) => a + b, 0);
+  return count(opaque) < 0.2 * count(faint) ? faint : opaque;
+}
+
 /** Whether width x height has the proportions of the other size, up to one pixel or 1 %. */
 export const sameProportions = (width, height, otherWidth, otherHeight) =>
   Math.abs(width * otherHeight / otherWidth - height) <= Math.max(1, 0.01 * height);

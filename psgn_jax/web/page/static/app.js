@@ -4,13 +4,13 @@ import * as ort from "./runtime/ort.wasm.min.mjs";
 import { CloudView, pathThrough, save } from "./cloud.js";
 import { ranked, spread } from "./draws.js";
 import { FORMATS } from "./files.js";
-import { coloursFromView, meanWithMirror, mirrored, normalForm, PhotoError, place, sameProportions, findOutliers } from "./framing.js";
+import { coloursFromView, meanWithMirror, mirrored, normalForm, opaqueIn, PhotoError, place, sameProportions, findOutliers, visibleIn } from "./framing.js";
 import { objectIn } from "./levels.js";
 import { findMask } from "./mask.js";
 import { fit } from "./silhouette.js";
 
 const CLICK = 0.02, SAMPLES = 8, PAUSE = 120, HISTORY = 10, VEIL = "rgba(18, 24, 40, .68)", EDGE = "#ffb020";
-const RUNTIME = "runtime/ort-wasm-simd-threaded.wasm.gz", MAX_BYTES = 80e6, MAX_SIDE = 1600, MIN_SIDE = 16, FAINT = 25, OPAQUE_SHARE = 0.2;
+const RUNTIME = "runtime/ort-wasm-simd-threaded.wasm.gz", MAX_BYTES = 80e6, MAX_SIDE = 1600, MIN_SIDE = 16;
 const $ = id => document.getElementById(id);
 const each = (selector, act) => document.querySelectorAll(selector).forEach(act);
 const make = (tag, fields) => Object.assign(document.createElement(tag), fields);
@@ -19,19 +19,6 @@ const sum = values => values.reduce((a, b) => a + b, 0);
 /** The context of a new canvas, and the pixels of a context. */
 const contextOf = (width, height) => make("canvas", { width, height }).getContext("2d", { willReadFrequently: true });
 const pixelsOf = context => context.getImageData(0, 0, context.canvas.width, context.canvas.height).data;
-
-/** 1 where the alpha of an image of four bytes per pixel is above a level; a loop, because every stroke begins with it. */
-function opaqueIn(rgba, level = 127) {
-  const mask = new Uint8Array(rgba.length / 4);
-  for (let i = 0; i < mask.length; i++) mask[i] = rgba[4 * i + 3] > level;
-  return mask;
-}
-
-/** The object in an alpha channel: what is opaque or, of a glass, also what is faint. */
-function visibleIn(rgba) {
-  const opaque = opaqueIn(rgba), faint = opaqueIn(rgba, FAINT);
-  return sum(opaque) < OPAQUE_SHARE * sum(faint) ? faint : opaque;
-}
 
 /** photo: { rgb, width, height, bitmap }; maskSession: of the mask network, once a photo needs it; mask: the context of a canvas that is opaque on the object; doubt: what to say of that mask until it is changed; clouds: one for each guess; draws: what they were chosen from, in the network's unit, `scale` of theirs; turns: how many files of each kind were chosen. */
 const page = { photo: null, mask: null, doubt: "", history: [], clouds: [], sample: 0, name: "", turns: { photo: 0, mask: 0 } };
