@@ -66,6 +66,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
     except OSError:  # Python would flush again at its exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if argv is None and code == Exit.CTRL_C:
+        os._exit(code)  # jaxlib may crash at Python's exit after an interrupted compilation
     return code
 
 

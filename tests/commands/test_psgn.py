@@ -52,6 +52,21 @@ def test_output_that_nothing_can_take_ends_in_no_traceback(shell, command, code,
     assert (done.returncode, done.stderr) == (code, error)
 
 
+def test_ctrl_c_skips_what_python_does_at_exit():
+    """There, jaxlib crashed after an interrupted compilation."""
+    script = """
+import atexit, signal, sys
+from psgn_jax.commands import psgn
+atexit.register(print, "at exit")
+psgn.importlib.import_module = lambda name: signal.raise_signal(signal.SIGINT)
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may start tests that ignore it
+sys.argv = ["psgn", "view"]
+sys.exit(psgn.main())
+"""
+    done = run(sys.executable, "-c", script, cwd=ROOT)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "stopped by Ctrl-C\n")
+
+
 @pytest.mark.slow
 def test_an_unknown_user_without_a_home_trains_and_predicts(tmp_path):
     """As in `docker run -u 12345`, where nothing sets HOME."""
