@@ -94,7 +94,10 @@ def _main(flags: Flags) -> int:
         if isinstance(result, Exception):
             failed += 1
             uncertain += isinstance(result, masks.UncertainMaskError)
-            sys.stderr.write(f"failed: {one_line(path)}: {message_line(result)}\n")
+            message = message_line(result).removeprefix(f"{one_line(path)}: ")
+            named = message.startswith(one_line(path))
+            prefix = "" if named else f"{one_line(path)}: "
+            sys.stderr.write(f"failed: {prefix}{message}\n")
             continue
         done += 1
         for warning in result.warnings:
@@ -115,7 +118,7 @@ def _main(flags: Flags) -> int:
             "NAME_mask.png beside the photo\n"
         )
     if failed:
-        sys.stderr.write(f"{done} of {done + failed} images were processed, see {values.out}\n")
+        sys.stderr.write(f"{done} of {done + failed} images were processed\n")
     if not failed:
         return Exit.DONE
     return Exit.PARTLY if done else Exit.ERROR

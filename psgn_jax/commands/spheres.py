@@ -49,10 +49,12 @@ def _main(flags: Flags) -> None:
         rows.append((pathlib.Path(path).stem, spheres.panels(seen, clouds, height=values.height)))
     sheet = spheres.sheet(rows, columns=values.columns)
     spheres.write_picture(sheet, values.out)
-    if values.turntable and first:
-        spheres.turntable(*first, values.turntable)
     count = f"{len(rows)} case{'s' * (len(rows) > 1)}"
     sys.stdout.write(f"{count}: {one_line(values.out)}\n")
+    if values.turntable and first:
+        sys.stdout.flush()  # the film takes longer
+        spheres.turntable(*first, values.turntable)
+        sys.stdout.write(f"film: {one_line(values.turntable)}\n")
 
 
 def _seen(arrays: dict[str, np.ndarray], height: int) -> dict[str, np.ndarray]:

@@ -125,7 +125,7 @@ def read_mask(mask: Source, photo: Photo, label: int | Sequence[int] | None = No
         values, ids = _levels_of(picture)
     if len(size) != 2 or not same_proportions(size, photo.size):
         raise PhotoError(
-            f"{name} is {'x'.join(map(str, size[::-1]))}: accepted: the image's "
+            f"{name} is {'x'.join(map(str, size[::-1]))} (width x height): accepted: the image's "
             f"{photo.size[1]}x{photo.size[0]} or the same proportions"
         )
     if values.dtype.kind == "f" and (bad := int((~np.isfinite(values)).sum())):

@@ -12,6 +12,7 @@ nearest to the middle. A box or a point in the photo chooses another one.
 
 import io
 import pathlib
+import warnings
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple, TypedDict, Unpack
@@ -199,7 +200,10 @@ def is_result(path: pathlib.Path) -> bool:
     try:
         if kind_of(path) is not None:
             return False
-        with Image.open(path, formats=["PNG"]) as file:
+        with (
+            warnings.catch_warnings(action="ignore"),  # of large images
+            Image.open(path, formats=["PNG"]) as file,
+        ):
             note = file.info.get(_NOTE)
             return note is not None and note == str(zlib.crc32(file.tobytes()))
     except Exception:  # whatever it is, it is no result
@@ -256,11 +260,15 @@ def find_mask(
                 return FoundMask(mask, "plain")
     lacking = {"alpha": "a transparent background", "plain": "a background of one colour"}
     if method in lacking:
-        raise PhotoError(f"no object found; mask_from={method} expects {lacking[method]}")
+        raise PhotoError(
+            f"no object found; mask_from={method} expects {lacking[method]}, auto does not"
+        )
     mask, certain = _by_network(image, method, inside, crop, at)
     if not _SMALLEST <= mask.mean() <= _LARGEST:
-        why = f"the network's mask covers {mask.mean():.3%} of the image"
-        raise PhotoError(f"no object found: {why} (expected {_SMALLEST:.2%} to {_LARGEST:.0%})")
+        raise PhotoError(
+            f"no object found: the network's mask covers {mask.mean():.3%} of the image (expected "
+            f"{_SMALLEST:.2%} to {_LARGEST:.0%}); give its mask, a box or a point"
+        )
     if method.startswith("rembg"):
         return FoundMask(mask, method)
     percent = int(100 * certain)  # rounded down, so that a refused mask never prints 80 %

@@ -203,3 +203,9 @@ return Promise.all(input.hints.map(hint => mask.findMask(photo, input.about, run
 def red_of(arrays):
     (x,) = arrays.values()
     return np.clip(x[:, :1] / 3, 0, 1)
+
+
+def test_a_large_image_is_looked_at_without_pillows_warning(tmp_path, recwarn):
+    Image.new("1", (12000, 8000)).save(tmp_path / "large.png")
+    assert not masks.is_result(tmp_path / "large.png")
+    assert not recwarn.list

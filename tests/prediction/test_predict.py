@@ -382,6 +382,7 @@ def test_the_command_goes_on_after_a_bad_file(config, params, tmp_path):
     assert {p.stem for p in out.glob("*.json")} == {"good", "cmyk"}
     failed = [line for line in some.stderr.splitlines() if line.startswith("failed: ")]
     assert len(failed) == 3
+    assert [line.count(".png") for line in failed] == [1] * 3
     assert "Traceback" not in some.stderr
     assert "2 of 5 images were processed" in some.stderr
     assert some.stdout.splitlines()[2:] == [f"results: {out}"]
