@@ -42,9 +42,7 @@ def test_a_large_image_is_reduced_and_accepts_masks_of_both_sizes(tmp_path):
     np.testing.assert_array_equal(read.image[..., 0] > 100, mask[::2, ::2])
     for given in (mask, mask[::2, ::2], Image.fromarray(mask)):
         np.testing.assert_array_equal(photo.read_mask(given, read), mask[::2, ::2])
-    with pytest.raises(
-        photo.PhotoError, match="is 40x10 .width x height.: accepted: the image's 40x4100"
-    ):
+    with pytest.raises(photo.PhotoError, match=r"is 40x10 \(.*\): accepted: the image's 40x4100"):
         photo.read_mask(mask[:10], read)
 
 
@@ -133,7 +131,7 @@ def test_masks_of_other_sizes_and_of_mode_1():
     for wrong, message in (
         (
             np.ones((120, 120), np.uint8),
-            "is 120x120 .width x height.: accepted: the image's 160x120",
+            r"is 120x120 \(.*\): accepted: the image's 160x120",
         ),
         (np.zeros((120, 160), np.uint8), "empty: no pixel shows the object"),
         (np.full((120, 160), 255, np.uint8), "covers the whole image"),
