@@ -95,7 +95,7 @@ def _main(flags: Flags) -> int:
             failed += 1
             uncertain += isinstance(result, masks.UncertainMaskError)
             message = message_line(result).removeprefix(f"{one_line(path)}: ")
-            named = message.startswith(one_line(path))
+            named = message.startswith(f"{one_line(path)} ")
             prefix = "" if named else f"{one_line(path)}: "
             sys.stderr.write(f"failed: {prefix}{message}\n")
             continue

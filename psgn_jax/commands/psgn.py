@@ -67,7 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError:  # Python would flush again at its exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if argv is None and code == Exit.CTRL_C:
-        os._exit(code)  # jaxlib may crash at Python's exit after an interrupted compilation
+        os._exit(code)  # after an interrupted compilation, jaxlib may crash at Python's exit
     return code
 
 

@@ -151,7 +151,7 @@ class EvalConfig:
     """Evaluation, during training and afterwards."""
 
     batch_size: Size = 32  # Samples per step.
-    max_samples: Count = 0  # Number of first samples that a training evaluates; 0 = all.
+    max_samples: Count = 0  # In training, only so many first samples are evaluated; 0 = all.
     fscore_threshold: Positive = 0.01  # Distance in units below which a point is correct.
     # Accepted relative error of the earth mover's distance, which compares a prediction with
     # equally many true points; 0 = no EMD.

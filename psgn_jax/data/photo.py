@@ -123,9 +123,11 @@ def read_mask(mask: Source, photo: Photo, label: int | Sequence[int] | None = No
             orientation = photo.orientation
         picture, size = _transposed(picture, orientation), _upright_size(size, orientation)
         values, ids = _levels_of(picture)
-    if len(size) != 2 or not same_proportions(size, photo.size):
+    if len(size) != 2:
+        raise PhotoError(f"{name} is an array of the shape {size}; expected (height, width)")
+    if not same_proportions(size, photo.size):
         raise PhotoError(
-            f"{name} is {'x'.join(map(str, size[::-1]))} (width x height): accepted: the image's "
+            f"{name} is {size[1]}x{size[0]} (width x height): accepted: the image's "
             f"{photo.size[1]}x{photo.size[0]} or the same proportions"
         )
     if values.dtype.kind == "f" and (bad := int((~np.isfinite(values)).sum())):

@@ -261,13 +261,13 @@ def find_mask(
     lacking = {"alpha": "a transparent background", "plain": "a background of one colour"}
     if method in lacking:
         raise PhotoError(
-            f"no object found; mask_from={method} expects {lacking[method]}, auto does not"
+            f"no object found; mask_from={method} expects {lacking[method]}; try mask_from=auto"
         )
     mask, certain = _by_network(image, method, inside, crop, at)
     if not _SMALLEST <= mask.mean() <= _LARGEST:
         raise PhotoError(
             f"no object found: the network's mask covers {mask.mean():.3%} of the image (expected "
-            f"{_SMALLEST:.2%} to {_LARGEST:.0%}); give its mask, a box or a point"
+            f"{_SMALLEST:.2%} to {_LARGEST:.0%}); give the object's mask, or another box or point"
         )
     if method.startswith("rembg"):
         return FoundMask(mask, method)

@@ -135,7 +135,7 @@ def test_masks_of_other_sizes_and_of_mode_1():
         ),
         (np.zeros((120, 160), np.uint8), "empty: no pixel shows the object"),
         (np.full((120, 160), 255, np.uint8), "covers the whole image"),
-        (image, "the mask is 3x160x120"),
+        (image, r"the mask is an array of the shape \(120, 160, 3\); expected"),
     ):
         with pytest.raises(photo.PhotoError, match=message):
             photo.read_mask(wrong, read)

@@ -67,7 +67,7 @@ def test_the_command_on_predictions(rng, tmp_path, capsys):
 
     wide, by_photo = red(f"--turntable={gif}")
     assert by_photo > 500
-    assert capsys.readouterr().out == f"1 case: {out}\n"
+    assert capsys.readouterr().out == f"1 case: {out}\nfilm: {gif}\n"
     with Image.open(gif) as moving:
         assert moving.n_frames == 36
     wider, _ = red("--branch")

@@ -222,6 +222,8 @@ def test_collada_nothing_vanishes(write):
     empty_hole = dae(primitive("polygons", "<p>0 1 2</p><p>0 2 3</p><ph/>"))
     for text in (dae(scene=False), no_scenes, no_namespace, comment, empty_hole):
         assert len(load_model(write("a.dae", text)).faces) == 2
+    elsewhere = load_model(write("a.dae", dae().replace("url='#s'", "url='#t'")))
+    assert elsewhere.warnings[0] == "no scene, the first one or all geometries are read: #t"
 
 
 def test_primitives_that_share_an_array_keep_what_they_use(rng):

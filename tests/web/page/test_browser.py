@@ -371,7 +371,9 @@ def test_the_example_of_an_export(browser, run, runtime, serve, tmp_path, predic
     page = browser.new_page()
     page.goto(serve(tmp_path) + "example.html")
     page.wait_for_function("!document.querySelector('input').disabled", timeout=1000 * SECONDS)
-    page.set_input_files("input", str(tmp_path / "cut.png"))
+    rgba[..., 3][rgba[..., 3] > 0] = 60  # a glass
+    Image.fromarray(rgba).save(tmp_path / "glass.png")
+    page.set_input_files("input", str(tmp_path / "glass.png"))
     page.get_by_text("points, the first at").wait_for(timeout=1000 * SECONDS)
     text = page.text_content("output")
     numbers = [float(v) for v in re.findall(r"at (.*)", text)[0].split(",")]
