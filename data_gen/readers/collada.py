@@ -144,8 +144,8 @@ class _Document:
         roots = scenes = self.root.findall("library_visual_scenes/visual_scene")
         if len(scenes) > 1:
             self.assets.warn("scenes other than the default one not read", len(scenes) - 1)
-        instances = self.root.iterfind("scene/instance_visual_scene")
-        url = next((e.get("url") for e in instances), None)
+        instance = self.root.find("scene/instance_visual_scene")
+        url = None if instance is None else instance.get("url")
         try:
             roots = [self.find(url, "visual_scene")]
         except DamagedError:

@@ -94,10 +94,9 @@ def _main(flags: Flags) -> int:
         if isinstance(result, Exception):
             failed += 1
             uncertain += isinstance(result, masks.UncertainMaskError)
-            message = message_line(result).removeprefix(f"{one_line(path)}: ")
-            named = message.startswith(f"{one_line(path)} ")
-            prefix = "" if named else f"{one_line(path)}: "
-            sys.stderr.write(f"failed: {prefix}{message}\n")
+            name, message = one_line(path), message_line(result)
+            named = message.startswith((f"{name}: ", f"{name} "))
+            sys.stderr.write(f"failed: {message if named else f'{name}: {message}'}\n")
             continue
         done += 1
         for warning in result.warnings:

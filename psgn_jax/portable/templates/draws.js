@@ -1,6 +1,6 @@
 // Which clouds of a network with a random input are shown, and how far their points vary, as by psgn_jax.prediction.draws.
 
-const sum = values => values.reduce((a, b) => a + b, 0);
+export const sum = values => values.reduce((a, b) => a + b, 0);
 
 /** The Chamfer distance of two clouds: the means of the squared distances to the nearest point, added. */
 function chamfer(a, b) {

@@ -2,7 +2,7 @@
 // psgn_jax.data.framing. Photos are { rgb, width, height }, with three bytes per pixel; masks are
 // Uint8Array with 1 on the object. `about` is the content of network.json.
 
-import { partners } from "./draws.js";
+import { partners, sum } from "./draws.js";
 import { resize } from "./resample.js";
 
 /** An error whose message is for the user. */
@@ -17,8 +17,8 @@ export function opaqueIn(rgba, level = 127) {
 
 /** The object in an alpha channel, as by psgn_jax.prediction.masks: what is opaque or, of a glass, also what is faint. */
 export function visibleIn(rgba) {
-  const opaque = opaqueIn(rgba), faint = opaqueIn(rgba, 25), count = mask => mask.reduce((a, b) => a + b, 0);
-  return count(opaque) < 0.2 * count(faint) ? faint : opaque;
+  const opaque = opaqueIn(rgba), faint = opaqueIn(rgba, 25);
+  return sum(opaque) < 0.2 * sum(faint) ? faint : opaque;
 }
 
 /** Whether width x height has the proportions of the other size, up to one pixel or 1 %. */

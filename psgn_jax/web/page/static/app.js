@@ -2,7 +2,7 @@
 
 import * as ort from "./runtime/ort.wasm.min.mjs";
 import { CloudView, pathThrough, save } from "./cloud.js";
-import { ranked, spread } from "./draws.js";
+import { ranked, spread, sum } from "./draws.js";
 import { FORMATS } from "./files.js";
 import { coloursFromView, meanWithMirror, mirrored, normalForm, opaqueIn, PhotoError, place, sameProportions, findOutliers, visibleIn } from "./framing.js";
 import { objectIn } from "./levels.js";
@@ -14,7 +14,6 @@ const RUNTIME = "runtime/ort-wasm-simd-threaded.wasm.gz", MAX_BYTES = 80e6, MAX_
 const $ = id => document.getElementById(id);
 const each = (selector, act) => document.querySelectorAll(selector).forEach(act);
 const make = (tag, fields) => Object.assign(document.createElement(tag), fields);
-const sum = values => values.reduce((a, b) => a + b, 0);
 
 /** The context of a new canvas, and the pixels of a context. */
 const contextOf = (width, height) => make("canvas", { width, height }).getContext("2d", { willReadFrequently: true });

@@ -1,10 +1,10 @@
 // The object in the file of a mask: what is opaque, or else the brighter one of two levels. The page shows the mask over the photo.
 
+import { sum } from "./draws.js";
 import { PhotoError } from "./framing.js";
 
 const LEAST_TRANSPARENT = 0.005, LEAST_AREA = 0.001, FEWEST = 64; // shares of the pixels; pixels
 const ACCEPTED = "expected white on the object, black elsewhere";
-const sum = values => values.reduce((a, b) => a + b, 0);
 
 /** The object in four bytes per pixel: { mask, with 1 on it, and doubt, a sentence or "" }. */
 export function objectIn(rgba, width, height) {

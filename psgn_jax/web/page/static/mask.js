@@ -1,11 +1,11 @@
 // Finds the mask of the object in a photo, like find_mask of psgn_jax.prediction.masks with the method "network".
 
+import { sum } from "./draws.js";
 import { PhotoError } from "./framing.js";
 import { LANCZOS, resize } from "./resample.js";
 
 const MIN_SIDE = 16;
 const limited = (value, least, most) => Math.min(Math.max(value, least), most);
-const sum = values => values.reduce((a, b) => a + b, 0);
 
 /** Values in [0, 1], or 0 and 1, resized: 1 where they exceed .5. */
 function enlarged(values, width, height, outWidth, outHeight) {
