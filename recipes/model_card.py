@@ -198,16 +198,6 @@ def sheet(evaluation, collector, cases):
     return small_png(spheres.sheet(drawn, columns=4), 400_000)
 
 
-def sources(weights):
-    """The table of data and licences in the weights."""
-    lines = [["source", "licence", "models", "by"]]
-    for source in weights.sources:
-        for licence, each in source["licences"].items():
-            holders = ", ".join(map(str, each.get("holders") or []))
-            lines.append([source["source"], licence, str(each.get("models", "")), holders])
-    return table.markdown(lines) if len(lines) > 1 else "The weights do not state their data.\n"
-
-
 def filled(text, blocks):
     """The card with the content of its blocks replaced."""
     for name, content in blocks.items():
@@ -271,7 +261,6 @@ def write_card(weights, sets, out, cases, most):
     read = read_weights(path)
     blocks = {
         "weights": f"```\n{describe(read, path)}```",
-        "sources": sources(read),
         "figures": table.markdown([head, *rows]),
         "certainty": certainty(weights, sets[0], most),
     }

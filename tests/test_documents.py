@@ -11,7 +11,8 @@ from helpers.commands import ROOT, run
 import psgn_jax
 from psgn_jax import losses
 from psgn_jax.commands import psgn, study
-from psgn_jax.config import Config, recipes, to_dict
+from psgn_jax.config import Config, recipes
+from psgn_jax.config.structured import flatten
 
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
 PAGES = [p for p in PAGES if p.name not in ("CHANGELOG.md", "journal.md")]
@@ -32,13 +33,6 @@ def command_lines():
     return sorted(found)
 
 
-def settings(tree, prefix="--config."):
-    for name, value in tree.items():
-        yield prefix + name
-        if isinstance(value, dict):
-            yield from settings(value, f"{prefix}{name}.")
-
-
 def flags_in(path):
     return {f"--{name}" for name in re.findall(r"""["'](?:--)?([a-z]\w+)["']""", path.read_text())}
 
@@ -46,8 +40,8 @@ def flags_in(path):
 def test_commands_and_their_flags_exist():
     from data_gen import settings as rendering
 
-    training = set(settings(to_dict(Config())))
-    known_to_render = set(settings(to_dict(rendering.Settings())))
+    training = {f"--config.{name}" for name in flatten(Config())}
+    known_to_render = {f"--config.{name}" for name in flatten(rendering.Settings())}
     lines = command_lines()
     wrong = []
     for page, line in lines:

@@ -57,6 +57,12 @@ def test_packages_import_downward_only():
     assert not wrong, "\n".join(wrong)
 
 
+def test_the_page_of_the_architecture_draws_the_layers():
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    drawing = page.partition("```text\n")[2].partition("```")[0]
+    assert re.findall(r"^(\w+) {3,}\w", drawing, re.MULTILINE) == LAYERS[::-1]
+
+
 def test_heavy_packages_have_one_door():
     doors = {}
     for path in PATHS:
