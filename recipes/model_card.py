@@ -15,7 +15,7 @@ a colon (default: validation): first with the images as they are (`--frame=keep`
 evaluate`), then with the object placed in them (`--frame=place`). The metrics are means over all
 samples. For both frames, `model_card_FRAME.png` shows the first `--cases` cases of the first
 folder. In the card, we replace the text between `<!-- begin NAME -->` and `<!-- end NAME -->`
-(weights, sources, figures, certainty). "certainty" has the mean distance to the true points for
+(weights, figures, certainty). "certainty" has the mean distance to the true points for
 each fifth of the points by their spread over the draws, over at most `--most` samples of the first
 folder.
 
