@@ -161,7 +161,10 @@ class Prediction:
         draws = None if self.draws is None or sample else self.draws[1:].reshape(-1, 3)
         seen = (np.linalg.inv(self.view.to_view) @ self.view.intrinsics, self.view.extrinsics)
         found = surface.surface_of(
-            points, self.mask, *seen, draws=None if draws is None else (draws - self.shift) / self.scale
+            points,
+            self.mask,
+            *seen,
+            draws=None if draws is None else (draws - self.shift) / self.scale,
         )
         mesh = surface.textured(found, self.photo.image, self.mask, *seen)
         return mesh if height is None else mesh.apply_scale(height / np.ptp(points[:, 2]))

@@ -40,7 +40,7 @@ MOST_FACES = 20_000
 FINE, COARSE = 0.4, 0.8  # standard deviations of the densities
 LEVEL = 0.45  # of a solid, relative to the density at the points
 THINNEST = 0.2  # half thickness that the shift leaves
-INSIDE = 0.5  # depth of the coarse solid below the points
+INSIDE = 0.65  # depth of the coarse solid below the points
 ASIDE = 0.8  # largest sideways move
 
 DRAWS = 0.7
@@ -204,15 +204,18 @@ def _field(grid: _Grid) -> np.ndarray:
         total = _smooth(_splat(grid.points, deep, grid.shape), sigma)
         return (total + 1e-5 * np.median(deep)) / (_smooth(count, sigma) + 1e-5)
 
+    def through(field: np.ndarray, near: float) -> np.ndarray:
+        thickest = np.maximum(ndimage.maximum_filter(field, size=int(2 * wide) | 1), 0)
+        return field - np.minimum(depths(field, near, 1.0), thickest - THINNEST * wide)
+
     fine = _smooth(solid(mass, grid.points, FINE * wide, 0), 0.7)
-    thickest = ndimage.maximum_filter(fine, size=int(2 * wide) | 1)
-    fine -= np.minimum(depths(fine, 0.9, 1.0), np.maximum(thickest, 0) - THINNEST * wide)
+    fine = through(fine, 0.9)
     a, b, c = (n // 2 for n in grid.shape)  # half of the resolution suffices
     halved = mass.reshape(a, 2, b, 2, c, 2).sum(axis=(1, 3, 5))
-    coarse = 2 * solid(halved, grid.points / 2 - 0.25, COARSE * wide / 2, 1)
+    coarse = 2 * solid(halved, grid.points / 2 - 0.25, COARSE * wide / 2, 2)
     coarse = _smooth(coarse.repeat(2, 0).repeat(2, 1).repeat(2, 2), 1.2)
     coarse -= depths(coarse, 1.2, 1.5) + INSIDE * wide
-    return _smooth(np.maximum(fine, coarse), 0.5)
+    return through(_smooth(np.maximum(fine, coarse), 1.5), 1.2)
 
 
 def _sees(points: np.ndarray, mask: np.ndarray, intrinsics: Any, extrinsics: Any) -> bool:
@@ -261,10 +264,11 @@ def _cut(field: np.ndarray, grid: _Grid, inside: np.ndarray, voxels: float) -> n
     counts, totals = (
         _smooth(a, 0.5 * grid.spacing) + 1e-3 * _smooth(a, 2 * grid.spacing) for a in (count, total)
     )
-    depth = totals / np.maximum(counts, 1e-12)
+    depth = _smooth(totals / np.maximum(counts, 1e-12), 1.0)
     thick = np.minimum(np.minimum(inside, 0.5 * grid.spacing), max(0.7, THINNEST * grid.spacing))
     empty = (field.max(axis=2) < thick) & (inside > 0) & (counts > 1e-7)
-    away = np.abs(np.arange(field.shape[2]) - depth[..., None])
+    steep = np.sqrt(1 + np.minimum(2, np.square(np.gradient(depth)).sum(axis=0)))
+    away = np.abs(np.arange(field.shape[2]) - depth[..., None]) / steep[..., None]
     thin = np.where(empty, thick, -_FAR)[..., None] - 0.7 * away
     return np.minimum(np.maximum(field, thin), inside[..., None]).astype(np.float32)
 
@@ -340,7 +344,9 @@ def textured(
     thickest = ndimage.maximum_filter(distance, size=2 * int(border) + 1)
     outside = distance < np.minimum(border, 0.7 * thickest) + 1e-6
     nearest = ndimage.distance_transform_edt(outside, return_distances=False, return_indices=True)
-    Image.fromarray(np.asarray(cropped)[tuple(nearest)]).save(file := io.BytesIO(), "JPEG", quality=90)
+    Image.fromarray(np.asarray(cropped)[tuple(nearest)]).save(
+        file := io.BytesIO(), "JPEG", quality=90
+    )
     pixels, _ = camera.project(surface.vertices.astype(np.float64), intrinsics, extrinsics)
     u, v = ((pixels - (left, top)) / size).T
     material = trimesh.visual.material.PBRMaterial(
