@@ -1,7 +1,7 @@
 """Exports a network for other programs: `psgn export --out=FOLDER`.
 
-The folder gets ONNX files, a StableHLO program, a README on inputs, outputs, frame and framing, and
-an example each in Python and JavaScript. Before we write a file, we compare its points with JAX's
+The folder gets ONNX files, a README on inputs, outputs, frame and framing, and an example each in
+Python and JavaScript. Before we write a file, we compare its points with JAX's
 on random images. The command fails if they differ by more than 1e-4, or 1e-2 with weights in
 float16. It needs the extra `export`.
 """
@@ -24,7 +24,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     define_network_flags(flags)
     flags.string("out", None, "Folder for the files.")
     flags.list("weights_as", list(ONNX_NAMES), "Weights of the ONNX files: float32, float16.")
-    flags.bool("stablehlo", True, "Whether to write the StableHLO program.")
     return flags.run(_main, argv)
 
 
@@ -42,5 +41,5 @@ def open_to_export(values: Any) -> Trained:
 def _main(flags: Flags) -> None:
     values = flags.values
     network = open_to_export(values)
-    write_folder(network, values.out, weights=values.weights_as, stablehlo=values.stablehlo)
+    write_folder(network, values.out, weights=values.weights_as)
     sys.stdout.write(f"{values.out}: see README.md there\n")

@@ -13,7 +13,7 @@ COMMANDS: Mapping[str, str] = {
     "evaluate": "measure a run; write tables and pages",
     "predict": "predict points from image files",
     "weights": "list weights, or export those of a run",
-    "export": "write a network for other programs: ONNX and StableHLO files",
+    "export": "write a network for other programs: ONNX files",
     "page": "write a web page that runs a network in the browser",
     "human": "write a page on which people model objects; compare their models with networks",
     "convert": "convert published data sets to records",

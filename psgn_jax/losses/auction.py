@@ -56,7 +56,6 @@ from psgn_jax.losses.numeric import (
     vary_with,
 )
 from psgn_jax.losses.platforms import per_platform
-from psgn_jax.losses.sharded import on_each_device
 from psgn_jax.system.cores import num_cores
 
 # The paper (section "Distance Metric between Point Sets") reports an error of about 1 %.
@@ -276,8 +275,7 @@ def _solve_anywhere(*pair: Array) -> Any:
 def _solve_batch(size: int, mapped: Sequence[bool], *arrays: Array) -> Any:
     axes = [0 if has_axis else None for has_axis in mapped]
     in_turn = jax.vmap(sequential_vmap(_solve_anywhere), axes)
-    each = functools.partial(per_platform, in_turn, jax.vmap(_on_host, axes))
-    return on_each_device(each, arrays, mapped), (True,) * 4
+    return per_platform(in_turn, jax.vmap(_on_host, axes), *arrays), (True,) * 4
 
 
 def _check_number(value: Any, name: str, expected: str, most_whole: float | int = math.inf) -> None:
