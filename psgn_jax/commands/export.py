@@ -1,9 +1,9 @@
 """Exports a network for other programs: `psgn export --out=FOLDER`.
 
 The folder gets ONNX files, a README on inputs, outputs, frame and framing, and an example each in
-Python and JavaScript. Before we write a file, we compare its points with JAX's
-on random images. The command fails if they differ by more than 1e-4, or 1e-2 with weights in
-float16. It needs the extra `export`.
+Python and JavaScript. Before we write a file, we compare its points with JAX's on random images.
+The command fails if they differ by more than 1e-4, or 1e-2 with weights in float16. It needs the
+extra `export`.
 """
 
 import sys

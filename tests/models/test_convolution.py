@@ -184,7 +184,7 @@ def test_wrong_environment(monkeypatch):
     x, kernel, _ = make(*CASES["strided"])
     assert not calls_onednn(lambda x: convolve(x, kernel), x)
     for value, message in (
-        ("jax", "PSGN_CONVOLUTIONS='jax': accepted: onednn, xla"),
+        ("jax", "PSGN_CONVOLUTIONS=jax: accepted: onednn, xla"),
         ("onednn", "not found: the package is not installed"),
     ):
         monkeypatch.setenv("PSGN_CONVOLUTIONS", value)
