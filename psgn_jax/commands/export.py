@@ -10,11 +10,11 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from psgn_jax.commands.common import define_network_flags, keep_compiled
+from psgn_jax.commands.common import define_network_flags, keep_compiled, network_of
 from psgn_jax.config.command_line import Flags
 from psgn_jax.portable.folder import ONNX_NAMES, require_packages, write_folder
 from psgn_jax.system.files import check_folder
-from psgn_jax.weights.opening import open_network
+from psgn_jax.weights.opening import open_weights
 from psgn_jax.weights.origin import sources_of
 from psgn_jax.weights.run_folder import Trained
 
@@ -32,7 +32,7 @@ def open_to_export(values: Any) -> Trained:
     require_packages()
     check_folder(values.out, "--out")
     keep_compiled()
-    network = open_network(values.workdir, values.weights, values.checkpoint)
+    network = open_weights(**network_of(values))
     if network.source_kind == "workdir":
         network = network._replace(sources=sources_of(network.config))
     return network

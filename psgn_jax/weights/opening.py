@@ -31,54 +31,48 @@ def shipped() -> dict[str, pathlib.Path]:
     return {path.stem: path for path in sorted(FOLDER.glob(f"*{SUFFIX}"))}
 
 
-def weights_path(name_or_file: str = "", argument: str = "weights") -> pathlib.Path:
-    """The file for a name or path of weights; "" = `DEFAULT`. `ConfigError` if there is none."""
-    known, name = shipped(), name_or_file or DEFAULT
+def weights_path(source: str | os.PathLike[str] = "", argument: str = "weights") -> pathlib.Path:
+    """The folder of a run or the file of weights, from its path or name; "" = `DEFAULT`.
+
+    `ConfigError` if there is neither; `argument` is its name in the message.
+    """
+    known, name = shipped(), str(source) or DEFAULT
     path = pathlib.Path(name)
-    if name in known and not path.is_file():
+    if name in known and not (path.is_file() or (path / "config.json").exists()):
         return known[name]
-    if path.suffix == SUFFIX or path.is_file():
-        return path
-    folder = "" if argument == "weights" else "the folder of a run, "
-    raise ConfigError(
-        f"{argument}={name}: {suggestion(name, known)}accepted: {folder}a file of weights, or one "
-        f"of {', '.join(known)}"
-    )
+    if not path.exists():
+        raise ConfigError(
+            f"{argument}={name}: does not exist; {suggestion(name, known)}accepted: the folder of "
+            f"a run, a file of weights, or one of {', '.join(known)}"
+        )
+    return path
 
 
-def open_network(
-    workdir: str | os.PathLike[str] | None = None,
-    weights: str | None = None,
-    checkpoint: str = "best",
-    name: str = "",
+def open_weights(
+    source: str | os.PathLike[str] = "", checkpoint: str = "best", *, argument: str = "weights"
 ) -> Trained:
     """Opens a trained network from a run or from weights.
 
     Args:
-      weights: name or file of weights (`weights_path`), without `workdir`. The result's `scores`
-        are then the metrics in the file.
-      checkpoint: "best" or "last" checkpoint of the run; "best" for weights.
-      name: name of the argument in messages, instead of `workdir` and `weights`.
+      source: the folder of a run, a file of weights, or a name; "" = `DEFAULT`. The result's
+        `scores` are then the metrics in the file.
+      checkpoint: "best" or "last" checkpoint of a run; "best" for weights.
+      argument: name of `source` in messages.
 
     Raises:
-      ConfigError: `workdir` and `weights` are given, `checkpoint` does not fit, or there is no such
-        network.
+      ConfigError: there is no such network, or `checkpoint` does not fit.
       CheckpointError, WeightsError: the network cannot be read.
     """
-    if workdir and weights:
-        raise ConfigError(f"weights={weights}: accepted only without a run")
-    if workdir:
-        return open_run(workdir, checkpoint, name=name or "workdir")
+    path = weights_path(source, argument)
+    if path.is_dir():
+        return open_run(path, checkpoint, name=argument)
     if checkpoint != "best":
         raise ConfigError(f"checkpoint={checkpoint}: accepted only for a run")
-    path = weights_path(weights or "", name or "weights")
-    read = read_weights(path)
-    step, scores = read.figures["step"], dict(read.figures["metrics"])
-    return Trained(read.config, step, read.params, scores, path.stem, "weights", read.sources)
+    return read_weights(path)
 
 
 def open_initial(config: Config) -> Trained:
-    """Opens the network in `train.init`: the folder of a run, a file of weights, or a name.
+    """Opens the network in `train.init`, as `open_weights` does.
 
     Of several networks, separated by commas, we take the mean of the parameters. It is often better
     than each network if they were trained from the same parameters with different seeds (Wortsman
@@ -86,19 +80,24 @@ def open_initial(config: Config) -> Trained:
 
     Raises:
       ConfigError: there is no such network, its task differs, or the networks have different
-      layers. CheckpointError, WeightsError: one of them cannot be read.
+        layers.
+      CheckpointError, WeightsError: one of them cannot be read.
     """
-    init, names = config.train.init, check_initial(config)
-    runs = [_open(config, name) for name in names]
-    if len(names) == 1:
-        return runs[0]
+    names = check_initial(config)
+    runs = [open_weights(name, argument="train.init") for name in names]
     shapes = [jax.tree.map(np.shape, run.params) for run in runs]
-    for name, shape in zip(names, shapes, strict=True):
+    for name, run, shape in zip(names, runs, shapes, strict=True):
+        if run.config.task != config.task:
+            raise ConfigError(
+                f"train.init={name} has the task {run.config.task!r}; accepted: {config.task!r}"
+            )
         if shape != shapes[0]:
             raise ConfigError(
-                f"train.init={init!r}: {name!r} has other layers than {names[0]!r}; "
+                f"train.init={config.train.init}: {name!r} has other layers than {names[0]!r}; "
                 "expected networks with the same layers"
             )
+    if len(names) == 1:
+        return runs[0]
 
     def mean(*leaves: Any) -> np.ndarray:
         total = np.sum([np.asarray(leaf, np.float32) for leaf in leaves], axis=0)
@@ -112,29 +111,13 @@ def open_initial(config: Config) -> Trained:
 def check_initial(config: Config) -> list[str]:
     """The networks in `train.init`; `ConfigError` if one does not exist."""
     init = config.train.init
-    names = [name.strip() for name in init.split(",")]
-    if len(names) == 1 or os.path.exists(init):  # a path may contain commas
-        names = [init]
-    if "" in names:
-        raise ConfigError(f"train.init={init!r}: a name is empty; accepted: names between commas")
+    # A path may contain commas.
+    names = [init] if os.path.exists(init) else [name.strip() for name in init.split(",")]
     for name in names:
-        if not os.path.exists(name) and name not in shipped():
-            raise ConfigError(
-                f"train.init={name!r}: does not exist; accepted: the folder of a trained run, a "
-                f"file of weights, or the name of weights in the package ({', '.join(shipped())})"
-            )
+        if not name:
+            raise ConfigError(f"train.init={init}: a name is empty; accepted: names between commas")
+        weights_path(name, "train.init")
     return names
-
-
-def _open(config: Config, init: str) -> Trained:
-    path = pathlib.Path(init)
-    folder = path if path.is_dir() else None
-    run = open_network(folder, None if folder else init, name="train.init")
-    if run.config.task != config.task:
-        raise ConfigError(
-            f"train.init={init!r} has the task {run.config.task!r}; accepted: {config.task!r}"
-        )
-    return run
 
 
 def initial_params(config: Config, drawn: Any, trained: Any) -> Any:

@@ -2,44 +2,46 @@
 
 import contextlib
 import pathlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from psgn_jax.config.experiment import Config
 from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.schema import RecordError
 from psgn_jax.system.errors import UserError
-from psgn_jax.weights.file import Weights, read_weights
+from psgn_jax.weights.file import read_weights
 from psgn_jax.weights.opening import weights_path
 from psgn_jax.weights.run_folder import load_config
 
+Rows = Sequence[dict[str, Any]]
 
-def data_of(config: Config) -> list[dict[str, Any]]:
+
+def data_of(config: Config) -> Rows:
     """The data sets of a training and of the networks from which it started.
 
     A row has the name and, if the manifest can be read, the source and the number of training
     samples. Folders with the same name are listed with the names of their parents.
     """
-    return _once([*_own_data(config), *_inherited_data(config)])
+    return _once([*_own_data(config), *(row for _, data, _ in _origins(config) for row in data)])
 
 
-def sources_of(config: Config, stated: Sequence[dict[str, Any]] = ()) -> list[dict[str, Any]]:
-    """The sources and licences of `data_of`, as in `weights.file.Weights`.
+def sources_of(config: Config, stated: Rows = ()) -> Rows:
+    """The sources and licences of `data_of`, as in `weights.file`.
 
     `stated` are the rows for the training's data; without them, licences are "not stated". The
     result is empty if nothing is known.
     """
     inherited: list[dict[str, Any]] = []
-    for name, origin in _origins(config):
-        rows = sources_of(origin) if isinstance(origin, Config) else getattr(origin, "sources", ())
-        inherited += rows or [_not_stated(f"the data of {pathlib.Path(name).name}")]
-    known = {row["name"] for row in _inherited_data(config)}
+    known = set()
+    for name, data, sources in _origins(config):
+        inherited += sources or [_not_stated(f"the data of {pathlib.Path(name).name}")]
+        known |= {row["name"] for row in data}
     new = [row["name"] for row in _own_data(config) if row["name"] not in known]
     rows = list(stated) or [_not_stated(name) for name in new if inherited]
     return [*rows, *(row for row in _once(inherited) if row not in rows)]
 
 
-def _own_data(config: Config) -> list[dict[str, Any]]:
+def _own_data(config: Config) -> Rows:
     if not config.data.path:
         return [{"name": "default data set"}]
     folders = [pathlib.Path(folder) for folder in dict.fromkeys(config.data.folders)]
@@ -55,29 +57,27 @@ def _own_data(config: Config) -> list[dict[str, Any]]:
     return rows
 
 
-def _inherited_data(config: Config) -> list[dict[str, Any]]:
-    rows: list[dict[str, Any]] = []
-    for _, origin in _origins(config):
-        if isinstance(origin, Config):
-            rows += data_of(origin)
-        elif origin is not None:
-            rows += origin.figures["data"]
-    return rows
-
-
-def _origins(config: Config) -> Iterator[tuple[str, Config | Weights | None]]:
-    """The networks from which a training started: name, and content or None if it is missing."""
+def _origins(config: Config) -> list[tuple[str, Rows, Rows]]:
+    """The networks from which a training started: name, data and sources, if they are known."""
+    found: list[tuple[str, Rows, Rows]] = []
     for init in filter(None, map(str.strip, config.train.init.split(","))):
-        origin: Config | Weights | None = None
+        data: Rows = ()
+        sources: Rows = ()
         with contextlib.suppress(UserError, OSError):
-            is_run = pathlib.Path(init).is_dir()
-            origin = load_config(init) if is_run else read_weights(weights_path(init))
-        yield init, origin
+            path = weights_path(init)
+            if path.is_dir():
+                started = load_config(path)
+                data, sources = data_of(started), sources_of(started)
+            else:
+                read = read_weights(path)
+                data, sources = read.figures["data"], read.sources
+        found.append((init, data, sources))
+    return found
 
 
 def _not_stated(source: str) -> dict[str, Any]:
     return {"source": source, "licences": {}}
 
 
-def _once(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _once(rows: Rows) -> Rows:
     return [row for i, row in enumerate(rows) if row not in rows[:i]]

@@ -18,7 +18,7 @@ import psgn_jax
 from psgn_jax.losses.emd import emd_exact
 from psgn_jax.prediction import formats, masks
 from psgn_jax.prediction.predictor import Predictor
-from psgn_jax.weights.opening import open_network
+from psgn_jax.weights.opening import open_weights
 
 pytestmark = pytest.mark.slow
 SECONDS = 120
@@ -397,7 +397,7 @@ def test_photos_have_the_same_cloud_through_every_door(open_page, serve, runtime
     pytest.importorskip("onnx")
     from psgn_jax.web.page.build import build_page
 
-    build_page(open_network(weights=""), tmp_path / "site", weights="float32", runtime=runtime)
+    build_page(open_weights(), tmp_path / "site", weights="float32", runtime=runtime)
     page = open_page(serve(tmp_path / "site"))
     model = psgn_jax.load()
     photos = [CHAIR.with_stem(name) for name in ("aeroplane", "boat", "chair")]
