@@ -1,10 +1,9 @@
 """Measurements on an accelerator, in parts that end after `--limit` seconds.
 
-    python tests/bench/gpu.py [--parts step tests losses] [--out gpu]
+    python tests/bench/gpu.py [--parts step losses] [--out gpu]
     JAX_PLATFORMS=cpu python tests/bench/gpu.py --tiny      # every part on a CPU, to see it run
 
 step    whole training steps in memory, those with the EMD first: networks, precisions, batch sizes
-tests   the tests of losses and networks on the accelerator
 losses  CD and EMD of 32 pairs, with gradients: milliseconds, proven gap
 
 Times are the least of several calls. Each part runs in a process of its own and appends each figure
@@ -20,11 +19,10 @@ import pathlib
 import sys
 
 import numpy as np
-import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
-PARTS = ("step", "tests", "losses")
+PARTS = ("step", "losses")
 NETWORKS = ("two_branch", "vanilla", "hourglass")
 EMD, CD = "emd_mean@{} + 5*chamfer_sq_mean", "chamfer_sq_mean"
 
@@ -99,10 +97,7 @@ def measure_steps(tiny):
 
 
 def run_part(name, arguments):
-    """Measures one part in this process, or runs the tests."""
-    if name == "tests":
-        folders = ["losses/test_min_of_n.py"] if arguments.tiny else ["losses", "models"]
-        sys.exit(pytest.main(["-q", *(str(ROOT / "tests" / folder) for folder in folders)]))
+    """Measures one part in this process."""
     import jax
 
     device = f"{jax.devices()[0].device_kind}, jax {jax.__version__}"
