@@ -14,8 +14,7 @@ from psgn_jax.commands.common import define_network_flags, keep_compiled, networ
 from psgn_jax.config.command_line import Flags
 from psgn_jax.portable.folder import ONNX_NAMES, require_packages, write_folder
 from psgn_jax.system.files import check_folder
-from psgn_jax.weights.opening import open_weights
-from psgn_jax.weights.origin import sources_of
+from psgn_jax.weights.opening import open_weights, sources_of
 from psgn_jax.weights.run_folder import Trained
 
 

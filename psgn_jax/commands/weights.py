@@ -23,8 +23,7 @@ from psgn_jax.models import networks
 from psgn_jax.prediction import mask_networks
 from psgn_jax.system.untrusted import one_line
 from psgn_jax.weights.file import DTYPES, figures_of, read_sources, read_weights, write_weights
-from psgn_jax.weights.opening import DEFAULT, shipped, weights_path
-from psgn_jax.weights.origin import data_of, sources_of
+from psgn_jax.weights.opening import DEFAULT, data_of, shipped, sources_of, weights_path
 from psgn_jax.weights.run_folder import Trained, open_run
 
 

@@ -51,11 +51,11 @@ from psgn_jax.losses.numeric import (
     num_lanes,
     ordered_ints,
     padded_size,
+    per_platform,
     read,
     vary_with,
     write,
 )
-from psgn_jax.losses.platforms import per_platform
 from psgn_jax.system.cores import num_cores
 
 # The paper (section "Distance Metric between Point Sets") reports an error of about 1 %.

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from psgn_jax.array_types import Array
-from psgn_jax.losses.platforms import per_platform
+from psgn_jax.losses.numeric import per_platform
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")

@@ -1,4 +1,4 @@
-"""Common parts of the losses: checks of clouds, roots with gradients, minima, loop states."""
+"""Common parts of the losses: checks of clouds, roots, minima, loops, programs by platform."""
 
 import math
 from collections.abc import Callable
@@ -109,3 +109,18 @@ def num_lanes(n: int) -> int:
 def padded_size(n: int) -> int:
     """The size of this array, the least multiple of `num_lanes(n)` that is at least n."""
     return -(-n // num_lanes(n)) * num_lanes(n)
+
+
+def per_platform(cpu: Callable[..., Any], other: Callable[..., Any], *arrays: Array) -> Any:
+    """`cpu(*arrays)` on a CPU, `other(*arrays)` on an accelerator.
+
+    Inside `jit`, both are traced, and XLA compiles the program for its device. Only `cpu` is traced
+    where JAX computes on a CPU by default; `jax.export` writes a program for a CPU there.
+    """
+    if jax.default_backend() == "cpu":
+        return cpu(*arrays)
+    if any(isinstance(x, jax.core.Tracer) for x in arrays):
+        return jax.lax.platform_dependent(*arrays, cpu=cpu, default=other)
+    placed = [x for x in arrays if isinstance(x, jax.Array)] or [jnp.zeros(())]
+    platforms = {device.platform for x in placed for device in x.devices()}
+    return (cpu if platforms == {"cpu"} else other)(*arrays)
