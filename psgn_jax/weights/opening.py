@@ -51,7 +51,7 @@ def weights_path(source: str | os.PathLike[str] = "", argument: str = "weights")
         return known[name]
     if not path.exists():
         raise ConfigError(
-            f"{argument}={name}: does not exist; {suggestion(name, known)}accepted: the folder of "
+            f"{argument}={name!r}: does not exist; {suggestion(name, known)}accepted: the folder of "
             f"a run, a file of weights, or one of {', '.join(known)}"
         )
     return path
@@ -98,11 +98,11 @@ def open_initial(config: Config) -> Trained:
     for name, run, shape in zip(names, runs, shapes, strict=True):
         if run.config.task != config.task:
             raise ConfigError(
-                f"train.init={name} has the task {run.config.task!r}; accepted: {config.task!r}"
+                f"train.init={name!r} has the task {run.config.task!r}; accepted: {config.task!r}"
             )
         if shape != shapes[0]:
             raise ConfigError(
-                f"train.init={config.train.init}: {name!r} has other layers than {names[0]!r}; "
+                f"train.init={config.train.init!r}: {name!r} has other layers than {names[0]!r}; "
                 "expected networks with the same layers"
             )
     if len(names) == 1:
@@ -124,7 +124,9 @@ def check_initial(config: Config) -> list[str]:
     names = [init] if os.path.exists(init) else [name.strip() for name in init.split(",")]
     for name in names:
         if not name:
-            raise ConfigError(f"train.init={init}: a name is empty; accepted: names between commas")
+            raise ConfigError(
+                f"train.init={init!r}: a name is empty; accepted: names between commas"
+            )
         weights_path(name, "train.init")
     return names
 

@@ -45,7 +45,7 @@ def test_a_training_begins_with_the_trained_network(tmp_path, monkeypatch):
     assert int(again.state.step) == 2
     with refused(ConfigError, tmp_path / "run", "train.init="):
         train(base, tmp_path / "run")
-    with refused(ConfigError, f"train.init={path}", "the folder of a run"):
+    with refused(ConfigError, f"train.init={str(path)!r}", "the folder of a run"):
         train(config, tmp_path / "new")
     assert not (tmp_path / "new").exists()
 
@@ -108,8 +108,8 @@ def test_several_networks_start_as_their_mean(tmp_path):
         ConfigError,
         [
             (f"{files[0]},{files[1]}", "two.safetensors' has other layers"),
-            (f"{files[0]},nothing", "train.init=nothing"),
-            (",".join("x" * 150), "train.init=x"),
+            (f"{files[0]},nothing", "train.init='nothing'"),
+            (",".join("x" * 150), "train.init='x'"),
             (f"{files[0]},", "train.init=", "empty"),
         ],
     )

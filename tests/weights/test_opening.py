@@ -54,7 +54,7 @@ def test_names_of_shipped_weights(shipped, file):
         lambda arguments: open_weights(**arguments),
         ConfigError,
         [
-            ({"source": "smal-1"}, "weights=smal-1", "'small-1'", "the folder of a run"),
+            ({"source": "smal-1"}, "weights='smal-1'", "'small-1'", "the folder of a run"),
             ({"source": "small-1", "checkpoint": "last"}, "checkpoint=last"),
             ({"source": file.parent, "argument": "network"}, f"network={file.parent}", "no run"),
         ],
