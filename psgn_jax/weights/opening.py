@@ -51,8 +51,8 @@ def weights_path(source: str | os.PathLike[str] = "", argument: str = "weights")
         return known[name]
     if not path.exists():
         raise ConfigError(
-            f"{argument}={name!r}: does not exist; {suggestion(name, known)}accepted: the folder of "
-            f"a run, a file of weights, or one of {', '.join(known)}"
+            f"{argument}={name!r}: does not exist; {suggestion(name, known)}accepted: the folder "
+            f"of a run, a file of weights, or one of {', '.join(known)}"
         )
     return path
 
