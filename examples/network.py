@@ -24,12 +24,12 @@ class Perceptron(CloudNetwork):
     def num_points(self) -> int:
         return self.points
 
-    @nn.compact
+    @nn.compact  # `x.shape[0]`, not `len(x)`: in an export, it is the symbol of any number
     def __call__(self, x: Float[Array, "b h w c"], r: None = None) -> Float[Array, "b n 3"]:
         small = nn.avg_pool(x, (self.square, self.square), (self.square, self.square))
-        hidden = nn.relu(nn.Dense(self.width)(small.reshape(len(x), -1)))
+        hidden = nn.relu(nn.Dense(self.width)(small.reshape(x.shape[0], -1)))
         cloud = nn.Dense(3 * self.points, bias_init=jax.nn.initializers.normal(0.3))(hidden)
-        return cloud.reshape(len(x), self.points, 3)
+        return cloud.reshape(x.shape[0], self.points, 3)
 
 
 NETWORKS["perceptron"] = lambda model: Perceptron(model.fc_points, model.fc_widths[0])

@@ -34,11 +34,9 @@ def load(network: str | os.PathLike[str] = "") -> Predictor:
       CheckpointError, WeightsError: it cannot be read.
     """
     from psgn_jax.prediction.predictor import Predictor
-    from psgn_jax.weights.opening import open_network
+    from psgn_jax.weights.opening import open_weights
 
-    is_run = os.path.isdir(network)
-    run, weights = (network, None) if is_run else (None, str(network))
-    return Predictor(open_network(run, weights, name="network"))
+    return Predictor(open_weights(network, argument="network"))
 
 
 def __getattr__(name: str) -> object:

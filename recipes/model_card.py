@@ -215,7 +215,7 @@ def evaluate(weights, data, frame, folder):
     path, _, split = data.partition(":")
     collector = Collector(folder)
     evaluation = evaluate_run(
-        open_with_records(None, weights, data=path),
+        open_with_records(weights, data=path),
         split=split or "validation",
         frame=frame,
         refine=True,

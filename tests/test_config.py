@@ -67,7 +67,6 @@ WRONG = [
     ({"task": "views", "loss": {"l2": "authors"}}, "loss.l2='authors': accepted: 'none' with"),
     ({"model": {"name": "vanilla", "fc_points": 0}}, "model.fc_points=0: accepted: at least 1"),
     ({"model": {"name": "lite0"}}, "model.name='lite0': accepted: 'vanilla', 'two_branch', "),
-    ({"model": {"trained_blocks": 3}}, "model.trained_blocks is not a field"),
     ({"loss": {"l2_scale": 0.2}}, "loss.l2_scale is not a field"),
 ]
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from helpers import standin
 from helpers.commands import ROOT
+from helpers.refusals import check_message, refused
 from PIL import Image
 
 from data_gen.catalogues import open_catalogue
@@ -23,12 +24,13 @@ from psgn_jax.data.sources import shapenet
 from psgn_jax.evaluation import clouds, table
 from psgn_jax.losses.by_name import configured_loss
 from psgn_jax.models import networks
+from psgn_jax.portable.folder import write_network
 from psgn_jax.tasks.run import evaluate_run
 from psgn_jax.training import loop
 from psgn_jax.weights.run_folder import open_run
 
 REGISTRIES = (
-    losses.LOSSES, networks.NETWORKS, clouds.METRICS, table.COLUMNS, conversion.LAYOUTS,
+    losses.LOSSES, networks.NETWORKS, clouds.METRICS, conversion.LAYOUTS,
     open_catalogue.CATALOGUES, READERS,
 )  # fmt: skip
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -81,7 +83,10 @@ def test_a_network_and_a_metric(example, monkeypatch, tmp_path):
     config = standin.config(model__name="vanilla", model__random_size=0, train__steps=6)
     state = loop.train(config, tmp_path / "run").state
     assert set(state.params) == {"Dense_0", "Dense_1"}
-    evaluation = evaluate_run(open_run(tmp_path / "run"))
+    run = open_run(tmp_path / "run")
+    exported = write_network(run, tmp_path / "export", ("float32",))
+    assert exported["files"]["network.onnx"]["largest_difference"] < 1e-5
+    evaluation = evaluate_run(run)
     largest = evaluation.metrics["hausdorff_radius"]
     assert (largest**2 >= evaluation.metrics["cd_sq_pred_to_gt_radius2"]).all()
     assert "Hausdorff" in table.text(evaluation)
@@ -108,7 +113,7 @@ def test_a_converter_whose_errors_do_not_name_their_model(example, tmp_path, rng
     (sample,) = RecordReader(tmp_path / "out", "train")
     assert (sample.category, sample.model_id) == ("plane", "02691156/good")
     (message,) = refused
-    assert message.startswith("02691156/torn: could not convert string 'three'")
+    check_message(message, "02691156/torn", "'three'")
 
 
 def test_a_catalogue(example):
@@ -128,5 +133,5 @@ def test_a_format_of_meshes(example, tmp_path):
     (tmp_path / "torn.raw").write_text("0 0 0 1 0 0 0 1\n")
     good, torn = open_catalogue.open_catalogue("folder", tmp_path).models
     assert len(good.load().faces) == 2
-    with pytest.raises(UnusableModelError, match="expected nine numbers a line"):
+    with refused(UnusableModelError, "nine numbers"):
         torn.load()

@@ -3,7 +3,6 @@
 import ast
 import functools
 import os
-import re
 import sys
 
 from helpers.commands import ROOT, python, run
@@ -170,21 +169,3 @@ def test_a_program_with_its_own_modules_trains_and_starts_scripts(tmp_path):
     assert done.returncode == 0, done.stderr
     assert done.stdout == "done\n"
     assert (tmp_path / "run" / "checkpoints" / "2").is_dir()
-
-
-def test_only_commands_name_their_flags():
-    """Messages of the library name arguments; `Flags.run` adds the dashes."""
-    of_commands = {"command_line.py", "recipes.py", "structured.py", "render.py"}
-    found = []
-    for path in [*(ROOT / "psgn_jax").rglob("*.py"), *(ROOT / "data_gen").rglob("*.py")]:
-        if path.parent.name == "commands" or path.name in of_commands:
-            continue
-        tree = ast.parse(path.read_text())
-        documents = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
-        found += [
-            f"{path}:{node.lineno}: {node.value}"
-            for node in ast.walk(tree)
-            if isinstance(node, ast.Constant) and id(node) not in documents
-            and re.search(r"(?<!-)--[a-z_.]+\b(?!-)", str(node.value))
-        ]  # fmt: skip
-    assert [line for line in found if not line.endswith(": --silent")] == []  # npm's

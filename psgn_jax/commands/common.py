@@ -14,6 +14,7 @@ from typing import Any
 from absl import logging
 
 from psgn_jax.config.command_line import Flags
+from psgn_jax.config.structured import ConfigError
 from psgn_jax.system import distributed
 from psgn_jax.system.cores import num_cores
 from psgn_jax.system.cpu import features_line
@@ -23,10 +24,21 @@ from psgn_jax.system.untrusted import message_line, refuse_special_files
 
 
 def define_network_flags(flags: Flags) -> None:
-    """The flags of a network, for `weights.opening.open_network`."""
+    """The flags of a network, for `network_of`."""
     flags.string("workdir", None, "Folder of a run, instead of weights.")
     flags.string("weights", None, "Name or file of weights; default: the package's.")
     flags.enum("checkpoint", "best", ["best", "last"], "Checkpoint of the run.")
+
+
+def network_of(values: Any) -> dict[str, Any]:
+    """The arguments of `weights.opening.open_weights` for the network that the flags name."""
+    if values.workdir and values.weights:
+        raise ConfigError(f"weights={values.weights}: accepted only without a run")
+    return {
+        "source": values.workdir or values.weights or "",
+        "checkpoint": values.checkpoint,
+        "argument": "workdir" if values.workdir else "weights",
+    }
 
 
 def define_process_flags(flags: Flags) -> None:

@@ -16,6 +16,7 @@ from psgn_jax.commands.common import (
     define_process_flags,
     joined,
     keep_compiled,
+    network_of,
 )
 from psgn_jax.commands.default_data import ensure_default_data
 from psgn_jax.config.command_line import Flags
@@ -28,15 +29,15 @@ from psgn_jax.system import distributed
 from psgn_jax.system.cpu import keep_freed_memory
 from psgn_jax.system.files import check_folder, write_atomic
 from psgn_jax.tasks.run import FRAMES, evaluate_run, output_folder, report_runs
-from psgn_jax.weights.opening import open_network
+from psgn_jax.weights.opening import open_weights
 from psgn_jax.weights.run_folder import Trained
 
 _OPTIONS = ("split", "out", "draws", "frame", "refine")
 
 
 def open_with_records(
-    workdir: str | None, weights: str | None, checkpoint: str = "best", data: str | None = None,
-    *, training: bool = False, name: str = "",
+    source: str, checkpoint: str = "best", data: str | None = None,
+    *, training: bool = False, argument: str = "weights",
 ) -> Trained:  # fmt: skip
     """Opens a network and checks that the records for its evaluation exist.
 
@@ -44,7 +45,7 @@ def open_with_records(
       data: folders that replace the records of the configuration.
       training: whether the records for training are needed, too.
     """
-    run = open_network(workdir, weights, checkpoint, name)
+    run = open_weights(source, checkpoint, argument=argument)
     config = run.config
     if data is not None:
         named = dataclasses.replace(config.data, path=data, eval_path="")
@@ -116,10 +117,10 @@ def _main(flags: Flags) -> None:
     with joined(values, batch_size) as first:
         if values.report and distributed.index_and_count()[1] > 1:
             raise ConfigError(f"--report={values.report}: accepted only with one process")
-        opening, training = (values.checkpoint, values.data), values.baselines
-        runs = [open_with_records(values.workdir, values.weights, *opening, training=training)]
-        if values.compare:
-            runs.append(open_with_records(values.compare, None, *opening, name="compare"))
+        how, compared = {"data": values.data, **network_of(values)}, values.compare
+        runs = [open_with_records(**how, training=values.baselines)]
+        if compared:
+            runs.append(open_with_records(**how | {"source": compared, "argument": "compare"}))
         if values.baselines:
             sys.stdout.write(_baselines(runs[0], values.split, values.out))
             return

@@ -1,21 +1,20 @@
 """Exports a network for other programs: `psgn export --out=FOLDER`.
 
-The folder gets ONNX files, a StableHLO program, a README on inputs, outputs, frame and framing, and
-an example each in Python and JavaScript. Before we write a file, we compare its points with JAX's
-on random images. The command fails if they differ by more than 1e-4, or 1e-2 with weights in
-float16. It needs the extra `export`.
+The folder gets ONNX files, a README on inputs, outputs, frame and framing, and an example each in
+Python and JavaScript. Before we write a file, we compare its points with JAX's on random images.
+The command fails if they differ by more than 1e-4, or 1e-2 with weights in float16. It needs the
+extra `export`.
 """
 
 import sys
 from collections.abc import Sequence
 from typing import Any
 
-from psgn_jax.commands.common import define_network_flags, keep_compiled
+from psgn_jax.commands.common import define_network_flags, keep_compiled, network_of
 from psgn_jax.config.command_line import Flags
 from psgn_jax.portable.folder import ONNX_NAMES, require_packages, write_folder
 from psgn_jax.system.files import check_folder
-from psgn_jax.weights.opening import open_network
-from psgn_jax.weights.origin import sources_of
+from psgn_jax.weights.opening import open_weights, sources_of
 from psgn_jax.weights.run_folder import Trained
 
 
@@ -24,7 +23,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     define_network_flags(flags)
     flags.string("out", None, "Folder for the files.")
     flags.list("weights_as", list(ONNX_NAMES), "Weights of the ONNX files: float32, float16.")
-    flags.bool("stablehlo", True, "Whether to write the StableHLO program.")
     return flags.run(_main, argv)
 
 
@@ -33,7 +31,7 @@ def open_to_export(values: Any) -> Trained:
     require_packages()
     check_folder(values.out, "--out")
     keep_compiled()
-    network = open_network(values.workdir, values.weights, values.checkpoint)
+    network = open_weights(**network_of(values))
     if network.source_kind == "workdir":
         network = network._replace(sources=sources_of(network.config))
     return network
@@ -42,5 +40,5 @@ def open_to_export(values: Any) -> Trained:
 def _main(flags: Flags) -> None:
     values = flags.values
     network = open_to_export(values)
-    write_folder(network, values.out, weights=values.weights_as, stablehlo=values.stablehlo)
+    write_folder(network, values.out, weights=values.weights_as)
     sys.stdout.write(f"{values.out}: see README.md there\n")

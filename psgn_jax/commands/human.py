@@ -43,13 +43,14 @@ def _score(folder: pathlib.Path, values: Any) -> None:
     # Here, because the page and the errors above need no JAX.
     from psgn_jax.studies import figures
     from psgn_jax.web.human import score
-    from psgn_jax.weights.opening import open_network
+    from psgn_jax.weights.opening import open_weights
 
     figures.check_installed()
     samples = lib.open_cases(study, values.data)
-    runs = [open_network(workdir, None, values.checkpoint) for workdir in values.workdir]
+    how = {"argument": "workdir"}
+    runs = [open_weights(folder, values.checkpoint, **how) for folder in values.workdir]
     checkpoint = "best" if runs else values.checkpoint  # refused if there are only weights
-    runs += [open_network(None, weights, checkpoint) for weights in values.weights]
+    runs += [open_weights(name, checkpoint) for name in values.weights]
     networks = score.label_networks(runs)
     scored = score.score(study, answers, samples, networks, num_points=values.points)
     text = score.write_scores(out, study, scored, networks, values.points)

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from psgn_jax.commands.common import define_network_flags, keep_compiled
+from psgn_jax.commands.common import define_network_flags, keep_compiled, network_of
 from psgn_jax.config.command_line import Flags
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.prediction import masks
@@ -24,7 +24,7 @@ from psgn_jax.prediction.predictor import FRAMES, NORMAL_FORMS, Predictor
 from psgn_jax.system.errors import Exit
 from psgn_jax.system.files import check_folder
 from psgn_jax.system.untrusted import message_line, one_line
-from psgn_jax.weights.opening import open_network
+from psgn_jax.weights.opening import open_weights
 
 _OPTIONS = ("mask", "samples", "seed", "frame", "normal_form", "refine", "first")
 
@@ -82,7 +82,7 @@ def _main(flags: Flags) -> int:
 
     def opened() -> Predictor:
         keep_compiled()
-        predictor = Predictor(open_network(values.workdir, values.weights, values.checkpoint))
+        predictor = Predictor(open_weights(**network_of(values)))
         predictor.warm_up(values.samples, refine=values.refine, first=values.first)
         return predictor
 

@@ -6,14 +6,15 @@ import sys
 from collections.abc import Mapping, Sequence
 
 from psgn_jax import __version__
-from psgn_jax.system.signals import end_during_imports
+from psgn_jax.system.errors import Exit, exit_code_of
+from psgn_jax.system.terminal import nothing_reads_output, start_command
 
 COMMANDS: Mapping[str, str] = {
     "train": "train a network, or resume a run",
     "evaluate": "measure a run; write tables and pages",
     "predict": "predict points from image files",
     "weights": "list weights, or export those of a run",
-    "export": "write a network for other programs: ONNX and StableHLO files",
+    "export": "write a network for other programs: ONNX files",
     "page": "write a web page that runs a network in the browser",
     "human": "write a page on which people model objects; compare their models with networks",
     "convert": "convert published data sets to records",
@@ -37,14 +38,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     process (`terminal.start_command`).
     """
     if argv is None:
-        end_during_imports()
-    # Imported after `end_during_imports`, so that Ctrl-C prints one line from the start.
-    from psgn_jax.system.environment import explained
-    from psgn_jax.system.errors import Exit, exit_code_of
-    from psgn_jax.system.terminal import nothing_reads_output, start_command
-    from psgn_jax.system.untrusted import message_line
-
-    if argv is None:
         start_command()
     try:
         code = _run(list(sys.argv[1:] if argv is None else argv))
@@ -57,11 +50,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         code = Exit.CLOSED_PIPE if nothing_reads_output() else exit_code_of(error) or Exit.ERROR
         if code != Exit.CLOSED_PIPE:
             sys.stderr.write(f"error: {error.strerror or error}\n")
-    except Exception as error:  # of the imports of a command's module
-        if (known := explained(error)) is None:
-            raise
-        sys.stderr.write(f"error: {message_line(known)}\n")
-        code = known.exit_code
     try:
         sys.stdout.flush()
     except OSError:  # Python would flush again at its exit
@@ -81,7 +69,6 @@ def _run(arguments: Sequence[str]) -> int:
     name, *rest = arguments
     if name not in COMMANDS:
         from psgn_jax.config.structured import suggestion
-        from psgn_jax.system.errors import Exit
 
         sys.stderr.write(
             f"error: psgn {name}: no such command; {suggestion(name, COMMANDS)}expected one of "

@@ -22,17 +22,9 @@ from psgn_jax.config.experiment import ConfigError
 from psgn_jax.models import networks
 from psgn_jax.prediction import mask_networks
 from psgn_jax.system.untrusted import one_line
-from psgn_jax.weights.file import (
-    DTYPES,
-    Weights,
-    figures_of,
-    read_sources,
-    read_weights,
-    write_weights,
-)
-from psgn_jax.weights.opening import DEFAULT, shipped, weights_path
-from psgn_jax.weights.origin import data_of, sources_of
-from psgn_jax.weights.run_folder import open_run
+from psgn_jax.weights.file import DTYPES, figures_of, read_sources, read_weights, write_weights
+from psgn_jax.weights.opening import DEFAULT, data_of, shipped, sources_of, weights_path
+from psgn_jax.weights.run_folder import Trained, open_run
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -69,8 +61,7 @@ def _list(names: Sequence[str]) -> str:
     texts = []
     for name in names or shipped():
         path = weights_path(name)
-        is_default = path == shipped().get(DEFAULT)
-        texts.append(describe(read_weights(path), path, is_default=is_default))
+        texts.append(describe(read_weights(path), path))
     if not names:
         texts.append(_describe_mask_network())
     return "\n".join(texts)
@@ -83,24 +74,18 @@ def _export(values: Any) -> str:
     rows = [row for path in values.sources for row in read_sources(path)]
     run = open_run(values.workdir, values.checkpoint, averaged=values.ema)
     # The scores are those of the averaged parameters, if there are any.
-    has_average = run.config.optim.ema_decay > 0
-    averaged = values.ema and has_average
-    figures = figures_of(
-        run.config,
-        run.params,
-        step=run.step,
-        averaged=averaged,
-        metrics=run.scores if averaged or not has_average else {},
-        data=data_of(run.config),
-    )
-    figures["samples_seen"] += values.samples_before
+    averaged = values.ema and run.config.optim.ema_decay > 0
+    if run.config.optim.ema_decay > 0 and not averaged:
+        run = run._replace(scores={})
+    before = values.samples_before
+    figures = figures_of(run, data_of(run.config), averaged=averaged, samples_before=before)
     sources = sources_of(run.config, rows)
-    weights = Weights(run.config, run.params, figures, sources, values.dtype)
-    write_weights(values.out, weights)
-    return describe(weights, pathlib.Path(values.out))
+    run = run._replace(figures=figures, sources=sources, dtype=values.dtype)
+    write_weights(values.out, run)
+    return describe(run, pathlib.Path(values.out))
 
 
-def describe(weights: Weights, path: pathlib.Path, *, is_default: bool = False) -> str:
+def describe(weights: Trained, path: pathlib.Path) -> str:
     config, figures = weights.config, weights.figures
     branches = networks.build(config.model).branches
     height, width = config.data.image_size
@@ -113,7 +98,8 @@ def describe(weights: Weights, path: pathlib.Path, *, is_default: bool = False) 
         "data": ", ".join(map(_data, figures["data"])) or "not stated",
         "licences": "; ".join(map(_licences, weights.sources)) or "not stated",
     }
-    return _section(path.stem + (" (default)" if is_default else ""), rows)
+    is_default = path == shipped().get(DEFAULT)
+    return _section(path.stem + " (default)" * is_default, rows)
 
 
 def _section(title: str, rows: Mapping[str, str]) -> str:

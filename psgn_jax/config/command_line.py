@@ -19,7 +19,6 @@ from typing import Any
 from absl import flags as absl_flags
 
 from psgn_jax.config.structured import ConfigError, flatten, suggestion
-from psgn_jax.system.environment import check_environment, explained
 from psgn_jax.system.errors import Exit, exit_code_of
 from psgn_jax.system.terminal import log_to_terminal, nothing_reads_output
 from psgn_jax.system.untrusted import message_line
@@ -92,12 +91,10 @@ class Flags:
         log_to_terminal()
         try:
             self._parse(argv)
-            check_environment()
             return body(self) or 0
-        except Exception as caught:
-            if isinstance(caught, BrokenPipeError) and nothing_reads_output():
+        except Exception as error:
+            if isinstance(error, BrokenPipeError) and nothing_reads_output():
                 return Exit.CLOSED_PIPE
-            error = explained(caught) or caught
             code = exit_code_of(error) or (Exit.ERROR if isinstance(error, wrong_input) else None)
             if code is None:
                 raise

@@ -210,13 +210,6 @@ class Config:
     voxels: VoxelConfig = dataclasses.field(default_factory=VoxelConfig)
 
 
-_REMOVED = {
-    ("model", "trained_blocks"): 0, ("model", "width_multiplier"): 1, ("loss", "l2_scale"): 0.1,
-    ("optim", "encoder_rate"): 1, ("train", "num_images"): None,
-}  # fmt: skip
-"""Field of an earlier version -> the value without effect; None = any value."""
-
-
 def parse(config: Any) -> Config:
     """Converts an `ml_collections.ConfigDict` or a nested mapping; missing keys have defaults.
 
@@ -224,7 +217,7 @@ def parse(config: Any) -> Config:
       ConfigError: a key is unknown, a type is wrong, a value is out of range, or fields contradict
         each other. One line names the field, its value and what is accepted.
     """
-    parsed = build(Config, _without_removed(config))
+    parsed = build(Config, config)
     views = parsed.task == "views"
     parsed = dataclasses.replace(
         parsed,
@@ -292,16 +285,6 @@ def check_paths(config: Config, *, training: bool = True) -> None:
 def to_json(config: Config) -> str:
     """The configuration as the text of `config.json`, with a checksum."""
     return json.dumps(with_checksum(to_dict(config)), indent=2) + "\n"
-
-
-def _without_removed(config: Any) -> Any:
-    """Drops the fields in `_REMOVED`, which stored configurations still have."""
-    tree = config.to_dict() if hasattr(config, "to_dict") else config
-    for (section, field), idle in _REMOVED.items():
-        values = tree.get(section) if isinstance(tree, Mapping) else None
-        if isinstance(values, Mapping) and field in values and idle in (None, values[field]):
-            tree = {**tree, section: {k: v for k, v in values.items() if k != field}}
-    return tree
 
 
 class DamagedError(ConfigError):

@@ -12,26 +12,11 @@ from typing import Any
 import numpy as np
 
 from psgn_jax.evaluation.aligned import ITERATIONS, LARGEST_SCALE, LEAST_SCALE
+from psgn_jax.evaluation.clouds import METRICS
 from psgn_jax.evaluation.results import OVER_CATEGORIES, OVER_SAMPLES, Evaluation, SampleName
 from psgn_jax.prediction.silhouette import MOST_OUTSIDE
 from psgn_jax.system.files import finite_or_none
 from psgn_jax.system.untrusted import one_line
-
-COLUMNS = {
-    "cd_sq_radius2": "CD squared [radius^2]",
-    "cd_l1_radius": "CD-L1 [radius]",
-    "emd_radius": "EMD [radius]",
-    "fscore": "F-score at {threshold:g} radius [%]",
-    "cd_sq_gt_to_pred_visible_radius2": "visible truth to pred [radius^2]",
-    "cd_sq_gt_to_pred_hidden_radius2": "hidden [radius^2]",
-    "visible_share": "visible [%]",
-    "aligned_cd_sq_radius2": "aligned CD squared [radius^2]",
-    "aligned_emd_radius": "aligned EMD [radius]",
-    "total_mutual_difference_radius2": "total mutual difference [radius^2]",
-    "log_volume_abs_error": "|log predicted - log true volume|",
-}
-"""Metric -> column title of the printed table, which ends with the unit. Fractions with "[%]" are
-printed as percentages. CSV and JSON have all metrics, without percentages."""
 
 _HEADER = 10  # characters, as many as "[radius^2]" has
 
@@ -64,24 +49,28 @@ def markdown(lines: Lines) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in ruled) + "\n"
 
 
+def title(metric: str) -> str:
+    """The column title of a metric in printed tables; "" if they lack it."""
+    return METRICS[metric].title if metric in METRICS else ""
+
+
 def header(evaluation: Evaluation, metric: str) -> str:
     """The column header of a metric: its name and unit."""
     if of_draws := _OF_DRAWS.fullmatch(metric):
         return f"{of_draws[2]} of {of_draws[3]} draws: {header(evaluation, of_draws[1])}"
-    return COLUMNS.get(metric, f"{metric} [fraction]").format(threshold=evaluation.threshold)
+    return (title(metric) or f"{metric} [fraction]").format(threshold=evaluation.threshold)
 
 
 _OF_DRAWS = re.compile(r"(.*)_(best|mean)_of_(\d+)")
 
 
 def cell(metric: str, value: float) -> str:
-    percent = COLUMNS.get(metric, "").endswith("[%]")
-    return f"{100 * value:.2f}" if percent else f"{value:.5f}"
+    return f"{100 * value:.2f}" if title(metric).endswith("[%]") else f"{value:.5f}"
 
 
 def text(evaluation: Evaluation) -> str:
     """The printed table: a row for each category, the two averages, and an explanation."""
-    names = [name for name in COLUMNS if name in evaluation.metrics]
+    names = [name for name in METRICS if title(name) and name in evaluation.metrics]
     names += filter(_OF_DRAWS.fullmatch, evaluation.metrics)
     if evaluation.note:
         names = list(evaluation.metrics)

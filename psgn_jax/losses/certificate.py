@@ -23,16 +23,16 @@ from jax import lax
 from psgn_jax.array_types import Array
 from psgn_jax.losses.numeric import (
     as_one_function,
-    at,
-    bits,
     distance,
-    least,
-    least_of_lanes,
+    floats,
+    min_of_lanes,
+    min_of_rows,
     num_lanes,
-    number,
-    padded,
-    put,
+    ordered_ints,
+    padded_size,
+    read,
     vary_with,
+    write,
 )
 
 _MOST_IN_TABLE = 1024  # points; larger tables of distances do not fit in the cache
@@ -51,8 +51,8 @@ class Problem(NamedTuple):
     exact_b: Array
     a: Array
     b: Array
-    # With b padded to m = padded(n) points: the distances [n, m], or a and the coordinates of b,
-    # three arrays [m].
+    # With b padded to m = padded_size(n) points: the distances [n, m], or a and the coordinates of
+    # b, three arrays [m].
     rows: tuple[Array, ...]
     unit: Array  # of the scaled distances, in the caller's unit
     finite: Array
@@ -77,7 +77,7 @@ def prepare(a: Array, b: Array) -> Problem:
 
     n, exact = len(a), (scale(a), scale(b))
     a, b = (scale(x - middle[None]).astype(jnp.float32) for x in (a, b))
-    columns = tuple(jnp.pad(x, (0, padded(n) - n), mode="edge") for x in b.T)
+    columns = tuple(jnp.pad(x, (0, padded_size(n) - n), mode="edge") for x in b.T)
     # The barrier stops XLA from computing the points again for each distance. The distances then
     # have the same bits in every program.
     rows: tuple[Array, ...] = lax.optimization_barrier((a, *columns))
@@ -91,13 +91,13 @@ def row(rows: tuple[Array, ...], i: Array) -> tuple[Array, Array]:
     """A table with the distances of point i of a, and the number of their row."""
     if len(rows) == 1:
         return rows[0], i
-    compute = jax.jit(lambda a, *columns: distance(tuple(at(a, i)), columns))
+    compute = jax.jit(lambda a, *columns: distance(tuple(read(a, i)), columns))
     return compute(*rows)[None], jnp.int32(0)
 
 
 def lanes(table: Array, i: Array, prices: Array) -> Array:
-    """The minimum of distance plus price over each lane, for row i of a table, as `bits`."""
-    return least(bits(at(table, i) + prices).reshape(-1, num_lanes(len(prices))))
+    """`ordered_ints` of the minimum of distance plus price over each lane, for row i of a table."""
+    return min_of_rows(ordered_ints(read(table, i) + prices).reshape(-1, num_lanes(len(prices))))
 
 
 def _sweep(rows: tuple[Array, ...], n: int, prices: Array) -> tuple[Array, Array]:
@@ -107,9 +107,9 @@ def _sweep(rows: tuple[Array, ...], n: int, prices: Array) -> tuple[Array, Array
         def step(i: Any, state: tuple[Array, Array]) -> tuple[Array, Array]:
             u, lowest = state
             table, place = row(rows, i)
-            value = number(least_of_lanes(jax.jit(lanes)(table, place, prices)))
-            price = value - at(table, place)
-            return put(u, i, value), lax.select(lowest < price, price, lowest)
+            value = floats(min_of_lanes(jax.jit(lanes)(table, place, prices)))
+            price = value - read(table, place)
+            return write(u, i, value), lax.select(lowest < price, price, lowest)
 
         return lax.fori_loop(jnp.int32(0), jnp.int32(len(u)), step, (u, lowest))
 

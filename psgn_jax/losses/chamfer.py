@@ -11,8 +11,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from psgn_jax.array_types import Array, Float, Int
-from psgn_jax.losses.numeric import check_points
-from psgn_jax.losses.platforms import per_platform
+from psgn_jax.losses.numeric import check_points, per_platform
 
 
 def chamfer_by_definition(pred: Array, gt: Array) -> Array:

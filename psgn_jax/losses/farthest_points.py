@@ -75,7 +75,7 @@ def _indices(points: Array, num_samples: int) -> Array:
         place = jnp.where(row == farthest, places, _BLOCK - 1).min()
         return (nearest_sq, block * _BLOCK + place), chosen
 
-    # Computed from the points, so that a mesh with explicit axes splits both arrays like them.
+    # Computed from the points: in `jax.shard_map`, the loop's state must vary like them.
     infinite = jnp.where(index_of < n, jnp.full_like(x, jnp.inf), -1)
     first = jnp.zeros_like(x[0, 0], jnp.int32)
     _, chosen = jax.lax.scan(step, (infinite, first), None, length=num_samples)

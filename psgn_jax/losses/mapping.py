@@ -7,8 +7,7 @@ import jax
 import numpy as np
 
 from psgn_jax.array_types import Array
-from psgn_jax.losses.platforms import per_platform
-from psgn_jax.losses.sharded import on_each_device
+from psgn_jax.losses.numeric import per_platform
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
@@ -48,12 +47,9 @@ def map_pairs(function: Callable[Parameters, Result]) -> Callable[Parameters, Re
         if {len(a) for a in arrays} != {size}:
             sizes = ", ".join(str(len(a)) for a in arrays)
             raise ValueError(f"map_pairs: got batches of {sizes} pairs, expected the same number")
-        return on_each_device(over_part, arrays, (True,) * len(arrays))
+        return per_platform(in_turn, jax.vmap(apply), *arrays)
 
     def in_turn(*arrays: Array) -> Any:
         return jax.lax.scan(one_pair, None, arrays)[1]
-
-    def over_part(*arrays: Array) -> Any:
-        return per_platform(in_turn, jax.vmap(apply), *arrays)
 
     return over_batch  # type: ignore[return-value]  # every array has one more axis

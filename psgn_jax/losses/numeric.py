@@ -1,4 +1,4 @@
-"""Common parts of the losses: checks of clouds, roots with gradients, minima, loop states."""
+"""Common parts of the losses: checks of clouds, roots, minima, loops, programs by platform."""
 
 import math
 from collections.abc import Callable
@@ -51,32 +51,32 @@ def distance(x: tuple[Array, ...], y: tuple[Array, ...]) -> Array:
     return jnp.sqrt(sum(jnp.square(s - t) for s, t in zip(x, y, strict=True)))
 
 
-def bits(x: Array) -> Array:
+def ordered_ints(x: Array) -> Array:
     """Float32 numbers >= 0 as integers in the same order; XLA vectorises minima of integers."""
     return lax.bitcast_convert_type(x, jnp.int32)
 
 
-def number(x: Array) -> Array:
-    """The inverse of `bits`."""
+def floats(x: Array) -> Array:
+    """The inverse of `ordered_ints`."""
     return lax.bitcast_convert_type(x, jnp.float32)
 
 
-def least(x: Array) -> Array:
-    """Minimum over the first axis of `bits`."""
+def min_of_rows(x: Array) -> Array:
+    """Minimum over the first axis of `ordered_ints`."""
     return lax.reduce(x, jnp.int32(INFINITE), lax.min, (0,))
 
 
-def least_of_lanes(x: Array) -> Array:
-    """`least` of `num_lanes(n)` numbers, for use in `as_one_function`."""
-    return least(jax.jit(lambda x: least(x.reshape(-1, 8)))(x))
+def min_of_lanes(x: Array) -> Array:
+    """`min_of_rows` of `num_lanes(n)` numbers, for use in `as_one_function`."""
+    return min_of_rows(jax.jit(lambda x: min_of_rows(x.reshape(-1, 8)))(x))
 
 
-def at(x: Array, i: Array) -> Array:
+def read(x: Array, i: Array) -> Array:
     """x[i] for 0 <= i < len(x)."""
     return lax.dynamic_slice(x, (i, *[jnp.int32(0)] * (x.ndim - 1)), (1, *x.shape[1:]))[0]
 
 
-def put(x: Array, i: Array, value: Array) -> Array:
+def write(x: Array, i: Array, value: Array) -> Array:
     """Returns x [n] with x[i] = value; XLA updates it in place."""
     return lax.dynamic_update_slice(x, value[None], (i,))
 
@@ -106,6 +106,21 @@ def num_lanes(n: int) -> int:
     return (math.isqrt(n - 1) // 8 + 1) * 8
 
 
-def padded(n: int) -> int:
+def padded_size(n: int) -> int:
     """The size of this array, the least multiple of `num_lanes(n)` that is at least n."""
     return -(-n // num_lanes(n)) * num_lanes(n)
+
+
+def per_platform(cpu: Callable[..., Any], other: Callable[..., Any], *arrays: Array) -> Any:
+    """`cpu(*arrays)` on a CPU, `other(*arrays)` on an accelerator.
+
+    Inside `jit`, both are traced, and XLA compiles the program for its device. Only `cpu` is traced
+    where JAX computes on a CPU by default; `jax.export` writes a program for a CPU there.
+    """
+    if jax.default_backend() == "cpu":
+        return cpu(*arrays)
+    if any(isinstance(x, jax.core.Tracer) for x in arrays):
+        return jax.lax.platform_dependent(*arrays, cpu=cpu, default=other)
+    placed = [x for x in arrays if isinstance(x, jax.Array)] or [jnp.zeros(())]
+    platforms = {device.platform for x in placed for device in x.devices()}
+    return (cpu if platforms == {"cpu"} else other)(*arrays)

@@ -24,6 +24,7 @@ from jax import lax
 from psgn_jax.array_types import Array
 from psgn_jax.models import onednn
 from psgn_jax.models.onednn import Convolution
+from psgn_jax.system.errors import UserError
 
 _purpose = contextvars.ContextVar("convolutions_for", default="speed")
 
@@ -83,12 +84,12 @@ def _uses_onednn(convolution: Convolution) -> bool:
     """
     asked = os.environ.get("PSGN_CONVOLUTIONS", "")
     if asked not in ("", "onednn", "xla"):
-        raise ValueError(f"PSGN_CONVOLUTIONS={asked!r}: accepted: onednn, xla, or unset")
+        raise UserError(f"PSGN_CONVOLUTIONS={asked}: accepted: onednn, xla, or unset")
     if asked == "xla" or (not asked and _purpose.get() == "storing"):
         return False
     library, why_not = onednn.library()
     if asked and library is None:
-        raise ValueError(f"PSGN_CONVOLUTIONS=onednn: it was not found: {why_not}")
+        raise UserError(f"PSGN_CONVOLUTIONS=onednn: it was not found: {why_not}")
     if library is None:
         return False
     one = jax.device_count() == 1 or bool(jax.sharding.get_abstract_mesh().manual_axes)

@@ -1,1 +1,1 @@
-"""Exports trained networks for other programs as ONNX and StableHLO files."""
+"""Exports trained networks for other programs as ONNX files."""

@@ -58,21 +58,15 @@ RULES = {
 
 
 def require_packages() -> None:
-    """Raises `ConfigError` if packages of the extra `export` are missing."""
-    names = ("onnx", "flatbuffers")  # jax.export needs flatbuffers
-    missing = [name for name in names if importlib.util.find_spec(name) is None]
-    if missing:
-        raise ConfigError(f"{', '.join(missing)}: not installed; pip install 'psgn-jax[export]'")
+    """Raises `ConfigError` if the package of the extra `export` is missing."""
+    if importlib.util.find_spec("onnx") is None:
+        raise ConfigError("onnx: not installed; pip install 'psgn-jax[export]'")
 
 
 def write_network(
-    run: Trained,
-    out: str | os.PathLike[str],
-    *,
-    weights: Sequence[str] = ("float32", "float16"),
-    stablehlo: bool = True,
+    run: Trained, out: str | os.PathLike[str], weights: Sequence[str] = ("float32", "float16")
 ) -> dict[str, Any]:
-    """Writes a network as ONNX and StableHLO files, `network.json`, and `JAVASCRIPT`.
+    """Writes a network as ONNX files, `network.json`, and `JAVASCRIPT`.
 
     Before we write a file, we compare its clouds with JAX's on random images.
 
@@ -101,8 +95,10 @@ def write_network(
     description = _describe(run, network)
     out = pathlib.Path(out)
 
-    def write(name: str, stored: str, content: bytes, points: np.ndarray) -> None:
-        difference = check(stored, points, expected)
+    for stored in weights:
+        name, texts = ONNX_NAMES[stored], {"name": description["name"], "format": FORMAT}
+        content = onnx_file.to_onnx(network, network.inputs, "points", stored, texts)
+        difference = check(stored, session(content)(inputs), expected)
         write_atomic(out / name, content)
         digest = hashlib.sha256(content).hexdigest()
         description["files"][name] = {
@@ -112,14 +108,6 @@ def write_network(
         text = "%s: %.1f MB, largest difference from JAX %.1e"
         logging.info(text, name, len(content) / 1e6, difference)
 
-    for stored in weights:
-        texts = {"name": description["name"], "format": FORMAT}
-        content = onnx_file.to_onnx(network, network.inputs, "points", stored, texts)
-        write(ONNX_NAMES[stored], stored, content, session(content)(inputs))
-    if stablehlo:
-        content = network.stablehlo()
-        program = jax.export.deserialize(bytearray(content))
-        write("network.stablehlo", "float32", content, np.asarray(program.call(*inputs.values())))
     write_atomic(out / "network.json", json.dumps(description, indent=1) + "\n")
     for name in JAVASCRIPT:
         write_atomic(out / name, (TEMPLATES / name).read_text())
@@ -146,7 +134,7 @@ def write_folder(run: Trained, out: str | os.PathLike[str], **options: Any) -> d
     out = pathlib.Path(out)
     readme = string.Template((TEMPLATES / "README.md.txt").read_text())
     write_atomic(out / "README.md", readme.substitute(values))
-    for name in ("example.py", "example.html", "silhouette.py"):
+    for name in ("example.py", "example.html"):
         write_atomic(out / name, (TEMPLATES / f"{name}.txt").read_text())
     return description
 

@@ -1,6 +1,6 @@
 """A trained network as a function of arrays, for any number of images.
 
-The function, the ONNX graph and the StableHLO program have the same inputs and output:
+The function and the ONNX graph have the same inputs and output:
 
     image   uint8 [batch, H, W, 3]       RGB, framed by `data.framing`; its background is ignored
     mask    bool [batch, H, W]           True on the object
@@ -25,8 +25,6 @@ from psgn_jax.models.cpu_convolution import convolutions_for
 from psgn_jax.prediction.predictor import require_photos
 from psgn_jax.system.errors import UserError
 from psgn_jax.weights.run_folder import Trained
-
-PLATFORMS = ("cpu", "cuda", "rocm", "tpu")
 
 
 class InputSpec(NamedTuple):
@@ -82,8 +80,3 @@ class PortableNetwork:
     def compiled(self) -> Any:
         """The function, compiled by `jax.jit` in this process."""
         return jax.jit(lambda *arrays: self(*arrays))
-
-    def stablehlo(self) -> bytes:
-        """The program with its weights, for `jax.export.deserialize`."""
-        exported = jax_export.export(self.compiled, platforms=PLATFORMS)
-        return bytes(exported(*symbolic(self.inputs)).serialize())

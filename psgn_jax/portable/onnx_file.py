@@ -18,6 +18,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from psgn_jax.models.cpu_convolution import convolutions_for
 from psgn_jax.portable.network import ExportError, InputSpec, symbolic
+from psgn_jax.system.untrusted import brief
 
 OPSET, IR_VERSION = 17, 8
 """Supported since onnxruntime 1.12 (2022), in browsers too."""
@@ -63,10 +64,17 @@ def to_onnx(
         they load the file.
 
     Raises:
-      ExportError: the function has a primitive that cannot be converted.
+      ExportError: the function needs the number of images, or has a primitive that cannot be
+        converted.
     """
-    with convolutions_for("export"):
-        traced = jax.make_jaxpr(lambda *arrays: function(*arrays))(*symbolic(inputs))
+    try:
+        with convolutions_for("export"):
+            traced = jax.make_jaxpr(lambda *arrays: function(*arrays))(*symbolic(inputs))
+    except (TypeError, ValueError) as error:  # such as that of `len(x)`
+        raise ExportError(
+            f"ONNX: the network cannot be traced for any number of images: {brief(error)}; use "
+            "x.shape[0] in place of len(x), and compare no sizes with it"
+        ) from error
     graph, (out,) = _Graph(inputs, stored), traced.out_avals
     tensors = [
         _Tensor(item.name, aval.shape, _plain(aval.shape))

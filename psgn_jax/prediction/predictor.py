@@ -47,13 +47,17 @@ class Predictor:
         self.config, self.step = config, run.step
         self.source, self.source_kind = run.source, run.source_kind
         self.checksum = checksum(named_leaves(run.params))
-        self._params = jax.device_put(run.params)
+        self._params, self._run = jax.device_put(run.params), run._replace(params=None)
         model = networks.build(config.model)
         self._deconv = list(model.branches.deconv)
 
         network = functools.partial(predicted, config, model)
         options = ("samples", "first", "refine", "placed")
         self._network = jax.jit(convolutions_for("storing")(network), static_argnames=options)
+
+    def __reduce__(self) -> Any:
+        """Pickles the trained network, for Ray, joblib and spawned processes; they compile anew."""
+        return Predictor, (self._run._replace(params=jax.device_get(self._params)),)
 
     def __call__(
         self,

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from psgn_jax.system.environment import explained
 from psgn_jax.system.errors import Exit, UserError, exit_code_of
 from psgn_jax.system.untrusted import message_line
 
@@ -77,7 +76,6 @@ def joined(
 
 def _end_with(error: BaseException) -> None:
     """Ends this process at once; Python's normal exit would wait for the other processes."""
-    error = explained(error) or error
     code = exit_code_of(error)
     if code is not None:
         sys.stderr.write(f"error: {message_line(error)}\n")

@@ -93,27 +93,6 @@ class StopSignal:
         os._exit(128 + number)
 
 
-def end_during_imports() -> None:
-    """Makes Ctrl-C end this process at once during imports; later it raises KeyboardInterrupt.
-
-    During an import, extension modules may lose the exception, wrap it, or crash.
-    """
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, _interrupt)
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    inner = frame
-    while inner is not None:
-        code = inner.f_code
-        # In JAX's garbage collection callback, too, an exception would be lost.
-        if code.co_filename.startswith("<frozen importlib") or code.co_name == "_xla_gc_callback":
-            os.write(2, b"stopped by Ctrl-C\n")
-            os._exit(128 + number)
-        inner = inner.f_back
-    raise KeyboardInterrupt
-
-
 def exit_on_signals() -> None:
     """Makes SIGTERM and Ctrl-C end this process with code 143 or 130."""
     for number in (signal.SIGTERM, signal.SIGINT):

@@ -23,7 +23,7 @@ import numpy as np
 from absl import logging
 
 from psgn_jax.config.experiment import TrainConfig
-from psgn_jax.evaluation.table import COLUMNS
+from psgn_jax.evaluation.table import title
 from psgn_jax.system.errors import Exit, UserError
 from psgn_jax.system.files import finite_or_none, write_atomic
 
@@ -93,7 +93,7 @@ class TrainingLog:
             self._paused += time.monotonic() - began
 
     def evaluation(self, step: int, means: Mapping[str, float]) -> None:
-        names = [name for name in means if name in COLUMNS or name.startswith("iou")]
+        names = [name for name in means if title(name) or name.startswith("iou")]
         numbers = ", ".join(f"{name} {means[name]:.5f}" for name in names)
         logging.info("step %d: evaluation: %s", step, numbers)
         if self._writer:

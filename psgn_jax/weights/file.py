@@ -36,6 +36,7 @@ from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import write_atomic
 from psgn_jax.system.untrusted import brief, parse_json, read_json, size_of
 from psgn_jax.weights.leaves import checksum, from_named_leaves, named_leaves
+from psgn_jax.weights.run_folder import Trained
 
 FORMAT = "psgn_jax weights 1"
 SUFFIX = ".safetensors"
@@ -82,19 +83,8 @@ class WeightsError(UserError):
     """A file of weights cannot be read or written."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Weights:
-    """The parameters of a network with the metadata of the module's docstring."""
-
-    config: Config
-    params: Any
-    figures: Mapping[str, Any]
-    sources: Sequence[Mapping[str, Any]] = ()  # a row for each source; () = not stated
-    dtype: str = "float16"
-
-
-def write_weights(path: str | os.PathLike[str], weights: Weights) -> None:
-    """Writes a file of weights atomically, without the paths of its configuration.
+def write_weights(path: str | os.PathLike[str], weights: Trained) -> None:
+    """Writes a network with its figures and sources atomically, without local paths.
 
     Raises:
       ConfigError: the task is not "points".
@@ -131,7 +121,7 @@ def write_weights(path: str | os.PathLike[str], weights: Weights) -> None:
     write_atomic(path, content)
 
 
-def read_weights(path: str | os.PathLike[str]) -> Weights:
+def read_weights(path: str | os.PathLike[str]) -> Trained:
     """Reads a file of weights; `WeightsError` if it is missing, damaged or from another program."""
     path = pathlib.Path(path)
     metadata, leaves, dtype = _read_arrays(path)
@@ -144,7 +134,9 @@ def read_weights(path: str | os.PathLike[str]) -> Weights:
     except (KeyError, ValueError, TypeError) as error:
         raise WeightsError(f"{path}: error in its metadata: {brief(error)}") from None
     params = _check_fits(config, leaves, path)
-    return Weights(config, params, figures, sources, dtype)
+    step, scores = figures["step"], dict(figures["metrics"])
+    of_file = {"figures": figures, "dtype": dtype}
+    return Trained(config, step, params, scores, path.stem, "weights", sources, **of_file)
 
 
 def _read_arrays(path: pathlib.Path) -> tuple[dict[str, str], dict[str, np.ndarray], str]:
@@ -187,22 +179,16 @@ def read_sources(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
 
 
 def figures_of(
-    config: Config,
-    params: Any,
-    *,
-    step: int,
-    averaged: bool,
-    metrics: Mapping[str, float],
-    data: Sequence[Mapping[str, Any]] = (),
+    run: Trained, data: Sequence[dict[str, Any]] = (), *, averaged: bool, samples_before: int = 0
 ) -> dict[str, Any]:
     """The metadata `figures` of a training (see the module)."""
     return {
-        "step": step,
-        "samples_seen": step * config.train.batch_size,
-        "parameters": sum(np.size(leaf) for leaf in jax.tree.leaves(params)),
+        "step": run.step,
+        "samples_seen": samples_before + run.step * run.config.train.batch_size,
+        "parameters": sum(np.size(leaf) for leaf in jax.tree.leaves(run.params)),
         "averaged": averaged,
-        "metrics": {name: value for name, value in metrics.items() if math.isfinite(value)},
-        "data": [dict(row) for row in data],
+        "metrics": {name: value for name, value in run.scores.items() if math.isfinite(value)},
+        "data": list(data),
     }
 
 

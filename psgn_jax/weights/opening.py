@@ -1,12 +1,15 @@
 """Opens a trained network: the folder of a run, a file of weights, or a name.
 
 Names are those of the files in `psgn_jax/weights/`. With `train.init`, a training starts from a
-trained network (`open_initial`, `initial_params`).
+trained network (`open_initial`, `initial_params`), whose data and licences it inherits (`data_of`,
+`sources_of`).
 """
 
+import contextlib
 import fnmatch
 import os
 import pathlib
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -15,9 +18,15 @@ from absl import logging
 
 from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.config.structured import suggestion
+from psgn_jax.data.manifest import load_manifest
+from psgn_jax.data.schema import RecordError
+from psgn_jax.system.errors import UserError
 from psgn_jax.weights.file import SUFFIX, read_weights
 from psgn_jax.weights.leaves import named_leaves
-from psgn_jax.weights.run_folder import Trained, open_run
+from psgn_jax.weights.run_folder import Trained, load_config, open_run
+
+Rows = Sequence[dict[str, Any]]
+"""Data sets, or sources with their licences, as in the metadata of `weights.file`."""
 
 FOLDER = pathlib.Path(__file__).resolve().parent
 """Folder of the package's weights."""
@@ -31,54 +40,48 @@ def shipped() -> dict[str, pathlib.Path]:
     return {path.stem: path for path in sorted(FOLDER.glob(f"*{SUFFIX}"))}
 
 
-def weights_path(name_or_file: str = "", argument: str = "weights") -> pathlib.Path:
-    """The file for a name or path of weights; "" = `DEFAULT`. `ConfigError` if there is none."""
-    known, name = shipped(), name_or_file or DEFAULT
+def weights_path(source: str | os.PathLike[str] = "", argument: str = "weights") -> pathlib.Path:
+    """The folder of a run or the file of weights, from its path or name; "" = `DEFAULT`.
+
+    `ConfigError` if there is neither; `argument` is its name in the message.
+    """
+    known, name = shipped(), str(source) or DEFAULT
     path = pathlib.Path(name)
-    if name in known and not path.is_file():
+    if name in known and not (path.is_file() or (path / "config.json").exists()):
         return known[name]
-    if path.suffix == SUFFIX or path.is_file():
-        return path
-    folder = "" if argument == "weights" else "the folder of a run, "
-    raise ConfigError(
-        f"{argument}={name}: {suggestion(name, known)}accepted: {folder}a file of weights, or one "
-        f"of {', '.join(known)}"
-    )
+    if not path.exists():
+        raise ConfigError(
+            f"{argument}={name!r}: does not exist; {suggestion(name, known)}accepted: the folder "
+            f"of a run, a file of weights, or one of {', '.join(known)}"
+        )
+    return path
 
 
-def open_network(
-    workdir: str | os.PathLike[str] | None = None,
-    weights: str | None = None,
-    checkpoint: str = "best",
-    name: str = "",
+def open_weights(
+    source: str | os.PathLike[str] = "", checkpoint: str = "best", *, argument: str = "weights"
 ) -> Trained:
     """Opens a trained network from a run or from weights.
 
     Args:
-      weights: name or file of weights (`weights_path`), without `workdir`. The result's `scores`
-        are then the metrics in the file.
-      checkpoint: "best" or "last" checkpoint of the run; "best" for weights.
-      name: name of the argument in messages, instead of `workdir` and `weights`.
+      source: the folder of a run, a file of weights, or a name; "" = `DEFAULT`. The result's
+        `scores` are then the metrics in the file.
+      checkpoint: "best" or "last" checkpoint of a run; "best" for weights.
+      argument: name of `source` in messages.
 
     Raises:
-      ConfigError: `workdir` and `weights` are given, `checkpoint` does not fit, or there is no such
-        network.
+      ConfigError: there is no such network, or `checkpoint` does not fit.
       CheckpointError, WeightsError: the network cannot be read.
     """
-    if workdir and weights:
-        raise ConfigError(f"weights={weights}: accepted only without a run")
-    if workdir:
-        return open_run(workdir, checkpoint, name=name or "workdir")
+    path = weights_path(source, argument)
+    if path.is_dir():
+        return open_run(path, checkpoint, name=argument)
     if checkpoint != "best":
         raise ConfigError(f"checkpoint={checkpoint}: accepted only for a run")
-    path = weights_path(weights or "", name or "weights")
-    read = read_weights(path)
-    step, scores = read.figures["step"], dict(read.figures["metrics"])
-    return Trained(read.config, step, read.params, scores, path.stem, "weights", read.sources)
+    return read_weights(path)
 
 
 def open_initial(config: Config) -> Trained:
-    """Opens the network in `train.init`: the folder of a run, a file of weights, or a name.
+    """Opens the network in `train.init`, as `open_weights` does.
 
     Of several networks, separated by commas, we take the mean of the parameters. It is often better
     than each network if they were trained from the same parameters with different seeds (Wortsman
@@ -86,19 +89,24 @@ def open_initial(config: Config) -> Trained:
 
     Raises:
       ConfigError: there is no such network, its task differs, or the networks have different
-      layers. CheckpointError, WeightsError: one of them cannot be read.
+        layers.
+      CheckpointError, WeightsError: one of them cannot be read.
     """
-    init, names = config.train.init, check_initial(config)
-    runs = [_open(config, name) for name in names]
-    if len(names) == 1:
-        return runs[0]
+    names = check_initial(config)
+    runs = [open_weights(name, argument="train.init") for name in names]
     shapes = [jax.tree.map(np.shape, run.params) for run in runs]
-    for name, shape in zip(names, shapes, strict=True):
+    for name, run, shape in zip(names, runs, shapes, strict=True):
+        if run.config.task != config.task:
+            raise ConfigError(
+                f"train.init={name!r} has the task {run.config.task!r}; accepted: {config.task!r}"
+            )
         if shape != shapes[0]:
             raise ConfigError(
-                f"train.init={init!r}: {name!r} has other layers than {names[0]!r}; "
+                f"train.init={config.train.init!r}: {name!r} has other layers than {names[0]!r}; "
                 "expected networks with the same layers"
             )
+    if len(names) == 1:
+        return runs[0]
 
     def mean(*leaves: Any) -> np.ndarray:
         total = np.sum([np.asarray(leaf, np.float32) for leaf in leaves], axis=0)
@@ -112,29 +120,15 @@ def open_initial(config: Config) -> Trained:
 def check_initial(config: Config) -> list[str]:
     """The networks in `train.init`; `ConfigError` if one does not exist."""
     init = config.train.init
-    names = [name.strip() for name in init.split(",")]
-    if len(names) == 1 or os.path.exists(init):  # a path may contain commas
-        names = [init]
-    if "" in names:
-        raise ConfigError(f"train.init={init!r}: a name is empty; accepted: names between commas")
+    # A path may contain commas.
+    names = [init] if os.path.exists(init) else [name.strip() for name in init.split(",")]
     for name in names:
-        if not os.path.exists(name) and name not in shipped():
+        if not name:
             raise ConfigError(
-                f"train.init={name!r}: does not exist; accepted: the folder of a trained run, a "
-                f"file of weights, or the name of weights in the package ({', '.join(shipped())})"
+                f"train.init={init!r}: a name is empty; accepted: names between commas"
             )
+        weights_path(name, "train.init")
     return names
-
-
-def _open(config: Config, init: str) -> Trained:
-    path = pathlib.Path(init)
-    folder = path if path.is_dir() else None
-    run = open_network(folder, None if folder else init, name="train.init")
-    if run.config.task != config.task:
-        raise ConfigError(
-            f"train.init={init!r} has the task {run.config.task!r}; accepted: {config.task!r}"
-        )
-    return run
 
 
 def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
@@ -184,3 +178,70 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
         for name, leaf in wanted.items()
     ]
     return jax.tree.unflatten(jax.tree.structure(drawn), taken)
+
+
+def data_of(config: Config) -> Rows:
+    """The data sets of a training and of the networks from which it started.
+
+    A row has the name and, if the manifest can be read, the source and the number of training
+    samples. Folders with the same name are listed with the names of their parents.
+    """
+    return _once([*_own_data(config), *(row for _, data, _ in _origins(config) for row in data)])
+
+
+def sources_of(config: Config, stated: Rows = ()) -> Rows:
+    """The sources and licences of `data_of`, as in `weights.file`.
+
+    `stated` are the rows for the training's data; without them, licences are "not stated". The
+    result is empty if nothing is known.
+    """
+    inherited: list[dict[str, Any]] = []
+    known = set()
+    for name, data, sources in _origins(config):
+        inherited += sources or [_not_stated(f"the data of {pathlib.Path(name).name}")]
+        known |= {row["name"] for row in data}
+    new = [row["name"] for row in _own_data(config) if row["name"] not in known]
+    rows = list(stated) or [_not_stated(name) for name in new if inherited]
+    return [*rows, *(row for row in _once(inherited) if row not in rows)]
+
+
+def _own_data(config: Config) -> Rows:
+    if not config.data.path:
+        return [{"name": "default data set"}]
+    folders = [pathlib.Path(folder) for folder in dict.fromkeys(config.data.folders)]
+    names = [folder.name for folder in folders]
+    rows: list[dict[str, Any]] = []
+    for folder in folders:
+        alone = names.count(folder.name) == 1
+        rows.append({"name": folder.name if alone else f"{folder.parent.name}/{folder.name}"})
+        with contextlib.suppress(RecordError, OSError):
+            manifest = load_manifest(folder)
+            shards = manifest.splits().get(config.data.train_split, ())
+            rows[-1] |= {"source": manifest.source, "samples": sum(shard.count for shard in shards)}
+    return rows
+
+
+def _origins(config: Config) -> list[tuple[str, Rows, Rows]]:
+    """The networks from which a training started: name, data and sources, if they are known."""
+    found: list[tuple[str, Rows, Rows]] = []
+    for init in filter(None, map(str.strip, config.train.init.split(","))):
+        data: Rows = ()
+        sources: Rows = ()
+        with contextlib.suppress(UserError, OSError):
+            path = weights_path(init)
+            if path.is_dir():
+                started = load_config(path)
+                data, sources = data_of(started), sources_of(started)
+            else:
+                read = read_weights(path)
+                data, sources = read.figures["data"], read.sources
+        found.append((init, data, sources))
+    return found
+
+
+def _not_stated(source: str) -> dict[str, Any]:
+    return {"source": source, "licences": {}}
+
+
+def _once(rows: Rows) -> Rows:
+    return [row for i, row in enumerate(rows) if row not in rows[:i]]

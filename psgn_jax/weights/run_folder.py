@@ -32,8 +32,10 @@ class Trained(NamedTuple):
     scores: dict[str, float]  # metrics and chosen thresholds of this checkpoint, if evaluated
     source: str = ""  # the folder of the run, or the name of the weights
     source_kind: str = "workdir"  # or "weights"
-    sources: Sequence[Mapping[str, Any]] = ()  # data and licences, as in `weights.file.Weights`
+    sources: Sequence[dict[str, Any]] = ()  # data and licences of `weights.file`; () = not stated
     checkpoint: str = "best"  # the requested checkpoint, "best" or "last"
+    figures: Mapping[str, Any] = {}  # metadata of `weights.file`, if it is or becomes such a file
+    dtype: str = "float16"  # of the numbers in the file
 
     @property
     def name(self) -> str:

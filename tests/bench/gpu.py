@@ -1,10 +1,9 @@
 """Measurements on an accelerator, in parts that end after `--limit` seconds.
 
-    python tests/bench/gpu.py [--parts step tests losses] [--out gpu]
+    python tests/bench/gpu.py [--parts step losses] [--out gpu]
     JAX_PLATFORMS=cpu python tests/bench/gpu.py --tiny      # every part on a CPU, to see it run
 
 step    whole training steps in memory, those with the EMD first: networks, precisions, batch sizes
-tests   the tests of losses and networks on the accelerator
 losses  CD and EMD of 32 pairs, with gradients: milliseconds, proven gap
 
 Times are the least of several calls. Each part runs in a process of its own and appends each figure
@@ -20,11 +19,10 @@ import pathlib
 import sys
 
 import numpy as np
-import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
-PARTS = ("step", "tests", "losses")
+PARTS = ("step", "losses")
 NETWORKS = ("two_branch", "vanilla", "hourglass")
 EMD, CD = "emd_mean@{} + 5*chamfer_sq_mean", "chamfer_sq_mean"
 
@@ -38,21 +36,22 @@ def surfaces(rng, pairs, points):
 
 def measure_losses(tiny):
     """Figures of the losses: (name, value)."""
-    from losses import cd_jax, emd_ours
+    from losses import measured
 
-    from psgn_jax.losses import chamfer_sq_mean, map_pairs
+    from psgn_jax.losses import assign, chamfer_sq_mean, emd_sum, map_pairs
 
     rng = np.random.default_rng(0)
     pairs, sizes = (2, (64,)) if tiny else (32, (1024, 4096, 16384))
     for size in sizes:
         a, b = surfaces(rng, pairs, sizes[0]), surfaces(rng, pairs, size)
-        _, _, both, _ = cd_jax(map_pairs(chamfer_sq_mean), a, b)
-        yield f"CD and gradient, {pairs} x {sizes[0]} x {size}: ms", 1000 * both
+        yield (
+            f"CD and gradient, {pairs} x {sizes[0]} x {size}: ms",
+            1000 * measured(chamfer_sq_mean, a, b)[1],
+        )
     for size in sizes[:2]:
         a, b = surfaces(rng, pairs, size), surfaces(rng, pairs, size)
-        _, _, both, _, assignment = emd_ours(map_pairs, a, b)
-        yield f"EMD and gradient, {pairs} x {size}: ms", 1000 * both
-        yield f"EMD, {pairs} x {size}: largest proven gap", float(assignment.gap.max())
+        yield f"EMD and gradient, {pairs} x {size}: ms", 1000 * measured(emd_sum, a, b)[1]
+        yield f"EMD, {pairs} x {size}: largest proven gap", float(map_pairs(assign)(a, b).gap.max())
 
 
 def measure_steps(tiny):
@@ -98,10 +97,7 @@ def measure_steps(tiny):
 
 
 def run_part(name, arguments):
-    """Measures one part in this process, or runs the tests."""
-    if name == "tests":
-        folders = ["losses/test_min_of_n.py"] if arguments.tiny else ["losses", "models"]
-        sys.exit(pytest.main(["-q", *(str(ROOT / "tests" / folder) for folder in folders)]))
+    """Measures one part in this process."""
     import jax
 
     device = f"{jax.devices()[0].device_kind}, jax {jax.__version__}"

@@ -8,12 +8,16 @@ affects all of them alike.
     python tests/bench/step.py                  # the full network, batch 32
     python tests/bench/step.py --small          # the half-size network of configs/authors_small.py
 
-Prints seconds per step (the fastest, the median and the slowest), the ratio to PyTorch channels
-last (the median over the rounds), samples per second, and the peak memory of each process. This
-package is measured with a device of JAX for each core, as `psgn train` uses them, and with one.
+Prints seconds per step (the fastest, the median and the slowest), the ratios to PyTorch channels
+last, if it is installed, and to the floor (the medians over the rounds), samples per second, and
+the peak memory of each process. The floor is the time of the step's operations at the speed of
+NumPy's product of large matrices. This package is measured with a device of JAX for each core, as
+`psgn train` uses them, and with one.
 """
 
 import argparse
+import importlib.util
+import math
 import multiprocessing
 import resource
 import statistics
@@ -37,13 +41,13 @@ SMALL = {
 IN_CHANNELS, FC_POINTS, DECONV_CHANNELS = 4, 256, 3
 
 
-_step = None  # which this process measures
+_step, _times = None, 1.0  # what this process measures, and how often a step needs it
 
 
 def prepare(build, *args):
     """Builds and compiles the step of this process; returns the number of parameters."""
-    global _step
-    num_params, _step = build(*args)
+    global _step, _times
+    num_params, _step, _times = build(*args)
     _step()
     return num_params
 
@@ -51,11 +55,43 @@ def prepare(build, *args):
 def seconds():
     start = time.perf_counter()
     _step()
-    return time.perf_counter() - start
+    return _times * (time.perf_counter() - start)
 
 
 def peak_gb():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
+
+
+def _model(network, batch):
+    """Parameters and images of this package's network, and its loss."""
+    import jax
+    import jax.numpy as jnp
+
+    from psgn_jax.config.experiment import ModelConfig
+    from psgn_jax.models import networks
+
+    model = networks.build(ModelConfig(in_channels=IN_CHANNELS, fc_points=FC_POINTS, **network))
+    x = _images(network, batch)
+
+    def loss(params, x):
+        points = model.apply({"params": params}, x)
+        return jnp.sum(points * jnp.cos(jnp.arange(points.size)).reshape(points.shape))
+
+    return jax.jit(model.init)(jax.random.key(0), x[:1])["params"], x, loss
+
+
+def build_floor(network, batch):
+    """As many products of matrices as have the operations of a step, by XLA's count."""
+    import jax
+
+    from psgn_jax.models.cpu_convolution import convolutions_for
+
+    params, x, loss = _model(network, batch)
+    with convolutions_for("export"):  # calls of oneDNN are not counted
+        flops = jax.jit(jax.grad(loss)).lower(params, x).cost_analysis()["flops"]
+    matrix = np.random.default_rng(0).random((2048, 2048), np.float32)
+    times = flops / (2 * len(matrix) ** 3)
+    return sum(p.size for p in jax.tree.leaves(params)), lambda: matrix @ matrix, times
 
 
 def build_jax(network, batch, devices):
@@ -64,22 +100,10 @@ def build_jax(network, batch, devices):
 
     keep_freed_memory()
     import jax
-    import jax.numpy as jnp
     from jax.sharding import PartitionSpec as P
 
     jax.config.update("jax_num_cpu_devices", devices)
-
-    from psgn_jax.config.experiment import ModelConfig
-    from psgn_jax.models import networks
-
-    model = networks.build(ModelConfig(in_channels=IN_CHANNELS, fc_points=FC_POINTS, **network))
-    x = _images(network, batch)
-    params = jax.jit(model.init)(jax.random.key(0), x[:1])["params"]
-
-    def loss(params, x):
-        points = model.apply({"params": params}, x)
-        return jnp.sum(points * jnp.cos(jnp.arange(points.size)).reshape(points.shape))
-
+    params, x, loss = _model(network, batch)
     mesh = jax.make_mesh((devices,), ("data",), axis_types=(jax.sharding.AxisType.Auto,))
     specs = {"mesh": mesh, "in_specs": (P(), P("data")), "out_specs": P()}
 
@@ -90,7 +114,7 @@ def build_jax(network, batch, devices):
     params = jax.device_put(params, jax.NamedSharding(mesh, P()))
     x = jax.device_put(x, jax.NamedSharding(mesh, P("data")))
     num_params = sum(p.size for p in jax.tree.leaves(params))
-    return num_params, lambda: jax.block_until_ready(step(params, x))
+    return num_params, lambda: jax.block_until_ready(step(params, x)), 1
 
 
 def build_torch(network, batch, threads):
@@ -111,12 +135,17 @@ def build_torch(network, batch, threads):
         net.zero_grad()
         (net(x) * weights).sum().backward()
 
-    return sum(p.numel() for p in net.parameters()), step
+    return sum(p.numel() for p in net.parameters()), step, 1
 
 
 def _images(network, batch):
     shape = (batch, *network["image_size"], IN_CHANNELS)
     return np.random.default_rng(0).random(shape, np.float32)
+
+
+def ratio(own, other):
+    """The median over the rounds: the load of the machine changes from round to round."""
+    return statistics.median(a / b for a, b in zip(own, other, strict=True)) if other else math.nan
 
 
 def main():
@@ -129,8 +158,10 @@ def main():
     competitors = {
         "psgn_jax": (build_jax, network, batch, arguments.threads),
         "on one device": (build_jax, network, batch, 1),
-        "PyTorch channels last": (build_torch, network, batch, arguments.threads),
+        "floor": (build_floor, network, batch),
     }
+    if importlib.util.find_spec("torch"):
+        competitors["PyTorch"] = (build_torch, network, batch, arguments.threads)
     context = multiprocessing.get_context("spawn")
     pools = {name: ProcessPoolExecutor(1, context) for name in competitors}
     sizes = {name: pools[name].submit(prepare, *c).result() for name, c in competitors.items()}
@@ -141,15 +172,13 @@ def main():
     for _ in range(arguments.repeats):
         for name, pool in pools.items():
             times[name].append(pool.submit(seconds).result())
-    titles = f"{'fastest':>9}{'median s':>9}{'slowest':>9}{'ratio':>7}{'samples/s':>11}"
-    print(f"{'':24}{titles}{'peak GB':>9}")
-    # Ratios are computed within a round, because the load of the machine changes between rounds.
-    reference = times["PyTorch channels last"]
+    titles = f"{'fastest':>9}{'median s':>9}{'slowest':>9}{'/ PyTorch':>10}{'/ floor':>9}"
+    print(f"{'':16}{titles}{'samples/s':>11}{'peak GB':>9}")
     for name, own in times.items():
-        ratio = statistics.median(t / r for t, r in zip(own, reference, strict=True))
+        ratios = [ratio(own, times.get(other)) for other in ("PyTorch", "floor")]
         median, peak = statistics.median(own), pools[name].submit(peak_gb).result()
         print(
-            f"{name:24}{min(own):9.3f}{median:9.3f}{max(own):9.3f}{ratio:7.2f}"
+            f"{name:16}{min(own):9.3f}{median:9.3f}{max(own):9.3f}{ratios[0]:10.2f}{ratios[1]:9.2f}"
             f"{batch / median:11.1f}{peak:9.2f}"
         )
     for pool in pools.values():

@@ -133,12 +133,12 @@ def test_true_points_that_are_repeated_are_told(monkeypatch, count, shown):
 
 def test_missing_runs_and_checkpoints_are_named(tmp_path):
     with pytest.raises(ConfigError, match=r"^compare=.*: no run there"):
-        open_with_records(tmp_path, None, name="compare")
+        open_with_records(tmp_path, argument="compare")
     with pytest.raises(ConfigError, match=r"^train\.init=.*: no run there"):
         open_initial(standin.config(train__init=str(tmp_path)))
     (tmp_path / "config.json").write_text(to_json(standin.config()))
     with pytest.raises(CheckpointError, match="no checkpoint there"):
-        open_with_records(tmp_path, None)
+        open_with_records(tmp_path)
 
 
 def visibility_table(share, visible):

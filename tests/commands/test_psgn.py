@@ -1,11 +1,11 @@
 """The console script: every command is reached by name, with its own flags and exit codes."""
 
 import os
-import re
 import sys
 
 import pytest
 from helpers.commands import ROOT, psgn_each, run
+from helpers.refusals import check_message, refused
 from helpers.small_runs import write_solids
 
 from psgn_jax.commands import psgn as cli
@@ -19,16 +19,11 @@ def test_help_and_errors_list_commands_and_configurations(capsys):
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert all(lines.count([name, *text.split()]) == 2 for name, text in cli.COMMANDS.items())
     assert cli.main(["trian"]) == 2
-    shown = capsys.readouterr()
-    assert shown.out == ""
-    (line,) = shown.err.splitlines()
-    said = "error: psgn trian: no such command; did you mean 'train'? expected one of train"
-    assert line.startswith(said)
+    check_message(capsys.readouterr().err, "error: psgn trian", "'train'", *cli.COMMANDS)
     assert cli.main(["train", "--workdir=runs/none"]) == 2
     first, *lines = capsys.readouterr().err.splitlines()
-    assert first == "error: --config is missing: a file, or one of these names"
+    check_message(first, "error: --config")
     assert [line.split()[0] for line in lines] == config_files.names()
-    assert "the default data set" in next(line for line in lines if "quickstart" in line)
 
 
 @pytest.mark.parametrize(
@@ -99,7 +94,7 @@ def test_a_configuration_is_a_path_or_a_name_and_executed_once(tmp_path, capsys)
     assert config_files.path_of("configs/debug.py") == "configs/debug.py"
     assert config_files.path_of("debug") == str(ROOT / "configs" / "debug.py")
     assert config_files.path_of("data_gen/config.py:photo") == "data_gen/config.py:photo"
-    with pytest.raises(ConfigError, match=r"did you mean 'debug'\? expected the path"):
+    with refused(ConfigError, "--config=configs/debgu.py", "'debug'"):
         config_files.path_of("configs/debgu.py")
     file, mark = tmp_path / "mine.py", tmp_path / "mark"
     file.write_text(
@@ -109,23 +104,18 @@ def test_a_configuration_is_a_path_or_a_name_and_executed_once(tmp_path, capsys)
     )
     arguments = ["train", f"--config={file}", "--config.train.steps=0", "--config.seed=1"]
     assert cli.main(arguments) == 2
-    assert capsys.readouterr().err.startswith("error: train.steps=0: accepted: a number >= 1")
+    check_message(capsys.readouterr().err, "error: train.steps=0", ">= 1")
     assert mark.read_text() == "x"
 
 
-@pytest.mark.parametrize(
-    ("content", "why"),
-    [
-        (b"root:x:0:0:root:/root:/bin/bash\n", "SyntaxError"),
-        (b"x = 1", "it has no function get_config"),
-        (b"def get_config(): raise RuntimeError('what')", "RuntimeError: what"),
-        (b"#" * 1_000_001, "more than 1000000 bytes"),
-    ],
-)
-def test_files_that_are_no_configurations(content, why, tmp_path):
+def test_files_that_are_no_configurations(tmp_path):
     path = tmp_path / "file.py"
-    path.write_bytes(content)
-    with pytest.raises(ConfigError, match=re.escape(why)) as caught:
-        load_file(str(path))
-    assert str(caught.value).startswith(f"--config={path} is not a configuration (")
-    assert "a Python file with a function get_config()" in str(caught.value)
+    for content, why in {
+        b"root:x:0:0:root:/root:/bin/bash\n": "SyntaxError",
+        b"x = 1": "get_config",
+        b"def get_config(): raise RuntimeError('what')": "RuntimeError: what",
+        b"#" * 1_000_001: "1000000 bytes",
+    }.items():
+        path.write_bytes(content)
+        with refused(ConfigError, f"--config={path}", why, "get_config()"):
+            load_file(str(path))

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from helpers.refusals import refused
 
 from psgn_jax.data import camera
 from psgn_jax.evaluation import report
@@ -56,7 +57,7 @@ def test_two_runs_share_the_viewer(tmp_path):
     assert len(case["samples"]) == 2
     assert case["metrics"][1].startswith("second: CD squared")
     assert len(data_of(tmp_path / "index.html")["table"][0]) == 2 + 2 * 3
-    with pytest.raises(ValueError, match="'other' has other samples"):
+    with refused(ValueError, "'other'"):
         report.write_report(tmp_path, [first, made(count=12, label="other")])
 
 

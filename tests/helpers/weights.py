@@ -8,7 +8,8 @@ import numpy as np
 from helpers import standin
 from psgn_jax.models import networks
 from psgn_jax.models.networks import init_params
-from psgn_jax.weights.file import Weights, figures_of
+from psgn_jax.weights.file import figures_of
+from psgn_jax.weights.run_folder import Trained
 
 SOURCES = [
     {"source": "chairs", "licences": {"CC-BY-3.0": {"models": 7, "holders": ["Ada", "Bo"]}}},
@@ -34,9 +35,8 @@ def random_params(config, seed=0):
 
 
 def weights(config, dtype="float16"):
-    """Weights with metrics and sources of data."""
-    params = random_params(config)
+    """A network with metrics and sources of data, for a file of weights."""
     scores = {"cd_sq_radius2": 0.0123, "emd_radius": float("nan")}
+    run = Trained(config, 50, random_params(config), scores, "tiny", "weights", SOURCES)
     data = [{"name": "chairs", "source": "meshes", "samples": 84}]
-    figures = figures_of(config, params, step=50, averaged=True, metrics=scores, data=data)
-    return Weights(config, params, figures, SOURCES, dtype)
+    return run._replace(figures=figures_of(run, data, averaged=True), dtype=dtype)

@@ -12,8 +12,6 @@ N = 96
 # Without `jit`, all tests share the solver, which is compiled once per size.
 mean = losses.emd_mean
 mean_and_grad = jax.value_and_grad(losses.emd_mean, argnums=(0, 1))
-traced_mean = jax.jit(mean)
-traced_grads = jax.jit(jax.vmap(jax.grad(mean, argnums=(0, 1))))
 
 
 def clouds(rng, n=N):
@@ -40,18 +38,6 @@ def test_exact(rng):
     by_hand = min(d[np.arange(5), list(s)].sum() for s in itertools.permutations(range(5)))
     np.testing.assert_allclose(found.cost, by_hand, rtol=1e-12)
     np.testing.assert_allclose(reference.matching_cost(a, b, found.index), by_hand, rtol=1e-12)
-    with pytest.raises(ValueError, match="emd_exact: got traced clouds"):
-        jax.jit(losses.emd_exact)(a, b)
-
-
-@pytest.mark.usefixtures("unchecked_annotations")
-def test_wrong_sizes(rng):
-    a, b = clouds(rng)
-    for call in (losses.emd_mean, losses.emd_exact):
-        with pytest.raises(ValueError, match=r"gt: got 90 points, expected as many as pred"):
-            call(a, b[:90])
-    with pytest.raises(ValueError, match=r"gt: got 90 points, expected at least as many"):
-        metrics_lib.emd(a, b[:90])
 
 
 def test_gradient_equals_directional_difference(rng):
@@ -65,20 +51,6 @@ def test_gradient_equals_directional_difference(rng):
     above, below = (reference.emd_sum(a + s * u, b + s * v) for s in (h, -h))
     got = np.vdot(grads[0], u) + np.vdot(grads[1], v)
     np.testing.assert_allclose(got, (above - below) / (2 * h * N), rtol=1e-4, atol=1e-5)
-
-
-@pytest.mark.parametrize(("argument", "bad"), [("pred", np.inf), ("gt", np.nan)])
-def test_non_finite(rng, bad, argument):
-    pair = dict(zip(("pred", "gt"), clouds(rng), strict=True))
-    pair[argument][33, 1] = bad
-    with pytest.raises(ValueError, match=f"{argument}: point 33 of .* finite"):
-        losses.emd_mean(**pair)
-    assert np.isnan(traced_mean(pair["pred"], pair["gt"]))
-    # `grad` and `vmap` trace the values too. The other pairs of a batch are not affected.
-    batch = [np.stack(x) for x in zip(pair.values(), clouds(rng), strict=True)]
-    for grad in traced_grads(*batch):
-        assert np.isnan(grad[0]).all()
-        assert np.isfinite(grad[1]).all()
 
 
 def test_a_second_call_compiles_nothing(rng, caplog):
@@ -108,10 +80,3 @@ def test_a_larger_truth_is_thinned_at_random(rng):
     a, b = clouds(rng)
     subset = metrics_lib.emd(a, np.concatenate([b, b + 100]))
     assert subset.emd > 10  # about half of the chosen points are from the distant copy
-
-
-@pytest.mark.usefixtures("unchecked_annotations")
-@pytest.mark.parametrize("function", [losses.emd_mean, losses.emd_sum])
-def test_an_unknown_option_names_the_function_that_was_called(function):
-    with pytest.raises(TypeError, match=rf"{function.__name__}\(\).*'tolerence'"):
-        function(np.zeros((2, 3), np.float32), np.zeros((2, 3), np.float32), tolerence=0.1)

@@ -23,20 +23,14 @@ def test_ties_go_to_the_lowest_index_and_no_index_repeats():
     assert sorted(losses.farthest_point_indices(points, 180).tolist()) == list(range(180))
 
 
-@pytest.mark.usefixtures("unchecked_annotations")
-def test_gradient_reaches_the_chosen_points_and_errors_are_named(rng):
+def test_gradient_reaches_the_chosen_points_and_nan_shows(rng):
     points = rng.normal(size=(50, 3)).astype(np.float32)
     index = np.asarray(losses.farthest_point_indices(points, 5))
     pulled = jax.grad(lambda p: losses.farthest_points(p, 5).sum())(jnp.asarray(points))
     want = np.zeros((50, 3))
     want[index] = 1
     np.testing.assert_array_equal(pulled, want)
-    for count in (0, 51, 2.5, "2"):
-        with pytest.raises(ValueError, match=f"num_samples: got {count}"):
-            losses.farthest_point_indices(points, count)
     points[3, 1] = np.nan
-    with pytest.raises(ValueError, match="points: point 3 of 50"):
-        losses.farthest_points(points, 5)
     assert jnp.isnan(jax.jit(losses.farthest_points, static_argnums=1)(points, 5)).all()
 
 

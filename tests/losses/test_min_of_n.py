@@ -43,13 +43,3 @@ def test_of_equally_near_draws_the_first_wins_and_a_nan_of_any_draw_shows(rng):
     best = min_of_n(preds, gt)
     assert np.isnan(best.value)
     assert best.winner == 1
-
-
-@pytest.mark.usefixtures("unchecked_annotations")
-def test_wrong_shapes(rng):
-    preds, gt = case(rng, 2)
-    for wrong in (preds[0], preds[:0]):
-        with pytest.raises(ValueError, match=r"preds: got shape .* expected \[draws, n, 3\]"):
-            losses.min_of_n(CD)(wrong, gt)
-    with pytest.raises(ValueError, match="gt: got 9 points"):
-        losses.min_of_n(EMD)(preds, gt[:9])

@@ -89,32 +89,6 @@ for f, wanted in zip(functions, direct):
     for _ in range(20):
         same(on_host(a, b), wanted)
 """
-EXPLICIT_MESHES = """
-def both(batched):
-    def call(x, y):
-        values, back = jax.vjp(lambda x: batched(x, y), x)
-        return values, back(jnp.ones_like(values))[0]
-    return call
-pairs = {f: [jax.jit(jax.value_and_grad(f))(*pair) for pair in zip(a, b)]
-         for f in (losses.chamfer_sq_mean, losses.emd_mean)}
-mesh = jax.make_mesh((2,), ("d",))
-with jax.set_mesh(mesh):
-    x, y = (jax.device_put(each, jax.NamedSharding(mesh, jax.P("d"))) for each in (a, b))
-    for f, chosen in pairs.items():
-        values, gradients = map(np.array, zip(*chosen))
-        mapped = jax.vmap(f), losses.map_pairs(f)
-        for call in (*(jax.jit(both(each)) for each in mapped), both(jax.vmap(f))):
-            found = call(x, y)
-            np.testing.assert_allclose(found[0], values, rtol=1e-5)
-            np.testing.assert_allclose(found[1], gradients, rtol=1e-4, atol=1e-6)
-        # Without a gradient, other functions are traced.
-        for call in (*map(jax.jit, mapped), jax.vmap(f)):
-            np.testing.assert_allclose(call(x, y), values, rtol=1e-5)
-    common = jax.vmap(losses.emd_mean, (0, None))(x, b[0])
-    np.testing.assert_allclose(common, [losses.emd_mean(each, b[0]) for each in a], rtol=1e-5)
-    farthest = jax.vmap(lambda each: losses.farthest_points(each, 4))
-    np.testing.assert_array_equal(farthest(x), farthest(a))
-"""
 TWO_PROCESSES = """
 jax.config.update("jax_cpu_collectives_implementation", "gloo")
 jax.distributed.initialize(sys.argv[1], 2, int(sys.argv[2]))
@@ -192,8 +166,8 @@ def test_the_bits_of_a_cpu_and_one_callback_in_a_step_on_a_gpu():
     check(start(TEXT_FOR_A_GPU + ONE_PROCESS))
 
 
-def test_two_devices_and_meshes_with_explicit_axes():
-    check(start(EXPLICIT_MESHES + TWO_DEVICES, devices=2))
+def test_two_devices():
+    check(start(TWO_DEVICES, devices=2))
 
 
 def test_two_processes():

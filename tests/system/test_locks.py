@@ -5,7 +5,7 @@ import subprocess
 import sys
 import threading
 
-import pytest
+from helpers.refusals import refused
 
 from psgn_jax.system.locks import TakenError, lock_part, locked
 
@@ -24,11 +24,9 @@ def test_a_claim_ends_with_its_process(tmp_path):
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen(command, **pipes, text=True) as process:
         assert process.stdout.readline() == "held\n"
-        message = rf"\(pid {process.pid}\) does part 0/2"
-        with pytest.raises(TakenError, match=message), lock_part(folder, (0, 2)):
-            pass
-        with pytest.raises(TakenError, match="into 2 parts, not 1"), lock_part(folder, (0, 1)):
-            pass
+        for part, *names in (((0, 2), f"pid {process.pid}", "0/2"), ((0, 1), "2 parts", "not 1")):
+            with refused(TakenError, *names, folder.parent), lock_part(folder, part):
+                pass
         with lock_part(folder, (1, 2)):
             pass
         process.send_signal(signal.SIGKILL)

@@ -70,26 +70,3 @@ def test_a_command_without_checkpoints_names_the_signal():
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=20)
     assert (process.returncode, err.split(";")[0]) == (130, "stopped by SIGINT")
-
-
-@pytest.mark.parametrize(
-    ("statement", "code", "said"),
-    [("import module", 130, b"stopped by Ctrl-C\n"), ("signal.raise_signal(2)", 3, b"")],
-)
-def test_ctrl_c_ends_imports_at_once_and_raises_elsewhere(statement, code, said, tmp_path):
-    """The module loses an exception, as extension modules do."""
-    lost = "import signal\ntry:\n    signal.raise_signal(2)\nexcept BaseException:\n    pass\n"
-    (tmp_path / "module.py").write_text(lost)
-    script = f"""
-import signal, sys
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may start tests that ignore it
-from psgn_jax.system.signals import end_during_imports
-end_during_imports()
-sys.path.append({str(tmp_path)!r})
-try:
-    {statement}
-except KeyboardInterrupt:
-    sys.exit(3)
-"""
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True)
-    assert (done.returncode, done.stderr) == (code, said)

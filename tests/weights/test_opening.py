@@ -1,6 +1,7 @@
 """Networks are opened by name, from files and from folders; the commands list and export them."""
 
 import json
+import pickle
 import shutil
 import types
 
@@ -8,15 +9,17 @@ import jax
 import numpy as np
 import pytest
 from helpers import weights as tiny
+from helpers.refusals import all_refused, check_message, refused
 
 import psgn_jax
 from psgn_jax.commands import export
 from psgn_jax.commands import weights as command
+from psgn_jax.commands.common import network_of
 from psgn_jax.config.experiment import ConfigError, to_dict, to_json
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.file import read_weights
 from psgn_jax.weights.leaves import named_leaves
-from psgn_jax.weights.opening import DEFAULT, open_network, weights_path
+from psgn_jax.weights.opening import DEFAULT, open_weights, weights_path
 from psgn_jax.weights.opening import shipped as shipped_files
 
 
@@ -42,22 +45,34 @@ def test_names_of_shipped_weights(shipped, file):
     for name in names:
         shutil.copy(file, shipped / f"{name}.safetensors")
     assert list(shipped_files()) == sorted(names)
-    assert open_network().source == DEFAULT
-    network = open_network(weights="small-2")
+    assert open_weights().source == DEFAULT
+    network = open_weights("small-2")
     assert (network.source, network.source_kind, network.step) == ("small-2", "weights", 50)
     assert network.scores == {"cd_sq_radius2": 0.0123}
     assert weights_path(str(file)) == file
-    for arguments, message in (
-        ({"weights": "smal-1"}, "did you mean 'small-1'"),
-        ({"workdir": "runs/x", "weights": "small-1"}, "accepted only without a run"),
-        ({"weights": "small-1", "checkpoint": "last"}, "last: accepted only for a run"),
-    ):
-        with pytest.raises(ConfigError, match=message):
-            open_network(**arguments)
-    with pytest.raises(ConfigError, match=r"^network=runs/x: accepted: the folder of a run, "):
-        psgn_jax.load("runs/x")
-    with pytest.raises(ConfigError, match=r"^network=.*: no run there"):
-        psgn_jax.load(file.parent)
+    all_refused(
+        lambda arguments: open_weights(**arguments),
+        ConfigError,
+        [
+            ({"source": "smal-1"}, "weights='smal-1'", "'small-1'", "the folder of a run"),
+            ({"source": "small-1", "checkpoint": "last"}, "checkpoint=last"),
+            ({"source": file.parent, "argument": "network"}, f"network={file.parent}", "no run"),
+        ],
+    )
+    flags = types.SimpleNamespace(workdir="runs/x", weights="small-1")
+    with refused(ConfigError, "weights=small-1"):
+        network_of(flags)
+
+
+def test_a_pickled_predictor_has_the_same_clouds(file):
+    """As Ray, joblib and spawned processes pickle it, without the file."""
+    model = psgn_jax.load(file)
+    file.unlink()
+    again = pickle.loads(pickle.dumps(model))
+    photo = np.zeros((16, 32, 4), np.uint8)
+    photo[4:12, 8:20] = 200
+    np.testing.assert_array_equal(again(photo).points, model(photo).points)
+    assert (again.checksum, again.source) == (model.checksum, "small-1")
 
 
 def test_a_predictor_of_weights_is_that_of_the_run(run, shipped, tmp_path, capsys):
@@ -141,5 +156,4 @@ def test_list_shows_figures_and_licences_and_errors_are_one_line(file, shipped, 
     wrong.write_bytes(b"abc")
     for arguments in (["list", str(wrong)], ["export", "--workdir=none", f"--out={wrong}"]):
         assert command.main(arguments) == 2
-        (line,) = capsys.readouterr().err.splitlines()
-        assert line.startswith("error: ")
+        check_message(capsys.readouterr().err, "error: ", arguments[1].removeprefix("--"))

@@ -23,7 +23,7 @@ from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data.resample import resize_image, resize_mask
 from psgn_jax.data.schema import Sample
 from psgn_jax.evaluation.clouds import evaluate_pair
-from psgn_jax.evaluation.table import COLUMNS, markdown
+from psgn_jax.evaluation.table import markdown, title
 from psgn_jax.models import networks
 from psgn_jax.prediction import sampling
 from psgn_jax.prediction.predictor import require_photos
@@ -177,7 +177,7 @@ def write_scores(
         ],
     }
     columns = [(name, metric) for metric in METRICS for name in names]
-    heads = [f"{name}: {COLUMNS[metric]}" for name, metric in columns]
+    heads = [f"{name}: {title(metric)}" for name, metric in columns]
     lines = [["case", "category", "minutes", "parts", *heads]]
     for case in scored:
         about = [

@@ -37,7 +37,7 @@ def build_page(
         if path.is_file():
             files[path.relative_to(STATIC).as_posix()] = path.read_bytes()
     files[CLOUD_SCRIPT.name] = CLOUD_SCRIPT.read_bytes()
-    network = write_network(run, out, weights=(weights,), stablehlo=False)
+    network = write_network(run, out, weights=(weights,))
     mask_network = mask_networks.FILE.name
     files[mask_network] = mask_networks.FILE.read_bytes()
     network["mask_network"] = {

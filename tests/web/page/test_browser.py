@@ -12,13 +12,13 @@ import time
 import numpy as np
 import pytest
 from helpers.commands import psgn
-from PIL import Image
+from PIL import ExifTags, Image
 
 import psgn_jax
 from psgn_jax.losses.emd import emd_exact
 from psgn_jax.prediction import formats, masks
 from psgn_jax.prediction.predictor import Predictor
-from psgn_jax.weights.opening import open_network
+from psgn_jax.weights.opening import open_weights
 
 pytestmark = pytest.mark.slow
 SECONDS = 120
@@ -364,7 +364,7 @@ def test_the_example_of_an_export(browser, run, runtime, serve, tmp_path, predic
     from psgn_jax.portable.folder import write_folder
     from psgn_jax.web.page.browser_runtime import runtime_files
 
-    write_folder(run, tmp_path, weights=("float32",), stablehlo=False)
+    write_folder(run, tmp_path, weights=("float32",))
     for name, content in runtime_files(runtime).items():
         (tmp_path / name).write_bytes(content)
     rgba = write_cut_out(tmp_path)
@@ -373,7 +373,9 @@ def test_the_example_of_an_export(browser, run, runtime, serve, tmp_path, predic
     page.wait_for_function("!document.querySelector('input').disabled", timeout=1000 * SECONDS)
     rgba[..., 3][rgba[..., 3] > 0] = 60  # a glass
     rgba[..., :3] -= rgba[..., :3] % 17  # colours that a canvas, which multiplies by alpha, keeps
-    Image.fromarray(rgba).save(tmp_path / "glass.png")
+    turned = Image.Exif()
+    turned[ExifTags.Base.Orientation] = 6
+    Image.fromarray(np.rot90(rgba)).save(tmp_path / "glass.png", exif=turned)
     page.set_input_files("input", str(tmp_path / "glass.png"))
     page.get_by_text("points, the first at").wait_for(timeout=1000 * SECONDS)
     text = page.text_content("output")
@@ -395,7 +397,7 @@ def test_photos_have_the_same_cloud_through_every_door(open_page, serve, runtime
     pytest.importorskip("onnx")
     from psgn_jax.web.page.build import build_page
 
-    build_page(open_network(weights=""), tmp_path / "site", weights="float32", runtime=runtime)
+    build_page(open_weights(), tmp_path / "site", weights="float32", runtime=runtime)
     page = open_page(serve(tmp_path / "site"))
     model = psgn_jax.load()
     photos = [CHAIR.with_stem(name) for name in ("aeroplane", "boat", "chair")]
