@@ -16,11 +16,11 @@ two fifths of that of `pretrained.py`, because the network is already trained.
 
 import ml_collections
 
-from psgn_jax.config import recipes as config_files
+from psgn_jax.config import files
 
 
 def get_config() -> ml_collections.ConfigDict:
-    config = config_files.load("pretrained")
+    config = files.load("pretrained")
     config.data.path = ""
     config.data.eval_path = ""
     config.train.init = "WEIGHTS"  # no such file: it must be given

@@ -168,7 +168,7 @@ def test_a_program_with_its_own_modules_trains_and_starts_scripts(tmp_path):
 
 def test_only_commands_name_their_flags():
     """Messages of the library name arguments; `Flags.run` adds the dashes."""
-    of_commands = {"command_line.py", "recipes.py", "structured.py", "render.py"}
+    of_commands = {"command_line.py", "files.py", "structured.py", "render.py"}
     found = []
     for path in [*(ROOT / "psgn_jax").rglob("*.py"), *(ROOT / "data_gen").rglob("*.py")]:
         if path.parent.name == "commands" or path.name in of_commands:

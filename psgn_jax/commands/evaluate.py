@@ -49,7 +49,7 @@ def open_with_records(
     if data is not None:
         named = dataclasses.replace(config.data, path=data, eval_path="")
         config = dataclasses.replace(config, data=named)
-    check_paths(config, training=training)
+    check_paths(config, training=training, hint="--data names others")
     ensure_default_data(config, training=training)
     return run._replace(config=config)
 

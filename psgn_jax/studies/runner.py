@@ -17,7 +17,7 @@ import numpy as np
 from absl import logging
 
 from psgn_jax import tasks
-from psgn_jax.config import recipes
+from psgn_jax.config import files
 from psgn_jax.config.experiment import Config, ConfigError, check_paths, parse, to_dict
 from psgn_jax.data import loader
 from psgn_jax.data.manifest import load_manifest
@@ -147,7 +147,7 @@ class Study:
         tree |= {"train.steps": steps} if steps else {}
         if wanted := tree.get("train.steps"):
             tree.setdefault("train.eval_every", max(1, wanted // _EVALUATIONS))
-        base = changed(parse(recipes.load(self.recipe)), tree)
+        base = changed(parse(files.load(self.recipe)), tree)
         found = self.configs(base, lambda name: str(workdir / f"{name}-{seed}"))
         return [
             Run(name, seed, workdir / f"{name}-{seed}", changed(base, overrides))
