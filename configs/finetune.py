@@ -1,7 +1,7 @@
 """Five minutes of further training on your own data, starting from trained weights.
 
 Command: python data_gen/render.py --catalogue=folder --source=my_meshes --out=records/mine
-         python -m psgn_jax.main --config=configs/finetune.py --workdir=runs/mine
+         python -m psgn_jax.main --config=configs/finetune.py --workdir=runs/tuned
              --config.data.path=records/mine --config.train.init=WEIGHTS
 Hardware: two CPU cores.
 Time: 4 min 46 s of CPU time on one core.

@@ -1,7 +1,7 @@
 """The task "points": predicts a cloud from an image, with the paper's networks and losses."""
 
 import pathlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, cast
 
 import jax
@@ -48,8 +48,11 @@ class Points(Task):
       number of dimensions above `posterior.ACTIVE`; `kl_weight`, the weight of `kl`.
     """
 
-    def __init__(self, config: Config, workdir: pathlib.Path) -> None:
+    def __init__(
+        self, config: Config, workdir: pathlib.Path = pathlib.Path(), draws: int = 0
+    ) -> None:
         super().__init__(config, networks.input_keys(config))
+        self.draws = draws  # further predictions per image that `measure` compares
         self.title, self.model = config.model.name, networks.build(config.model)
         terms = parse_terms(config.loss)
         _check_loss(config, terms, self.model.num_points)
@@ -59,8 +62,14 @@ class Points(Task):
         return networks.init_params(self.config, self.model)
 
     def latents(self, step: Array | int, batch_size: int, *, train: bool) -> dict[str, Array]:
-        r = networks.random_input(self.config, step, batch_size, train=train)
-        return {} if r is None else {"r": r}
+        config, r = self.config, networks.random_input(self.config, step, batch_size, train=train)
+        found = {} if r is None else {"r": r}
+        if self.draws:
+            first = step * batch_size
+            found["draws"] = sampling.sample_latents(
+                config, first, batch_size, self.draws, np.uint32(config.seed & 0xFFFFFFFF)
+            )
+        return found
 
     def predict(self, params: Any, batch: Batch, r: Array | None) -> Array:
         return networks.predict(self.config, self.model, params, batch, r)
@@ -159,46 +168,31 @@ class Points(Task):
             return metrics
 
         visible = [batch["visible"]] if "visible" in batch else []
-        return pred, map_pairs(measure_pair)(pred, batch["points"], *visible)
+        metrics = map_pairs(measure_pair)(pred, batch["points"], *visible)
+        return pred, metrics | (self._of_draws(params, batch) if "draws" in batch else {})
+
+    def _of_draws(self, params: Any, batch: Batch) -> Metrics:
+        """Best-of-K and mean-of-K of CD and, if it is measured, EMD; how much the draws differ."""
+        drawn, gt = self.predict(params, batch, batch["draws"]), batch["points"]
+        distances: dict[str, Any] = {"cd_sq_radius2": chamfer_sq_mean}
+        if (tolerance := self.config.eval.emd_tolerance) and drawn.shape[2] <= gt.shape[1]:
+            distances["emd_radius"] = lambda a, b: metrics_lib.emd(a, b, tolerance=tolerance).emd
+        metrics = map_pairs(lambda a, b: sampling.summarise_draws(a, b, distances))(drawn, gt)
+        if self.draws > 1:
+            difference = jax.lax.map(sampling.total_mutual_difference, drawn)
+            metrics["total_mutual_difference_radius2"] = difference
+        return metrics
 
     def evaluate(
         self, params: Any, *, chosen: Any = None, draws: int = 0, **options: Any
     ) -> Evaluation:
-        step = self._step_with(draws) if draws else self.eval_step
-        return evaluate_split(self.config, params, step, **options)
-
-    def _step_with(self, num_draws: int) -> Callable[..., Any]:
-        """`eval_step` with further metrics of K = `num_draws` draws for each image.
-
-        The metrics are best-of-K and mean-of-K of the Chamfer distance and, if `eval.emd_tolerance`
-        is set, of the EMD, and `total_mutual_difference_radius2` if K > 1 (`prediction.sampling`).
-        `ConfigError` if the network has no random input.
-        """
-        config, sample = self.config, sampling.sampler(self.config, self.model, num_draws)
-
-        @jax.jit
-        def measure(points: Any, gt: Any) -> dict[str, Any]:
-            distances: dict[str, Any] = {"cd_sq_radius2": chamfer_sq_mean}
-            if (tolerance := config.eval.emd_tolerance) and points.shape[2] <= gt.shape[1]:
-                distances["emd_radius"] = lambda a, b: (
-                    metrics_lib.emd(a, b, tolerance=tolerance).emd
-                )
-
-            def one(draws: Any, gt: Any) -> dict[str, Any]:
-                return sampling.summarise_draws(draws, gt, distances)
-
-            metrics = map_pairs(one)(points, gt)
-            if num_draws > 1:
-                difference = jax.lax.map(sampling.total_mutual_difference, points)
-                metrics["total_mutual_difference_radius2"] = difference
-            return metrics
-
-        def run(params: Any, batch: Any, index: int) -> Any:
-            points, values = self.eval_step(params, batch, index)
-            drawn = sample(params, batch, config.seed, index * len(batch["image"]))
-            return points, {**values, **measure(drawn, batch["points"])}
-
-        return run
+        if draws and not self.config.model.random_size:
+            raise ConfigError(
+                f"draws={draws}: model.random_size=0, so this network gives one prediction per "
+                "image; accepted: a network trained with a random input, such as configs/mo2_cd.py"
+            )
+        task = Points(self.config, draws=draws) if draws else self
+        return evaluate_split(self.config, params, task.eval_step, **options)
 
     def picture(self, params: Any) -> np.ndarray:
         """A picture of the first evaluation samples: predictions beside true clouds."""

@@ -32,7 +32,7 @@ from psgn_jax.system.files import finite_or_none, write_atomic
 class NonFiniteError(UserError):
     """The loss or its gradient is not finite."""
 
-    exit_code = Exit.NOT_FINITE
+    exit_code = Exit.INCOMPLETE
 
 
 class TrainingLog:

@@ -12,7 +12,7 @@ import pathlib
 import signal
 import time
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -107,7 +107,12 @@ def train(config: Config, workdir: str | pathlib.Path) -> Outcome:
             logging.info("compiling, about %d s on two cores", 20 if stored else 30)
         state = put_replicated(state or _started(create, init), mesh)
         step = saved = start
-        _describe(task.title, state, sizes, mesh.size, workdir, start)
+        millions = sum(leaf.size for leaf in jax.tree.leaves(state.params)) / 1e6
+        samples = ", ".join(f"{n} samples in {split!r}" for split, n in sizes.items())
+        on = f"{mesh.size} {jax.default_backend()} device{'s' * (mesh.size > 1)}"
+        what = f"resuming at step {start}" if start else "starting"
+        message = "%s, %.2f M parameters, %s, %s; %s -> %s"
+        logging.info(message, task.title, millions, samples, on, what, workdir)
         if first:
             task.keep_sources()
             write_atomic(workdir / "config.json", to_json(config))
@@ -325,20 +330,3 @@ def _local(params: Any) -> Any:
     if jax.process_count() == 1:
         return params
     return jax.tree.map(lambda leaf: leaf.addressable_data(0), params)
-
-
-def _describe(
-    title: str,
-    state: TrainState,
-    sizes: Mapping[str, int],
-    devices: int,
-    workdir: pathlib.Path,
-    start: int,
-) -> None:
-    millions = sum(leaf.size for leaf in jax.tree.leaves(state.params)) / 1e6
-    data = ", ".join(f"{n} samples in {split!r}" for split, n in sizes.items())
-    on = f"{devices} {jax.default_backend()} device{'s' * (devices > 1)}"
-    what = f"resuming at step {start}" if start else "starting"
-    logging.info(
-        "%s, %.2f M parameters, %s, %s; %s -> %s", title, millions, data, on, what, workdir
-    )

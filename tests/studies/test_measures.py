@@ -9,7 +9,7 @@ from data_gen.surface import sample_surface
 from psgn_jax.config.experiment import parse
 from psgn_jax.evaluation.results import SampleName
 from psgn_jax.models.networks import build
-from psgn_jax.studies import ambiguity, branches, comparison, losses, mean_shape
+from psgn_jax.studies import ambiguity, branches, cd_and_emd, comparison, mean_shape
 from psgn_jax.studies.runner import Measured
 
 
@@ -17,11 +17,11 @@ def test_outliers_missed_and_uneven_points():
     gt = np.stack([np.linspace(0, 1, 101), np.zeros(101), np.zeros(101)], axis=1)
     pred = gt[0:51:10].copy()
     pred[0] += [0, 0, 0.3]
-    found = losses.measure_sample({"pred": pred, "points": gt})
+    found = cd_and_emd.measure_sample({"pred": pred, "points": gt})
     assert found["outliers"] == pytest.approx(1 / 6)
     assert found["missed"] == pytest.approx(40 / 101, abs=0.021)
     assert found["unevenness"] > 0.3
-    even = losses.measure_sample({"pred": gt[::10], "points": gt})
+    even = cd_and_emd.measure_sample({"pred": gt[::10], "points": gt})
     assert even["unevenness"] == pytest.approx(0, abs=1e-6)
 
 
