@@ -73,7 +73,7 @@ STUDIES: dict[str, tuple[str, Callable[[str], str]]] = {
     "ambiguity": ("ambiguity", _cabinets),
     "comparison": ("comparison", _views),
 }
-"""Name -> module in `psgn_jax.studies`; function from the study's folder to the default `--data`."""
+"""Name -> module in `psgn_jax.studies`; function from the study's folder to its default data."""
 
 _OPTIONS = ("seeds", "steps", "only", "eval_data", "measure")
 
