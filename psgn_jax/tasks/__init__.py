@@ -2,6 +2,7 @@
 
 import os
 import pathlib
+from collections.abc import Callable
 
 from psgn_jax.config.experiment import Config
 from psgn_jax.tasks.points import Points
@@ -9,7 +10,9 @@ from psgn_jax.tasks.refiner import Refiner
 from psgn_jax.tasks.task import Task
 from psgn_jax.tasks.voxels import Views, Volume
 
-TASKS = {"points": Points, "refiner": Refiner, "volume": Volume, "views": Views}
+TASKS: dict[str, Callable[[Config, pathlib.Path], Task]] = {
+    "points": Points, "refiner": Refiner, "volume": Volume, "views": Views,
+}  # fmt: skip
 
 
 def create(config: Config, workdir: str | os.PathLike[str] = "") -> Task:

@@ -14,7 +14,6 @@ from psgn_jax.data import loader
 from psgn_jax.evaluation import clouds as metrics_lib
 from psgn_jax.evaluation.aligned import aligned_metrics
 from psgn_jax.evaluation.results import Evaluation
-from psgn_jax.evaluation.split import evaluate_split
 from psgn_jax.losses.by_name import LossTerm, chosen_points, parse_terms, sum_of
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.losses.mapping import map_pairs
@@ -191,8 +190,9 @@ class Points(Task):
                 f"draws={draws}: model.random_size=0, so this network gives one prediction per "
                 "image; accepted: a network trained with a random input, such as configs/mo2_cd.py"
             )
-        task = Points(self.config, draws=draws) if draws else self
-        return evaluate_split(self.config, params, task.eval_step, **options)
+        if draws:
+            return Points(self.config, draws=draws).evaluate(params, **options)
+        return super().evaluate(params, **options)
 
     def picture(self, params: Any) -> np.ndarray:
         """A picture of the first evaluation samples: predictions beside true clouds."""
