@@ -7,7 +7,9 @@ import ml_collections
 import pytest
 from helpers.refusals import all_refused, check_message, refused
 
+from psgn_jax.commands import train
 from psgn_jax.commands.default_data import ensure_default_data
+from psgn_jax.config import files
 from psgn_jax.config.command_line import Flags
 from psgn_jax.config.experiment import (
     Config,
@@ -100,6 +102,13 @@ def test_the_last_one_of_repeated_flags_counts(arguments, field, value, capsys):
     assert flags.fields[-2:] == [f"model.{field}", "seed"]
     assert flags.run(lambda _: None, ["--config.model.posterior"]) == 2
     check_message(capsys.readouterr().err, "--config.model.posterior", "--config.FIELD=VALUE")
+
+
+def test_help_lists_configurations_and_fields(capsys):
+    assert train.main(["--help"]) == 0
+    text = capsys.readouterr().out
+    assert all(f"  {name} " in text for name in files.names())
+    assert all(f"--config.{name}=" in text for name in flatten(Config()))
 
 
 def test_settings_without_effect_are_refused_on_the_command_line():

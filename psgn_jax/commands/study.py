@@ -117,7 +117,7 @@ def _main(flags: Flags) -> None:
 
     workdir = values.workdir or f"runs/{name}"
     data = values.data or ""
-    own_data = bool(values.runs) and bool(load_config(values.runs[0]).data.path)
+    own_data = bool(values.runs) and bool(load_config(values.runs[0], "runs").data.path)
     if not data and not own_data:
         try:
             data = default_data(workdir)

@@ -319,7 +319,7 @@ def _evaluated(run: Run, metric: str) -> dict[int, float]:
 
 def _finished_runs(folders: Sequence[str], data: str) -> list[Run]:
     """Finished runs, to be evaluated on `data` or on the data of the first run."""
-    configs = [load_config(folder) for folder in folders]
+    configs = [load_config(folder, "runs") for folder in folders]
     names = ("path", "eval_path", "eval_split", "num_eval_points")
     same = {f"data.{name}": getattr(configs[0].data, name) for name in names}
     same |= {"data.path": data, "data.eval_path": ""} if data else {}
