@@ -102,10 +102,10 @@ def train(config: Config, workdir: str | pathlib.Path) -> Outcome:
         stack.callback(checkpoints.close)
         init = None if stored else initial()
         began, start = time.monotonic(), stored.step if stored else 0
-        state = _resumed(config, create, stored, workdir) if stored else None
+        resumed = _resumed(config, create, stored, workdir) if stored else None
         if start < plan.steps:
             logging.info("compiling, about %d s on two cores", 20 if stored else 30)
-        state = put_replicated(state or _started(create, init), mesh)
+        state: TrainState = put_replicated(resumed or _started(create, init), mesh)
         step = saved = start
         millions = sum(leaf.size for leaf in jax.tree.leaves(state.params)) / 1e6
         samples = ", ".join(f"{n} samples in {split!r}" for split, n in sizes.items())
