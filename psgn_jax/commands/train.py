@@ -62,10 +62,12 @@ def _main(flags: Flags) -> int:
     import jax
 
     from psgn_jax.commands.default_data import ensure_default_data
+    from psgn_jax.models.networks import build
     from psgn_jax.training.loop import train
     from psgn_jax.weights.opening import check_initial
 
-    # A wrong `train.init` is reported before the default data set is rendered.
+    # A wrong network or `train.init` is reported before the default data set is rendered.
+    build(config.model)
     if config.train.init and not pathlib.Path(workdir, "checkpoints").exists():
         check_initial(config)
     with joined(values, config.train.batch_size):
