@@ -43,7 +43,7 @@ CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "d
 class ModelConfig:
     """The network (paper, section "Point Set Prediction Network"); defaults: the published one."""
 
-    name: str = "two_branch"  # a name in `models.networks.NETWORKS`
+    name: str = "two_branch"  # or "vanilla", "hourglass": a name in `models.networks.NETWORKS`
     # Feature maps at each resolution level, full size first; each level halves the size.
     widths: tuple[Size, ...] = (16, 32, 64, 128, 256, 512, 512)
     # Number of points of the fully connected (fc) branch; with `vanilla`, of the cloud.
