@@ -51,14 +51,9 @@ def _cabinets(workdir: str) -> str:
 
 def _views(_: str) -> str:
     """Five views each of 40 procedural models per category, rendered into the cache folder."""
-    from data_gen import default, engine, settings
+    from data_gen import default, settings
     from psgn_jax.config.data import DEFAULT_DATA
 
-    if not engine.has_mitsuba():
-        raise ConfigError(
-            "without --data, views of procedural models are rendered, which needs Mitsuba: "
-            "pip install 'psgn-jax[render]'"
-        )
     folder = cache_folder() / f"{DEFAULT_DATA}-views-5"
     options = settings.Settings(views=5, models_per_shard=64)
     return default.build(folder, models_per_category=40, options=options)
@@ -122,7 +117,7 @@ def _main(flags: Flags) -> None:
         try:
             data = default_data(workdir)
         except (RuntimeError, ValueError) as error:
-            raise ConfigError(f"the study's data set: {error}") from error
+            raise ConfigError(f"without --data, we render the study's data: {error}") from error
     study = importlib.import_module(f"psgn_jax.studies.{module}").STUDY
     options = {option: values[option].value for option in _OPTIONS}
     sys.stdout.write(run(study, workdir, data=data, finished=values.runs, **options))

@@ -38,7 +38,6 @@ def test_a_complete_one_is_taken_as_it_is(cache, monkeypatch, caplog):
         folder.mkdir()  # fails if it is called again
         save_manifest(folder, Manifest("procedural", True, ()))
 
-    monkeypatch.setattr(engine, "has_mitsuba", lambda: True)
     monkeypatch.setattr(recipe, "build", build)
     first = default_data.default_dataset()
     assert default_data.default_dataset() == first == str(cache / DEFAULT_DATA)
