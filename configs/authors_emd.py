@@ -18,11 +18,11 @@ On two CPU cores, train the half-size network, at .25 to .5 s per step (docs/ben
 
 import ml_collections
 
-from psgn_jax.config import recipes as config_files
+from psgn_jax.config import files
 
 
 def get_config() -> ml_collections.ConfigDict:
-    config = config_files.load("authors")
+    config = files.load("authors")
     config.data.num_points = 1024
     config.loss.name = "emd_mean"
     return config

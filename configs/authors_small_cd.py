@@ -11,10 +11,10 @@ Expect: cd_sq_radius2 of .0105 and emd_radius of .309 on the validation split, a
 
 import ml_collections
 
-from psgn_jax.config import recipes as config_files
+from psgn_jax.config import files
 
 
 def get_config() -> ml_collections.ConfigDict:
-    config = config_files.load("authors_small")
+    config = files.load("authors_small")
     config.loss.name = "chamfer_sq_mean"
     return config

@@ -1,7 +1,7 @@
 """Five minutes of further training on your own data, starting from trained weights.
 
 Command: python data_gen/render.py --catalogue=folder --source=my_meshes --out=records/mine
-         python -m psgn_jax.main --config=configs/finetune.py --workdir=runs/mine
+         python -m psgn_jax.main --config=configs/finetune.py --workdir=runs/tuned
              --config.data.path=records/mine --config.train.init=WEIGHTS
 Hardware: two CPU cores.
 Time: 4 min 46 s of CPU time on one core.
@@ -16,11 +16,11 @@ two fifths of that of `pretrained.py`, because the network is already trained.
 
 import ml_collections
 
-from psgn_jax.config import recipes as config_files
+from psgn_jax.config import files
 
 
 def get_config() -> ml_collections.ConfigDict:
-    config = config_files.load("pretrained")
+    config = files.load("pretrained")
     config.data.path = ""
     config.data.eval_path = ""
     config.train.init = "WEIGHTS"  # no such file: it must be given

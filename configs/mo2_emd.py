@@ -14,11 +14,11 @@ smaller one is the loss (MoN with n = 2). The paper gives neither the size of r 
 
 import ml_collections
 
-from psgn_jax.config import recipes as config_files
+from psgn_jax.config import files
 
 
 def get_config() -> ml_collections.ConfigDict:
-    config = config_files.load("mo2_cd")
+    config = files.load("mo2_cd")
     config.loss.name = "emd_sum"
     config.data.num_points = 1024
     return config

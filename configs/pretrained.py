@@ -31,7 +31,7 @@ stay plausible.
 
 import ml_collections
 
-from psgn_jax.config import recipes as config_files
+from psgn_jax.config import files
 
 DATA = (
     "records/free/furniture",
@@ -48,7 +48,7 @@ DATA = (
 
 
 def get_config() -> ml_collections.ConfigDict:
-    config = config_files.load("authors_small")
+    config = files.load("authors_small")
     config.data.path = ",".join(DATA)
     config.data.eval_path = "records/free/furniture,records/free/collections"
     config.data.stretch = 0.3

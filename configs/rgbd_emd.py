@@ -15,10 +15,10 @@ Source: paper, section "3D Shape Completion from RGBD Images", which gives no se
 
 import ml_collections
 
-from psgn_jax.config import recipes as config_files
+from psgn_jax.config import files
 
 
 def get_config() -> ml_collections.ConfigDict:
-    config = config_files.load("authors_emd")
+    config = files.load("authors_emd")
     config.data.inputs = ("rgb", "mask", "depth")
     return config

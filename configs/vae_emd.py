@@ -13,11 +13,11 @@ same 1,024 points.
 
 import ml_collections
 
-from psgn_jax.config import recipes as config_files
+from psgn_jax.config import files
 
 
 def get_config() -> ml_collections.ConfigDict:
-    config = config_files.load("vae_cd")
+    config = files.load("vae_cd")
     config.loss.name = "emd_sum"
     config.loss.kl_weight = 1.0
     config.data.num_points = 1024

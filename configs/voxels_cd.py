@@ -13,11 +13,11 @@ train `configs/voxels_volume.py` and pass --config.voxels.from_volume=runs/voxel
 
 import ml_collections
 
-from psgn_jax.config import recipes as config_files
+from psgn_jax.config import files
 
 
 def get_config() -> ml_collections.ConfigDict:
-    config = config_files.load("voxels_volume")
+    config = files.load("voxels_volume")
     config.task = "refiner"
     config.voxels.from_cd = "runs/cd"
     config.optim.learning_rate = 1e-3

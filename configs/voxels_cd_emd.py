@@ -13,11 +13,11 @@ the predicted size of the object: --config.voxels.from_volume="".
 
 import ml_collections
 
-from psgn_jax.config import recipes as config_files
+from psgn_jax.config import files
 
 
 def get_config() -> ml_collections.ConfigDict:
-    config = config_files.load("voxels_cd")
+    config = files.load("voxels_cd")
     config.voxels.from_emd = "runs/emd"
     config.voxels.from_volume = "runs/voxels_volume"
     return config

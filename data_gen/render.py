@@ -134,9 +134,6 @@ def _details() -> Iterator[str]:
         if isinstance(section, dict):
             kind = type(getattr(settings.Settings(), name))
             yield from _documented(f"--config.{name}", kind)
-    yield "\nDefaults of the settings"
-    for name, value in structured.flatten(settings.Settings()).items():
-        yield f"  --config.{name}=" + (f"'{value}'" if isinstance(value, tuple) else str(value))
 
 
 def _documented(title: str, kind: Any) -> Iterator[str]:

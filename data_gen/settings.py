@@ -1,7 +1,7 @@
 """Settings of the renderer: frozen dataclasses, from nested mappings by `parse`."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from data_gen.cameras import CameraSettings, Range
@@ -126,39 +126,31 @@ class Settings:
     job: JobSettings = dataclasses.field(default_factory=JobSettings)
 
     def __post_init__(self) -> None:
-        """Refuses settings that have no effect, by `EFFECTS`."""
-        if self.light.source == "folder" and not self.light.folder:
-            raise ValueError("light.folder: got '', expected a folder of .hdr and .exr files")
-        for names, condition, needed in EFFECTS:
-            if condition(self):
-                continue
-            for name in names:
-                section, _, field = name.partition(".")
-                own = getattr(self, section)
-                value, default = getattr(own, field), getattr(type(own)(), field)
-                if value != default:
-                    got = f"got {value!r}, expected {default!r}"
-                    raise ValueError(f"{name}: it has no effect without {needed}; {got}")
-        if self.image.background == "surroundings" and self.image.shading != "photo":
-            raise ValueError("image.background='surroundings': it needs image.shading=photo")
+        """Refuses settings that contradict each other or, by `EFFECTS`, have no effect."""
+        local, image, light = self.image.shading == "local", self.image, self.light
+        structured.check_used(self, EFFECTS)
+        structured.check_rules(self, [
+            ("light.folder", light.source == "folder" and not light.folder,
+             "a folder of .hdr and .exr files"),
+            ("image.background", image.background == "surroundings" and local,
+             "'grey' with image.shading='local'"),
+        ])  # fmt: skip
 
 
-EFFECTS: tuple[tuple[Sequence[str], Callable[[Settings], bool], str], ...] = (
-    (["image.rays", "image.ground",
-      *(f"film.{f.name}" for f in dataclasses.fields(FilmSettings))],
-     lambda s: s.image.shading == "photo", "image.shading=photo"),
-    (["image.samples", "image.soft_edges", "light.count", "light.ambient", "light.exposure",
-      "light.saturation", "light.darkest"], lambda s: s.image.shading == "local",
-     "image.shading=local"),
-    (["image.soft_edges"], lambda s: s.image.samples > 0, "image.samples"),
-    (["image.ground"], lambda s: s.image.background == "surroundings",
-     "image.background=surroundings"),
-    (["light.folder"], lambda s: s.light.source in ("folder", "mixed"),
-     "light.source=folder or mixed"),
-    (["camera.keep_size"], lambda s: s.camera.focal != (400.0, 400.0),
-     "another camera.focal than 400"),
+EFFECTS: tuple[structured.Need, ...] = (
+    ("image.shading='photo'", lambda s: s.image.shading == "photo",
+     ("image.rays", "image.ground", *(f"film.{f.name}" for f in dataclasses.fields(FilmSettings)))),
+    ("image.shading='local'", lambda s: s.image.shading == "local",
+     ("image.samples", "image.soft_edges", "light.count", "light.ambient", "light.exposure",
+      "light.saturation", "light.darkest")),
+    ("image.samples > 0", lambda s: s.image.samples > 0, ("image.soft_edges",)),
+    ("image.background='surroundings'", lambda s: s.image.background == "surroundings",
+     ("image.ground",)),
+    ("light.source is 'folder' or 'mixed'", lambda s: s.light.source in ("folder", "mixed"),
+     ("light.folder",)),
+    ("camera.focal differs from 400", lambda s: s.camera.focal != (400.0, 400.0),
+     ("camera.keep_size",)),
 )  # fmt: skip
-"""Settings with an effect under a condition only: names, condition, and its text."""
 
 
 # As in photographs taken by hand: lenses of 28 to 105 mm on 35 mm film, many elevations, a slight

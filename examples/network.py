@@ -1,8 +1,8 @@
 """A network that predicts clouds: a perceptron on an image of a few pixels.
 
 In the package: a class of the kind `CloudNetwork` in `psgn_jax/models/`; its line in `NETWORKS` of
-`psgn_jax/models/networks.py`; its name in `Version` of `psgn_jax/config/experiment.py`, its fields
-in `ModelConfig` there, and in `_check_together` what it needs (`deconv`, if it has no such branch)
+`psgn_jax/models/networks.py`; its own fields, if any, in `ModelConfig` of
+`psgn_jax/config/experiment.py`
 """
 
 import jax

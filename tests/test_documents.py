@@ -11,7 +11,8 @@ from helpers.commands import ROOT, run
 import psgn_jax
 from psgn_jax import losses
 from psgn_jax.commands import psgn, study
-from psgn_jax.config import Config, recipes
+from psgn_jax.config import Config
+from psgn_jax.config.files import path_of
 from psgn_jax.config.structured import flatten
 
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
@@ -64,7 +65,7 @@ def test_commands_and_their_flags_exist():
             if flag.startswith("--") and flag not in known:
                 wrong.append(f"{page}: psgn {line}: no flag {flag}")
             if flag == "--config" and name == "train":
-                recipes.path_of(value)
+                path_of(value)
     assert not wrong, "\n".join(wrong)
 
 

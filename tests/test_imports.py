@@ -3,6 +3,7 @@
 import ast
 import functools
 import os
+import re
 import sys
 
 from helpers.commands import ROOT, python, run

@@ -47,16 +47,11 @@ def default_dataset() -> str:
       ConfigError: the data set does not exist and cannot be rendered.
       UserError: the cache folder cannot be written.
     """
-    from data_gen import default, engine  # imports the loader and the renderer
+    from data_gen import default  # imports the loader and the renderer
 
     folder = cache_folder() / DEFAULT_DATA
     if _is_complete(folder):
         return str(folder)
-    if not engine.has_mitsuba():
-        raise ConfigError(
-            "data.path is empty, and rendering the default data set needs Mitsuba: "
-            "pip install 'psgn-jax[render]'; or set data.path to a folder of records"
-        )
     check_folder(folder.parent, "PSGN_CACHE")
     lock = folder.with_name(f".{DEFAULT_DATA}.lock")
     with locked(lock, waiting="waiting for another process that renders the default data set"):
@@ -71,7 +66,9 @@ def default_dataset() -> str:
             try:
                 default.build(folder)
             except (RuntimeError, ValueError) as error:
-                raise ConfigError(f"the default data set could not be rendered: {error}") from error
+                raise ConfigError(
+                    f"data.path is empty, and the default data set cannot be rendered: {error}"
+                ) from error
     return str(folder)
 
 

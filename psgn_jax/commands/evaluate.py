@@ -50,7 +50,7 @@ def open_with_records(
     if data is not None:
         named = dataclasses.replace(config.data, path=data, eval_path="")
         config = dataclasses.replace(config, data=named)
-    check_paths(config, training=training)
+    check_paths(config, training=training, hint="--data names others")
     ensure_default_data(config, training=training)
     return run._replace(config=config)
 
@@ -112,8 +112,8 @@ def _main(flags: Flags) -> None:
     if values.report is not None:
         check_folder(values.report, "--report")
     options: dict[str, Any] = {n: values[n].value for n in _OPTIONS}
-    # Draws and baselines are computed outside `shard_map`, where oneDNN needs a single device.
-    batch_size = 1 if values.baselines or values.draws else EvalConfig().batch_size
+    # Baselines are computed outside `shard_map`, where oneDNN needs a single device.
+    batch_size = 1 if values.baselines else EvalConfig().batch_size
     with joined(values, batch_size) as first:
         if values.report and distributed.index_and_count()[1] > 1:
             raise ConfigError(f"--report={values.report}: accepted only with one process")

@@ -51,29 +51,26 @@ def _cabinets(workdir: str) -> str:
 
 def _views(_: str) -> str:
     """Five views each of 40 procedural models per category, rendered into the cache folder."""
-    from data_gen import default, engine, settings
+    from data_gen import default, settings
     from psgn_jax.config.data import DEFAULT_DATA
 
-    if not engine.has_mitsuba():
-        raise ConfigError(
-            "without --data, views of procedural models are rendered, which needs Mitsuba: "
-            "pip install 'psgn-jax[render]'"
-        )
     folder = cache_folder() / f"{DEFAULT_DATA}-views-5"
     options = settings.Settings(views=5, models_per_shard=64)
     return default.build(folder, models_per_category=40, options=options)
 
 
-STUDIES: dict[str, Callable[[str], str]] = {
-    "mean_shape": lambda _: "",
-    "networks": _usual,
-    "branches": _usual,
-    "losses": _usual,
-    "completion": _usual,
-    "ambiguity": _cabinets,
-    "comparison": _views,
+STUDIES: dict[str, tuple[str, Callable[[str], str]]] = {
+    "mean_shape": ("mean_shape", lambda _: ""),
+    "networks": ("architectures", _usual),
+    "branches": ("branches", _usual),
+    "losses": ("cd_and_emd", _usual),
+    "completion": ("completion", _usual),
+    "ambiguity": ("ambiguity", _cabinets),
+    "comparison": ("comparison", _views),
 }
-"""Name -> function from the study's folder to the default of `--data`."""
+"""Name -> module in `psgn_jax.studies`; function from the study's folder to its default data."""
+
+_OPTIONS = ("seeds", "steps", "only", "eval_data", "measure")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -107,6 +104,7 @@ def _main(flags: Flags) -> None:
         raise ConfigError(f"--measure={','.join(values.measure)}: not accepted by {name}")
     if values.runs and values.eval_data:
         raise ConfigError(f"--eval_data={values.eval_data}: with --runs, give --data instead")
+    module, default_data = STUDIES[name]
     keep_compiled()
     keep_freed_memory()
     from psgn_jax.studies.runner import run
@@ -114,21 +112,12 @@ def _main(flags: Flags) -> None:
 
     workdir = values.workdir or f"runs/{name}"
     data = values.data or ""
-    own_data = bool(values.runs) and bool(load_config(values.runs[0]).data.path)
+    own_data = bool(values.runs) and bool(load_config(values.runs[0], "runs").data.path)
     if not data and not own_data:
         try:
-            data = STUDIES[name](workdir)
+            data = default_data(workdir)
         except (RuntimeError, ValueError) as error:
-            raise ConfigError(f"the study's data set: {error}") from error
-    text = run(
-        importlib.import_module(f"psgn_jax.studies.{name}").STUDY,
-        workdir,
-        data=data,
-        seeds=values.seeds,
-        steps=values.steps,
-        only=values.only,
-        finished=values.runs,
-        eval_data=values.eval_data,
-        measure=values.measure,
-    )
-    sys.stdout.write(text)
+            raise ConfigError(f"without --data, we render the study's data: {error}") from error
+    study = importlib.import_module(f"psgn_jax.studies.{module}").STUDY
+    options = {option: values[option].value for option in _OPTIONS}
+    sys.stdout.write(run(study, workdir, data=data, finished=values.runs, **options))

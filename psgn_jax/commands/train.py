@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from psgn_jax.commands.common import define_process_flags, joined, keep_compiled
 from psgn_jax.config.command_line import HELP, Flags
 from psgn_jax.config.experiment import Config, check_paths, check_used, parse
-from psgn_jax.config.recipes import descriptions, path_of
+from psgn_jax.config.files import descriptions, path_of
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.system.cpu import keep_freed_memory
 from psgn_jax.system.errors import Exit
@@ -28,16 +28,19 @@ from psgn_jax.system.files import check_folder
 def main(argv: Sequence[str] | None = None) -> int:
     argv = list(sys.argv[1:] if argv is None else argv)
     if not any(each.partition("=")[0] in {"--config", "-config", *HELP} for each in argv):
-        lines = "".join(f"  {name:20} {what}\n" for name, what in descriptions().items())
-        sys.stderr.write(f"error: --config is missing: a file, or one of these names\n{lines}")
+        sys.stderr.write(f"error: --config is missing: a file, or one of these names\n{_names()}\n")
         return Exit.ERROR
-    flags = Flags("psgn train --config=FILE|NAME", __doc__)
+    flags = Flags("psgn train --config=FILE|NAME", __doc__, lambda: f"\nConfigurations\n{_names()}")
     flags.config(Config(), path_of)
     flags.string(
         "workdir", None, "Folder of the run; default: runs/<name of the configuration file>."
     )
     define_process_flags(flags)
     return flags.run(_main, argv)
+
+
+def _names() -> str:
+    return "\n".join(f"  {name:20} {what}" for name, what in descriptions().items())
 
 
 def _main(flags: Flags) -> int:
@@ -59,10 +62,12 @@ def _main(flags: Flags) -> int:
     import jax
 
     from psgn_jax.commands.default_data import ensure_default_data
+    from psgn_jax.models.networks import build
     from psgn_jax.training.loop import train
     from psgn_jax.weights.opening import check_initial
 
-    # A wrong `train.init` is reported before the default data set is rendered.
+    # A wrong network or `train.init` is reported before the default data set is rendered.
+    build(config.model)
     if config.train.init and not pathlib.Path(workdir, "checkpoints").exists():
         check_initial(config)
     with joined(values, config.train.batch_size):

@@ -1,4 +1,4 @@
-"""The configuration: dataclasses, parsing, named recipes."""
+"""The configuration: dataclasses, parsing, named files."""
 
 from psgn_jax.config.experiment import Config, ConfigError, parse, to_dict
 

@@ -11,6 +11,7 @@ import functools
 import pathlib
 import re
 import runpy
+import shlex
 import sys
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
@@ -159,7 +160,12 @@ class Flags:
                     f"--{shown}: {text}", 100, initial_indent="  ", subsequent_indent=" " * 6
                 )
             )
-        return "\n".join([*lines, self._details()]).rstrip() + "\n"
+        lines.append(self._details())
+        if self._config is not None:
+            fields = flatten(self._config[0]).items()
+            lines += ["", "Fields with their defaults"]
+            lines += [f"  --config.{name}={shlex.quote(str(value))}" for name, value in fields]
+        return "\n".join(lines).rstrip() + "\n"
 
 
 _BOOLEANS = {"true": True, "t": True, "1": True, "false": False, "f": False, "0": False}

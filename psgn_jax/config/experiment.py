@@ -10,9 +10,10 @@ import json
 import os
 import pathlib
 import types
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal
 
+from psgn_jax.config import structured
 from psgn_jax.config.data import DERIVED, DataConfig
 from psgn_jax.config.structured import (
     Bounds,
@@ -24,9 +25,7 @@ from psgn_jax.config.structured import (
     PositiveInt,
     Size,
     build,
-    flatten,
     to_dict,
-    wrong,
 )
 from psgn_jax.system.untrusted import parse_json, with_checksum, without_checksum
 
@@ -34,7 +33,6 @@ from psgn_jax.system.untrusted import parse_json, with_checksum, without_checksu
 Decay = Annotated[float, Bounds(low=0, high=1, open_high=True)]
 Factor = Annotated[float, Bounds(low=0, high=100, open_low=True)]
 Task = Literal["points", "refiner", "volume", "views"]
-Version = Literal["vanilla", "two_branch", "hourglass"]
 
 
 CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 2})
@@ -45,7 +43,7 @@ CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "d
 class ModelConfig:
     """The network (paper, section "Point Set Prediction Network"); defaults: the published one."""
 
-    name: Version = "two_branch"  # see `models.point_out_net`
+    name: str = "two_branch"  # or "vanilla", "hourglass": a name in `models.networks.NETWORKS`
     # Feature maps at each resolution level, full size first; each level halves the size.
     widths: tuple[Size, ...] = (16, 32, 64, 128, 256, 512, 512)
     # Number of points of the fully connected (fc) branch; with `vanilla`, of the cloud.
@@ -160,7 +158,7 @@ class EvalConfig:
     # units (`data.visibility`); 0, or records without depth: no metrics of visible points.
     visible_tolerance: Annotated[float, Bounds(low=0, high=0.1)] = 0.025
     # Whether training, too, measures the distances after the best scale and shift of each cloud
-    # (`evaluation.aligned`, about 35 ms of a CPU core per sample). `psgn evaluate` always does.
+    # (`evaluation.aligned`, with a second EMD). `psgn evaluate` always does.
     aligned: bool = False
     # Whether to measure the clouds of `psgn predict`: averaged with the mirror image's cloud and
     # fitted to the mask (`prediction.refine`); with a random input, the cloud of r = 0
@@ -238,7 +236,7 @@ def parse(config: Any) -> Config:
 
 
 _LOSS = tuple(f"loss.{field.name}" for field in dataclasses.fields(LossConfig))
-_NEEDS: tuple[tuple[str, Callable[[Config], object], tuple[str, ...]], ...] = (
+_NEEDS: tuple[structured.Need, ...] = (
     ("task='points'", lambda config: config.task == "points",
      ("model.posterior", "model.random_size", "eval.aligned", *_LOSS)),
     ("model.random_size > 0", lambda config: config.model.random_size, ("model.random_at",)),
@@ -253,19 +251,14 @@ _NEEDS: tuple[tuple[str, Callable[[Config], object], tuple[str, ...]], ...] = (
     ("task='views'", lambda config: config.task == "views",
      ("voxels.width_multiplier", "voxels.max_views", "voxels.eval_views")),
 )  # fmt: skip
-"""Rows of: a condition as text, its test, and the fields that are read only under it."""
 
 
 def check_used(config: Config, names: Iterable[str]) -> None:
     """Raises `ConfigError` if a field in `names` was changed but has no effect."""
-    values, defaults, asked = flatten(config), flatten(Config()), set(names)
-    for needed, is_there, paths in _NEEDS:
-        for path in paths if not is_there(config) else ():
-            if path in asked and values[path] != defaults[path]:
-                raise wrong(path, values[path], f"{defaults[path]!r} unless {needed}")
+    structured.check_used(config, _NEEDS, set(names))
 
 
-def check_paths(config: Config, *, training: bool = True) -> None:
+def check_paths(config: Config, *, training: bool = True, hint: str = "") -> None:
     """Raises `ConfigError` if a folder for evaluation, or for `training` too, is missing."""
     data, named = config.data, []
     if data.path and (training or not data.eval_path):
@@ -278,7 +271,7 @@ def check_paths(config: Config, *, training: bool = True) -> None:
                 what = "is not a folder" if os.path.exists(path) else "does not exist"
                 raise ConfigError(
                     f"data.{name}={path!r} {what}; accepted: folders of records, separated by "
-                    f"commas, or '' for {empty}"
+                    f"commas, or '' for {empty}{hint and f'; {hint}'}"
                 )
 
 
@@ -305,12 +298,12 @@ def _check_together(config: Config) -> None:
     """Checks of several fields, and checks that annotations cannot express."""
     data, model, loss, voxels = config.data, config.model, config.loss, config.voxels
     task, steps, deepest = config.task, config.train.steps, len(model.widths) - 2
-    levels, deconv = f"(model.widths has {deepest + 2} levels)", model.name != "vanilla"
+    levels = f"(model.widths has {deepest + 2} levels)"
+    deconv = model.name in ("two_branch", "hourglass")
     on_volumes, views, counts = task != "points", task == "views", voxels.eval_views
     # Smaller images would consist mostly of padding (to multiples of the divisor).
     smallest = max(8, model.divisor // 2)
-    # Rows of: field, whether it is wrong, what is accepted.
-    rules: list[tuple[str, object, str]] = [
+    structured.check_rules(config, [
         ("data.inputs", len(set(data.inputs)) < len(data.inputs) or "rgb" not in data.inputs,
          "'rgb' and any of 'mask', 'depth', each once"),
         ("model.widths", len(model.widths) < 2, "at least two resolution levels"),
@@ -321,8 +314,8 @@ def _check_together(config: Config) -> None:
          "at least one width, such as (1024,)"),
         ("model.deconv_level", deconv and model.deconv_level > deepest, f"0 to {deepest} {levels}"),
         ("model.deconv_channels", deconv and model.deconv_channels % 3, "a multiple of 3"),
-        ("model.fc_points", not deconv and not model.fc_points,
-         f"at least 1 (all the points of {model.name!r})"),
+        ("model.fc_points", model.name == "vanilla" and not model.fc_points,
+         "at least 1 (all the points of 'vanilla')"),
         ("loss.min_of_n", loss.min_of_n > 1 and not model.random_size,
          "1, since without a random input (model.random_size=0) all draws are equal"),
         ("model.random_size", model.posterior and not model.random_size,
@@ -354,11 +347,7 @@ def _check_together(config: Config) -> None:
         ("data.shift", views and data.shift, "0 with task='views'"),
         ("voxels.eval_views", views and (not counts or len(set(counts)) < len(counts)),
          "numbers of views, each once"),
-    ]  # fmt: skip
-    for path, is_wrong, accepted in rules:
-        if is_wrong:
-            section, _, field = path.partition(".")
-            raise wrong(path, getattr(getattr(config, section), field), accepted)
+    ])  # fmt: skip
 
 
 def require_points_task(config: Config, what: str) -> None:

@@ -11,7 +11,7 @@ import difflib
 import math
 import sys
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 from psgn_jax.system.errors import UserError
@@ -73,6 +73,10 @@ Positive = Annotated[float, Bounds(low=0, open_low=True)]
 Fraction = Annotated[float, Bounds(low=0, high=1)]
 
 
+Need = tuple[str, Callable[[Any], object], Sequence[str]]
+"""A condition as text, its test, and the fields that are read only under it."""
+
+
 def build(cls: type[T], node: Any, prefix: str = "") -> T:
     """Builds a dataclass from an `ml_collections.ConfigDict` or a mapping; lists count as tuples.
 
@@ -120,9 +124,38 @@ def flatten(config: Any) -> dict[str, Any]:
     return walk(to_dict(config), "")
 
 
-def suggestion(name: str, choices: typing.Iterable[str]) -> str:
-    """`"did you mean 'x'? "` if one of `choices` is similar to `name`, else ""."""
-    near = difflib.get_close_matches(name, list(choices), n=1)
+def check_used(config: Any, needs: Sequence[Need], names: Iterable[str] | None = None) -> None:
+    """Raises `ConfigError` if a field was changed (one of `names`, if given) but has no effect."""
+    for needed, is_there, paths in needs:
+        for path in () if is_there(config) else paths:
+            section, _, field = path.partition(".")
+            own = getattr(config, section)
+            value, default = getattr(own, field), getattr(type(own)(), field)
+            if value != default and (names is None or path in names):
+                raise wrong(path, value, f"{default!r} unless {needed}")
+
+
+def check_rules(config: Any, rules: Iterable[tuple[str, object, str]]) -> None:
+    """Raises `ConfigError` for the first rule (field, whether it is wrong, accepted) that is."""
+    for path, is_wrong, accepted in rules:
+        if is_wrong:
+            section, _, field = path.partition(".")
+            raise wrong(path, getattr(getattr(config, section), field), accepted)
+
+
+def suggestion(name: str, choices: Iterable[str]) -> str:
+    """`"did you mean 'x'? "` if one of `choices` is similar to `name`, else "".
+
+    Of dotted names, the last parts must be similar; "lr" is similar to "learning_rate".
+    """
+    section, _, last = name.rpartition(".")
+    ends = {choice: choice.rpartition(".")[2] for choice in choices}
+    short = {c: "".join(word[:1] for word in end.split("_")) for c, end in ends.items()}
+    near = [c for c, end in ends.items() if last in (end, short[c] if "_" in end else end)]
+    if not near:
+        similar = difflib.get_close_matches(last, ends.values(), n=1)
+        near = [c for c, end in ends.items() if end in similar]
+    near.sort(key=lambda choice: choice.rpartition(".")[0] != section)
     return f"did you mean {near[0]!r}? " if near else ""
 
 

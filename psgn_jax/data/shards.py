@@ -159,7 +159,7 @@ class Progress:
     @property
     def exit_code(self) -> int:
         if not self.complete:
-            return Exit.UNFINISHED
+            return Exit.INCOMPLETE
         if not self.samples:
             return Exit.ERROR
         return Exit.DONE if set(self.statuses) == {"ok"} else Exit.PARTLY

@@ -163,7 +163,7 @@ def evaluate_pair(
     Args:
       visible: which points of gt the depth image shows; adds the metrics of `by_visibility`.
       threshold: largest distance of a correct point, in the unit of the coordinates, > 0.
-      emd_tolerance: adds `emd` with this relative error; 2 to 3 ms at 1 % and n = 1,024.
+      emd_tolerance: adds `emd` with this relative error; 2 to 3 ms of a core for n = 1,024 and 1 %.
 
     Returns:
       the metrics of `METRICS` that have a function, with units in their names (`radius2`: unit^2).

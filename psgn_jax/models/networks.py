@@ -12,6 +12,7 @@ from flax import linen as nn
 
 from psgn_jax.array_types import Array, Bool, Float, PRNGKey, UInt8
 from psgn_jax.config.experiment import Config, ModelConfig, VoxelConfig
+from psgn_jax.config.structured import suggestion, wrong
 from psgn_jax.data.camera import DISTANCE
 from psgn_jax.data.schema import BACKGROUND_GREY
 from psgn_jax.models import posterior, recurrent, volumes
@@ -25,6 +26,10 @@ _INIT, _TRAIN_RANDOM, _EVAL_RANDOM, _INIT_POSTERIOR = 0, 1, 2, 3
 
 
 def build(config: ModelConfig) -> CloudNetwork:
+    """The network that predicts clouds; `ConfigError` for an unknown `model.name`."""
+    if config.name not in NETWORKS:
+        accepted = ", ".join(map(repr, NETWORKS))
+        raise wrong("model.name", config.name, accepted, suggestion(config.name, NETWORKS))
     return NETWORKS[config.name](config)
 
 

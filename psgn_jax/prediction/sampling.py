@@ -6,19 +6,16 @@ Multiple Plausible Shapes").
 """
 
 import functools
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from flax import linen as nn
 
 from psgn_jax.array_types import Array, Float
-from psgn_jax.config.experiment import Config, ConfigError
+from psgn_jax.config.experiment import Config
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.losses.mapping import map_pairs
-from psgn_jax.models import networks
 from psgn_jax.models.networks import random_key
 
 Distance = Callable[[Array, Array], Array]
@@ -111,36 +108,3 @@ def image_latents(
     rng = np.random.default_rng(seed & 0xFFFFFFFF)
     draws = rng.standard_normal((num_draws, config.model.random_size), np.float32)
     return np.tile(np.pad(draws, ((1, 0), (0, 0))), (batch_size, 1, 1))
-
-
-@functools.lru_cache(maxsize=8)
-def sampler(
-    config: Config, model: nn.Module, num_draws: int
-) -> Callable[[Any, Mapping[str, Any], Any, Any], Float[Array, "b k n 3"]]:
-    """Compiled `(params, batch, seed, first) -> points`: K predictions for each image of a batch.
-
-    Points with the same index correspond, because a small change of the random input moves a point
-    only a little. `batch` is as for `networks.predict`; `first` is the number of samples in
-    earlier batches. The encoder runs once per image.
-
-    Raises:
-      ConfigError: the network has no random input.
-    """
-    if not config.model.random_size:
-        raise ConfigError(
-            "model.random_size=0: this network gives one prediction per image; accepted: a network "
-            "trained with a random input, such as configs/mo2_cd.py"
-        )
-
-    @jax.jit
-    def of_batch(params: Any, batch: Mapping[str, Any], seed: Array, first: Array) -> Any:
-        r = sample_latents(config, first, len(batch["image"]), num_draws, seed)
-        return networks.predict(config, model, params, batch, r)
-
-    keys = [key for key in networks.input_keys(config) if key != "points"]
-
-    def run(params: Any, batch: Mapping[str, Any], seed: Any, first: Any) -> Any:
-        values = {k: batch[k] for k in keys}
-        return of_batch(params, values, np.uint32(seed & 0xFFFFFFFF), np.int32(first))
-
-    return run

@@ -62,7 +62,8 @@ class SurfaceError(UserError):
 
 class Surface(NamedTuple):
     """A closed mesh: vertices float32 [v, 3] in the frame of the points, faces int32 [f, 3],
-    counter-clockwise seen from outside."""
+    counter-clockwise seen from outside.
+    """
 
     vertices: np.ndarray
     faces: np.ndarray

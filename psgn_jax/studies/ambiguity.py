@@ -191,12 +191,16 @@ def measure(run: runner.Run) -> runner.Measured:
     cases: list[runner.Sample] = []
     each: list[dict[str, float]] = []
 
+    @jax.jit
+    def sample(params: Any, batch: Any, number: Array) -> Array:
+        r = sampling.sample_latents(config, number, 1, NUM_MEASURED, 0)
+        return networks.predict(config, model, params, batch, r)[0]
+
     def draw(case: runner.Sample) -> dict[str, float]:
         draws = case["pred"][None]
         if config.model.random_size:
             batch = {key: case[key][None] for key in ("image", "mask")}
-            sample = sampling.sampler(config, model, NUM_MEASURED)
-            draws = np.asarray(sample(params, batch, 0, len(cases))[0])
+            draws = np.asarray(sample(params, batch, np.int32(len(cases))))
         each.append(of_draws(draws, case["points"], known[len(cases)].scale))
         cases.append({**case, "draws": draws})
         return {}

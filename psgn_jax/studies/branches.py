@@ -21,7 +21,7 @@ from scipy.spatial.distance import cdist
 from psgn_jax.config.experiment import ConfigError, ModelConfig
 from psgn_jax.models.networks import build
 from psgn_jax.models.point_out_net import OutputGrid
-from psgn_jax.studies import figures, networks, runner
+from psgn_jax.studies import architectures, figures, runner
 from psgn_jax.viewing import spheres
 
 AROUND = 0.2  # radius of the neighbourhood of a true point, unit of the frame
@@ -161,8 +161,8 @@ def figure(results: runner.Results) -> figures.Figure:
 
 STUDY = runner.Study(
     "branches",
-    networks.BASE,
-    lambda *_: networks.configs(["two_branch"]),
+    architectures.BASE,
+    lambda *_: architectures.configs(["two_branch"]),
     METRICS,
     figure,
     measure,

@@ -17,7 +17,7 @@ import numpy as np
 from absl import logging
 
 from psgn_jax import tasks
-from psgn_jax.config import recipes
+from psgn_jax.config import files
 from psgn_jax.config.experiment import Config, ConfigError, check_paths, parse, to_dict
 from psgn_jax.data import loader
 from psgn_jax.data.manifest import load_manifest
@@ -147,7 +147,7 @@ class Study:
         tree |= {"train.steps": steps} if steps else {}
         if wanted := tree.get("train.steps"):
             tree.setdefault("train.eval_every", max(1, wanted // _EVALUATIONS))
-        base = changed(parse(recipes.load(self.recipe)), tree)
+        base = changed(parse(files.load(self.recipe)), tree)
         found = self.configs(base, lambda name: str(workdir / f"{name}-{seed}"))
         return [
             Run(name, seed, workdir / f"{name}-{seed}", changed(base, overrides))
@@ -319,7 +319,7 @@ def _evaluated(run: Run, metric: str) -> dict[int, float]:
 
 def _finished_runs(folders: Sequence[str], data: str) -> list[Run]:
     """Finished runs, to be evaluated on `data` or on the data of the first run."""
-    configs = [load_config(folder) for folder in folders]
+    configs = [load_config(folder, "runs") for folder in folders]
     names = ("path", "eval_path", "eval_split", "num_eval_points")
     same = {f"data.{name}": getattr(configs[0].data, name) for name in names}
     same |= {"data.path": data, "data.eval_path": ""} if data else {}

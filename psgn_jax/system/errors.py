@@ -15,8 +15,7 @@ class Exit(enum.IntEnum):
     DONE = 0
     PARTLY = 1  # done, but some inputs were refused; `psgn inspect`: something is damaged
     ERROR = 2  # wrong input, a file that cannot be read or written, too little memory, no result
-    NOT_FINITE = 3  # the loss of a training
-    UNFINISHED = 3  # this part of a rendering is done, other parts are not
+    INCOMPLETE = 3  # the loss of a training is not finite; other parts of a rendering are not done
     OTHER_ENDED = 4  # another process of the same training has ended
     DISK_FULL = 5  # or a quota is reached
     CTRL_C = 128 + signal.SIGINT

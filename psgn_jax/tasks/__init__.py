@@ -2,19 +2,17 @@
 
 import os
 import pathlib
+from collections.abc import Callable
 
 from psgn_jax.config.experiment import Config
-from psgn_jax.tasks.points import points_task
-from psgn_jax.tasks.refiner import refiner_task
+from psgn_jax.tasks.points import Points
+from psgn_jax.tasks.refiner import Refiner
 from psgn_jax.tasks.task import Task
-from psgn_jax.tasks.voxels import views_task, volume_task
+from psgn_jax.tasks.voxels import Views, Volume
 
-TASKS = {
-    "points": points_task,
-    "refiner": refiner_task,
-    "volume": volume_task,
-    "views": views_task,
-}
+TASKS: dict[str, Callable[[Config, pathlib.Path], Task]] = {
+    "points": Points, "refiner": Refiner, "volume": Volume, "views": Views,
+}  # fmt: skip
 
 
 def create(config: Config, workdir: str | os.PathLike[str] = "") -> Task:

@@ -1,15 +1,12 @@
 """The task "points": predicts a cloud from an image, with the paper's networks and losses."""
 
-import functools
 import pathlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from flax import linen as nn
-from jax.tree_util import Partial
 
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config, ConfigError
@@ -17,7 +14,6 @@ from psgn_jax.data import loader
 from psgn_jax.evaluation import clouds as metrics_lib
 from psgn_jax.evaluation.aligned import aligned_metrics
 from psgn_jax.evaluation.results import Evaluation
-from psgn_jax.evaluation.split import compile_measure, evaluate_split
 from psgn_jax.losses.by_name import LossTerm, chosen_points, parse_terms, sum_of
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.losses.mapping import map_pairs
@@ -25,7 +21,7 @@ from psgn_jax.losses.min_of_n import MinOfN, min_of_n
 from psgn_jax.models import networks, posterior
 from psgn_jax.prediction import sampling
 from psgn_jax.prediction.refine import first_clouds
-from psgn_jax.tasks.task import Batch, Task
+from psgn_jax.tasks.task import Batch, Metrics, Result, Task
 from psgn_jax.viewing import spheres
 
 # Weights w of the L2 terms w * sum(kernel**2) / 2 in the authors' published training code, and of
@@ -34,10 +30,8 @@ L2_CONV, L2_DENSE, L2_CARRY = 1e-5, 1e-3, 1e-4
 L2_SCALE = 0.1
 _NUM_PICTURES = 6  # at most, in TensorBoard
 
-PairFunction = Callable[..., Any]
 
-
-def points_task(config: Config, workdir: pathlib.Path) -> Task:
+class Points(Task):
     """Trains a network of `models.networks.NETWORKS`; metrics: `evaluation.clouds`.
 
     Metrics of a training step, scalars except `kl_of_dims`:
@@ -52,119 +46,174 @@ def points_task(config: Config, workdir: pathlib.Path) -> Task:
       averaged over the samples; `kl_of_dims`, the same for each dimension; `active_dims`, the
       number of dimensions above `posterior.ACTIVE`; `kl_weight`, the weight of `kl`.
     """
-    model = networks.build(config.model)
-    terms = parse_terms(config.loss)
-    _check_loss(config, terms, model.num_points)
-    keys = networks.input_keys(config)
 
-    def latents(step: Array | int, batch_size: int, *, train: bool) -> dict[str, Array]:
-        r = networks.random_input(config, step, batch_size, train=train)
-        return {} if r is None else {"r": r}
+    def __init__(
+        self, config: Config, workdir: pathlib.Path = pathlib.Path(), draws: int = 0
+    ) -> None:
+        super().__init__(config, networks.input_keys(config))
+        self.draws = draws  # further predictions per image that `measure` compares
+        self.title, self.model = config.model.name, networks.build(config.model)
+        terms = parse_terms(config.loss)
+        _check_loss(config, terms, self.model.num_points)
+        self.loss = sum_of(terms)
 
-    measure = Partial(functools.partial(_measure, config, model))
-    eval_step = compile_measure(measure, latents, keys, config.eval.batch_size)
+    def init_params(self) -> Any:
+        return networks.init_params(self.config, self.model)
 
-    def evaluate(
-        params: Any, *, chosen: Mapping[str, float] | None = None, draws: int = 0, **options: Any
-    ) -> Evaluation:
-        step = with_draws(config, model, eval_step, draws) if draws else eval_step
-        return evaluate_split(config, params, step, **options)
+    def latents(self, step: Array | int, batch_size: int, *, train: bool) -> dict[str, Array]:
+        config, r = self.config, networks.random_input(self.config, step, batch_size, train=train)
+        found = {} if r is None else {"r": r}
+        if self.draws:
+            first = step * batch_size
+            found["draws"] = sampling.sample_latents(
+                config, first, batch_size, self.draws, np.uint32(config.seed & 0xFFFFFFFF)
+            )
+        return found
 
-    return Task(
-        title=config.model.name,
-        keys=keys,
-        init_params=functools.partial(networks.init_params, config, model),
-        total_loss=Partial(functools.partial(_total_loss, config, model, sum_of(terms))),
-        evaluate=evaluate,
-        picture=functools.partial(_picture, config, eval_step),
-        latents=latents,
-    )
+    def predict(self, params: Any, batch: Batch, r: Array | None) -> Array:
+        return networks.predict(self.config, self.model, params, batch, r)
 
+    def total_loss(self, frozen: Any, params: Any, batch: Batch, step: Array) -> Result:
+        loss, r, metrics = self.config.loss, batch.get("r"), Metrics()
+        extra = jnp.float32(0)
+        if self.config.model.posterior and r is not None:
+            volumes = jax.vmap(posterior.occupied)(batch["points"])
+            encoder = networks.build_posterior(self.config.model)
+            q = cast(posterior.Gaussian, encoder.apply({"params": params[posterior.NAME]}, volumes))
+            r = posterior.reparameterise(q, r)
+            metrics["kl_of_dims"] = jnp.mean(posterior.kl_of_dims(q), axis=0)
+            metrics["kl"] = jnp.sum(metrics["kl_of_dims"])
+            active = metrics["kl_of_dims"] > posterior.ACTIVE
+            metrics["active_dims"] = jnp.sum(active, dtype=jnp.float32)
+            warmup = loss.kl_warmup_steps  # the weight rises linearly from 0, then is constant
+            share = jnp.minimum(jnp.float32(1), step / warmup) if warmup else jnp.float32(1)
+            metrics["kl_weight"] = jnp.asarray(loss.kl_weight * share, jnp.float32)
+            extra += metrics["kl_weight"] * metrics["kl"]
+        if loss.min_of_n > 1 and r is not None:
+            value, best = self.min_of_n_loss(params, batch, r)
+            metrics["loss_of_draws"] = jnp.mean(best.distances)
+            terms = best.aux
+        else:
+            pred = self.predict(params, batch, r)
+            values, terms = map_pairs(self.loss)(pred, batch["points"])
+            value = jnp.mean(values)
+        metrics |= {f"loss_{name}": jnp.mean(values) for name, values in terms.items()}
+        metrics["loss"] = value
+        if loss.l2 != "none":
+            metrics["l2"] = L2_SCALE * l2_authors(params)
+            extra += metrics["l2"]
+        return value + extra, metrics
 
-def _total_loss(
-    config: Config, model: nn.Module, loss: PairFunction, params: Any, batch: Batch, step: Array
-) -> tuple[Array, dict[str, Array]]:
-    r, metrics = batch.get("r"), dict[str, Array]()
-    extra = jnp.float32(0)
-    if config.model.posterior and r is not None:
-        volumes = jax.vmap(posterior.occupied)(batch["points"])
-        encoder = networks.build_posterior(config.model)
-        q = cast(posterior.Gaussian, encoder.apply({"params": params[posterior.NAME]}, volumes))
-        r = posterior.reparameterise(q, r)
-        metrics["kl_of_dims"] = jnp.mean(posterior.kl_of_dims(q), axis=0)
-        metrics["kl"] = jnp.sum(metrics["kl_of_dims"])
-        active = metrics["kl_of_dims"] > posterior.ACTIVE
-        metrics["active_dims"] = jnp.sum(active, dtype=jnp.float32)
-        metrics["kl_weight"] = kl_weight_at(config, step)
-        extra += metrics["kl_weight"] * metrics["kl"]
-    if config.loss.min_of_n > 1 and r is not None:
-        value, best = min_of_n_loss(config, model, loss, params, batch, r)
-        metrics["loss_of_draws"] = jnp.mean(best.distances)
-        terms = best.aux
-    else:
-        pred = networks.predict(config, model, params, batch, r)
-        values, terms = map_pairs(loss)(pred, batch["points"])
-        value = jnp.mean(values)
-    metrics |= {f"loss_{name}": jnp.mean(values) for name, values in terms.items()}
-    metrics["loss"] = value
-    if config.loss.l2 != "none":
-        metrics["l2"] = L2_SCALE * l2_authors(params)
-        extra += metrics["l2"]
-    return value + extra, metrics
+    def min_of_n_loss(self, params: Any, batch: Batch, r: Array) -> tuple[Array, MinOfN]:
+        """Mean over the batch of the loss of each sample's best draw, for r [B,draws,size].
 
+        The best draw has the smallest loss or, with `loss.winner_points` = k > 0, the smallest
+        Chamfer distance of k points to k true points. In the first case, value and gradient are
+        those of `min_of_n` of all draws, up to rounding. In the second, we compute the loss of the
+        best draw only, and `loss.mean_weight` adds the Chamfer distance of the first draw, an
+        estimate of the mean over all draws. `MinOfN.distances` are the distances by which draws are
+        compared.
 
-def _measure(
-    config: Config, model: nn.Module, params: Any, batch: Batch
-) -> tuple[Array, dict[str, Array]]:
-    settings = config.eval
-    if settings.refine:
-        placed = config.data.eval_frame == "place"
-        _, pred = first_clouds(config, model, params, batch, placed=placed)
-    else:
-        pred = networks.predict(config, model, params, batch, batch.get("r"))
+        Only the best draw of each sample has a gradient. So we compute all draws without storing
+        activations, and the best draws again for the backward pass. XLA computes the parts that do
+        not depend on r once.
+        """
+        constant, rows, gt = jax.lax.stop_gradient(params), jnp.arange(len(r)), batch["points"]
+        preds, k = self.predict(constant, batch, r), self.config.loss.winner_points
+        if k:
 
-    def measure_pair(pred: Any, gt: Any, visible: Any = None) -> dict[str, Array]:
-        # The EMD needs at least as many true points as predicted points.
-        emd_tolerance = (settings.emd_tolerance if len(pred) <= len(gt) else 0) or None
-        metrics = metrics_lib.evaluate_pair(
-            pred, gt, visible, threshold=settings.fscore_threshold, emd_tolerance=emd_tolerance
-        )
-        if settings.aligned:
-            emd = metrics.get("emd_radius")
-            metrics |= aligned_metrics(pred, gt, emd_tolerance=emd_tolerance, known_emd=emd)
+            def by_few(pred: Array, gt: Array) -> Array:
+                return chamfer_sq_mean(chosen_points(pred, k), chosen_points(gt, k))
+
+            best = jax.lax.stop_gradient(map_pairs(min_of_n(by_few))(preds, gt))
+            weight = self.config.loss.mean_weight
+            chosen = [best.winner, jnp.zeros_like(best.winner)] if weight else [best.winner]
+            preds = self.predict(params, batch, r[rows[:, None], jnp.stack(chosen, axis=1)])
+            values, aux = map_pairs(self.loss)(preds[:, 0], gt)
+            total = jnp.mean(values)
+            if weight:
+                total += weight * jnp.mean(map_pairs(chamfer_sq_mean)(preds[:, 1], gt))
+            return total, best._replace(value=values, aux=aux)
+
+        def smallest(preds: Array) -> tuple[Array, MinOfN]:
+            best = map_pairs(min_of_n(self.loss, has_aux=True))(preds, gt)
+            return jnp.sum(best.value), best
+
+        # The second pass uses the loss's derivative with respect to the points.
+        (value, best), by_points = jax.value_and_grad(smallest, has_aux=True)(preds)
+        pred = self.predict(params, batch, r[rows, best.winner])
+        # Its value is zero, its gradient the loss's, by the chain rule through the points.
+        carried = by_points[rows, best.winner] * (pred - jax.lax.stop_gradient(pred))
+        best = jax.lax.stop_gradient(best)
+        return (jax.lax.stop_gradient(value) + jnp.sum(carried)) / len(r), best
+
+    def measure(self, frozen: Any, params: Any, batch: Batch) -> Result:
+        settings = self.config.eval
+        if settings.refine:
+            placed = self.config.data.eval_frame == "place"
+            _, pred = first_clouds(self.config, self.model, params, batch, placed=placed)
+        else:
+            pred = self.predict(params, batch, batch.get("r"))
+
+        def measure_pair(pred: Any, gt: Any, visible: Any = None) -> Metrics:
+            # The EMD needs at least as many true points as predicted points.
+            tolerance = (settings.emd_tolerance if len(pred) <= len(gt) else 0) or None
+            metrics = metrics_lib.evaluate_pair(
+                pred, gt, visible, threshold=settings.fscore_threshold, emd_tolerance=tolerance
+            )
+            if settings.aligned:
+                emd = metrics.get("emd_radius")
+                metrics |= aligned_metrics(pred, gt, emd_tolerance=tolerance, known_emd=emd)
+            return metrics
+
+        visible = [batch["visible"]] if "visible" in batch else []
+        metrics = map_pairs(measure_pair)(pred, batch["points"], *visible)
+        return pred, metrics | (self._of_draws(params, batch) if "draws" in batch else {})
+
+    def _of_draws(self, params: Any, batch: Batch) -> Metrics:
+        """Best-of-K and mean-of-K of CD and, if it is measured, EMD; how much the draws differ."""
+        drawn, gt = self.predict(params, batch, batch["draws"]), batch["points"]
+        distances: dict[str, Any] = {"cd_sq_radius2": chamfer_sq_mean}
+        if (tolerance := self.config.eval.emd_tolerance) and drawn.shape[2] <= gt.shape[1]:
+            distances["emd_radius"] = lambda a, b: metrics_lib.emd(a, b, tolerance=tolerance).emd
+        metrics = map_pairs(lambda a, b: sampling.summarise_draws(a, b, distances))(drawn, gt)
+        if self.draws > 1:
+            difference = jax.lax.map(sampling.total_mutual_difference, drawn)
+            metrics["total_mutual_difference_radius2"] = difference
         return metrics
 
-    visible = [batch["visible"]] if "visible" in batch else []
-    return pred, map_pairs(measure_pair)(pred, batch["points"], *visible)
+    def evaluate(
+        self, params: Any, *, chosen: Any = None, draws: int = 0, **options: Any
+    ) -> Evaluation:
+        if draws and not self.config.model.random_size:
+            raise ConfigError(
+                f"draws={draws}: model.random_size=0, so this network gives one prediction per "
+                "image; accepted: a network trained with a random input, such as configs/mo2_cd.py"
+            )
+        if draws:
+            return Points(self.config, draws=draws).evaluate(params, **options)
+        return super().evaluate(params, **options)
 
-
-def _picture(config: Config, eval_step: Callable[..., Any], params: Any) -> np.ndarray:
-    """A picture of the first evaluation samples: predictions beside true clouds."""
-    (batch,) = loader.eval_batches(
-        config.data,
-        split=config.data.eval_split,
-        batch_size=config.eval.batch_size,
-        seed=config.seed,
-        visible_tolerance=config.eval.visible_tolerance,
-        choose=lambda number: range(1),
-    )
-    points, _ = eval_step(params, batch, 0)
-    shown = np.flatnonzero(batch["valid"])[:_NUM_PICTURES]
-    rows = []
-    for i in shown.tolist():
-        case = {key: batch[key][i] for key in ("image", "intrinsics", "extrinsics")}
-        pred = np.asarray(points[i])
-        clouds = {"prediction": pred, "truth": spheres.thinned(batch["points"][i], pred)}
-        drawn = spheres.panels(case, spheres.by_height(clouds), (0, 90))
-        rows.append(np.concatenate(list(drawn.values()), axis=1))
-    return np.concatenate(rows)
-
-
-def kl_weight_at(config: Config, step: Array | int) -> Array:
-    """Weight of the KL divergence: from 0 linearly to `loss.kl_weight`, then constant."""
-    warmup = config.loss.kl_warmup_steps
-    share = jnp.minimum(jnp.float32(1), step / warmup) if warmup else jnp.float32(1)
-    return jnp.asarray(config.loss.kl_weight * share, jnp.float32)
+    def picture(self, params: Any) -> np.ndarray:
+        """A picture of the first evaluation samples: predictions beside true clouds."""
+        config = self.config
+        (batch,) = loader.eval_batches(
+            config.data,
+            split=config.data.eval_split,
+            batch_size=config.eval.batch_size,
+            seed=config.seed,
+            visible_tolerance=config.eval.visible_tolerance,
+            choose=lambda number: range(1),
+        )
+        points, _ = self.eval_step(params, batch, 0)
+        rows = []
+        for i in np.flatnonzero(batch["valid"])[:_NUM_PICTURES].tolist():
+            case = {key: batch[key][i] for key in ("image", "intrinsics", "extrinsics")}
+            pred = np.asarray(points[i])
+            clouds = {"prediction": pred, "truth": spheres.thinned(batch["points"][i], pred)}
+            drawn = spheres.panels(case, spheres.by_height(clouds), (0, 90))
+            rows.append(np.concatenate(list(drawn.values()), axis=1))
+        return np.concatenate(rows)
 
 
 def l2_authors(params: Any) -> Array:
@@ -181,87 +230,6 @@ def l2_authors(params: Any) -> Array:
         dense = L2_CARRY if any("carry" in name for name in names) else L2_DENSE
         total += (L2_CONV if leaf.ndim >= 4 else dense) * 0.5 * jnp.sum(jnp.square(leaf))
     return total
-
-
-def min_of_n_loss(
-    config: Config, model: nn.Module, loss: PairFunction, params: Any, batch: Batch, r: Array
-) -> tuple[Array, MinOfN]:
-    """Mean over the batch of the loss of each sample's best draw, of the draws for r [B,draws,k].
-
-    The best draw has the smallest loss or, with `loss.winner_points` = k > 0, the smallest Chamfer
-    distance of k points to k true points. In the first case, value and gradient are those of
-    `min_of_n` of all draws, up to rounding. In the second, we compute the loss of the best draw
-    only, and `loss.mean_weight` adds the Chamfer distance of the first draw, an estimate of the
-    mean over all draws. `MinOfN.distances` are the distances by which draws are compared.
-
-    Only the best draw of each sample has a gradient. So we compute all draws without storing
-    activations, and the best draws again for the backward pass. XLA computes the parts that do not
-    depend on r once.
-    """
-    constant, rows = jax.lax.stop_gradient(params), jnp.arange(len(r))
-    preds, k = networks.predict(config, model, constant, batch, r), config.loss.winner_points
-    if k:
-
-        def by_few(pred: Array, gt: Array) -> Array:
-            return chamfer_sq_mean(chosen_points(pred, k), chosen_points(gt, k))
-
-        best = jax.lax.stop_gradient(map_pairs(min_of_n(by_few))(preds, batch["points"]))
-        weight = config.loss.mean_weight
-        chosen = [best.winner, jnp.zeros_like(best.winner)] if weight else [best.winner]
-        r_chosen = r[rows[:, None], jnp.stack(chosen, axis=1)]
-        preds = networks.predict(config, model, params, batch, r_chosen)
-        values, aux = map_pairs(loss)(preds[:, 0], batch["points"])
-        total = jnp.mean(values)
-        if weight:
-            total += weight * jnp.mean(map_pairs(chamfer_sq_mean)(preds[:, 1], batch["points"]))
-        return total, best._replace(value=values, aux=aux)
-
-    def smallest(preds: Array) -> tuple[Array, MinOfN]:
-        best = map_pairs(min_of_n(loss, has_aux=True))(preds, batch["points"])
-        return jnp.sum(best.value), best
-
-    # The second pass uses the loss's derivative with respect to the points.
-    (value, best), by_points = jax.value_and_grad(smallest, has_aux=True)(preds)
-    pred = networks.predict(config, model, params, batch, r[rows, best.winner])
-    # Its value is zero, its gradient the loss's, by the chain rule through the points.
-    carried = by_points[rows, best.winner] * (pred - jax.lax.stop_gradient(pred))
-    best = jax.lax.stop_gradient(best)
-    return (jax.lax.stop_gradient(value) + jnp.sum(carried)) / len(r), best
-
-
-def with_draws(
-    config: Config, model: Any, eval_step: Callable[..., Any], num_draws: int
-) -> Callable[..., Any]:
-    """`eval_step` with further metrics of K = `num_draws` draws for each image.
-
-    The metrics are best-of-K and mean-of-K of the Chamfer distance and, if `eval.emd_tolerance` is
-    set, of the EMD, and `total_mutual_difference_radius2` if K > 1 (`prediction.sampling`).
-    `ConfigError` if the network has no random input.
-    """
-    sample = sampling.sampler(config, model, num_draws)
-
-    @jax.jit
-    def measure(points: Any, gt: Any) -> dict[str, Any]:
-        distances: dict[str, Any] = {"cd_sq_radius2": chamfer_sq_mean}
-        if config.eval.emd_tolerance and points.shape[2] <= gt.shape[1]:
-            tolerance = config.eval.emd_tolerance
-            distances["emd_radius"] = lambda a, b: metrics_lib.emd(a, b, tolerance=tolerance).emd
-
-        def one(draws: Any, gt: Any) -> dict[str, Any]:
-            return sampling.summarise_draws(draws, gt, distances)
-
-        metrics = map_pairs(one)(points, gt)
-        if num_draws > 1:
-            difference = jax.lax.map(sampling.total_mutual_difference, points)
-            metrics["total_mutual_difference_radius2"] = difference
-        return metrics
-
-    def run(params: Any, batch: Any, index: int) -> Any:
-        points, values = eval_step(params, batch, index)
-        drawn = sample(params, batch, config.seed, index * len(batch["image"]))
-        return points, {**values, **measure(drawn, batch["points"])}
-
-    return run
 
 
 def _check_loss(config: Config, terms: Sequence[LossTerm], num_points: int) -> None:

@@ -10,20 +10,18 @@ training than at test time, because the networks were trained on the same images
 
 import pathlib
 import shutil
-from collections.abc import Mapping
 from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jax.tree_util import Partial
 
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config, ConfigError, to_dict, to_json
 from psgn_jax.losses.iou import iou_sweep, soft_iou_loss
 from psgn_jax.models import networks, volumes
 from psgn_jax.system.files import write_atomic
-from psgn_jax.tasks.task import Batch, Task
-from psgn_jax.tasks.voxels import apply, voxel_task
+from psgn_jax.tasks.task import Batch, Result
+from psgn_jax.tasks.voxels import VoxelTask, apply
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.leaves import named_leaves
 from psgn_jax.weights.run_folder import Trained, open_run
@@ -59,85 +57,78 @@ def open_source(config: Config, workdir: pathlib.Path, name: str) -> Trained:
     return run
 
 
-def refiner_task(config: Config, workdir: pathlib.Path) -> Task:
+class Refiner(VoxelTask):
     """Maps clouds of one or two trained networks to a volume (`models.volumes.VoxelRefiner`).
 
     Metrics: `iou` of the refiner; `iou_splat_cd`, `iou_splat_emd` of the clouds' splats.
     """
-    names = list(config.voxels.sources)
-    sources = {name: open_source(config, workdir, name) for name in names}
-    frozen = {name: source.params for name, source in sources.items()}
-    # Name -> configuration and network that predicts clouds.
-    configs = {name: sources[name].config for name in names if name in CLOUDS}
-    clouds = {name: (source, networks.build(source.model)) for name, source in configs.items()}
-    volume_net = None
-    if "from_volume" in names:
-        volume_net = networks.build_volume_net(sources["from_volume"].config.model)
-    model = volumes.VoxelRefiner(config.voxels.widths, networks.DTYPES[config.model.compute_dtype])
 
-    def init_params() -> Any:
-        grids = jnp.zeros((1, *volumes.GRID, len(clouds)))
-        size = None if volume_net is None else jnp.zeros(1)
-        return model.init(networks.init_key(config), grids, size)["params"]
+    best = "iou"
 
-    def latents(step: Array | int, batch_size: int, *, train: bool) -> dict[str, Array]:
+    def __init__(self, config: Config, workdir: pathlib.Path) -> None:
+        dtype = networks.DTYPES[config.model.compute_dtype]
+        super().__init__(config, volumes.VoxelRefiner(config.voxels.widths, dtype))
+        names = list(config.voxels.sources)
+        self.title = "refiner of " + ", ".join(name.removeprefix("from_") for name in names)
+        self.workdir = workdir
+        self.sources = {name: open_source(config, workdir, name) for name in names}
+        self.frozen = {name: source.params for name, source in self.sources.items()}
+        configs = {name: self.sources[name].config for name in names if name in CLOUDS}
+        # Name -> configuration and network that predicts clouds.
+        self.clouds = {name: (c, networks.build(c.model)) for name, c in configs.items()}
+        self.volume_net = None
+        if "from_volume" in names:
+            of_volume = self.sources["from_volume"].config.model
+            self.volume_net = networks.build_volume_net(of_volume)
+
+    def init_params(self) -> Any:
+        grids = jnp.zeros((1, *volumes.GRID, len(self.clouds)))
+        size = None if self.volume_net is None else jnp.zeros(1)
+        return self.model.init(networks.init_key(self.config), grids, size)["params"]
+
+    def latents(self, step: Array | int, batch_size: int, *, train: bool) -> dict[str, Array]:
         """Random inputs of the networks that predict clouds, drawn as in an evaluation."""
         found: dict[str, Array] = {}
-        for name, (source, _) in clouds.items():
+        for name, (source, _) in self.clouds.items():
             r = networks.random_input(source, step, batch_size, train=False)
             found |= {} if r is None else {f"r_{name}": r}
         return found
 
-    def predict(frozen: Any, params: Any, batch: Batch) -> tuple[Array, Array]:
+    def predict(self, frozen: Any, params: Any, batch: Batch) -> tuple[Array, Array]:
         """Probabilities [B,x,y,z], and splats of the clouds [B,x,y,z,clouds]."""
         predicted = [
             networks.predict(source, network, frozen[name], batch, batch.get(f"r_{name}"))
-            for name, (source, network) in clouds.items()
+            for name, (source, network) in self.clouds.items()
         ]
         splats = jnp.stack([jax.vmap(volumes.splat)(cloud) for cloud in predicted], axis=-1)
         sizes = None
-        if volume_net is not None:
-            seen = networks.network_inputs(config.data.inputs, batch)
-            sizes = apply(volume_net, frozen["from_volume"], seen)
-        return apply(model, params, splats, sizes), splats
+        if self.volume_net is not None:
+            sizes = apply(self.volume_net, frozen["from_volume"], self.seen(batch))
+        return apply(self.model, params, splats, sizes), splats
 
-    def total_loss(
-        frozen: Any, params: Any, batch: Batch, step: Array
-    ) -> tuple[Array, dict[str, Array]]:
-        pred, _ = predict(frozen, params, batch)
+    def total_loss(self, frozen: Any, params: Any, batch: Batch, step: Array) -> Result:
+        pred, _ = self.predict(frozen, params, batch)
         value = jax.vmap(soft_iou_loss)(pred, batch["occupancy"].astype(pred.dtype)).mean()
         return value, {"loss": value}
 
-    def measure(frozen: Any, params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
-        pred, splats = predict(frozen, params, batch)
+    def measure(self, frozen: Any, params: Any, batch: Batch) -> Result:
+        pred, splats = self.predict(frozen, params, batch)
         metrics = {"iou": jax.vmap(iou_sweep)(pred, batch["occupancy"])}
-        for channel, name in enumerate(clouds):
+        for channel, name in enumerate(self.clouds):
             sweep = jax.vmap(iou_sweep)(splats[..., channel], batch["occupancy"])
             metrics["iou_splat_" + name.removeprefix("from_")] = sweep
         return pred, metrics
 
-    return voxel_task(
-        config,
-        "refiner of " + ", ".join(name.removeprefix("from_") for name in names),
-        init_params,
-        Partial(total_loss, frozen),
-        Partial(measure, frozen),
-        best="iou",
-        latents=latents,
-        keep_sources=lambda: _keep(sources, workdir / "frozen"),
-    )
-
-
-def _keep(sources: Mapping[str, Trained], frozen: pathlib.Path) -> None:
-    """Copies runs into the folder `frozen`, unless complete copies exist."""
-    for name, source in sources.items():
-        folder = frozen / name
-        if (folder / "config.json").exists():
-            continue
-        shutil.rmtree(folder, ignore_errors=True)  # a copy that was interrupted by a kill
-        checkpoints = Checkpoints(folder / "checkpoints")
-        meta = {"config": to_dict(source.config), "seed": source.config.seed}
-        checkpoints.save(source.step, named_leaves({"params": source.params}), meta)
-        checkpoints.close()
-        # Written last, because it marks a complete copy.
-        write_atomic(folder / "config.json", to_json(source.config))
+    def keep_sources(self) -> None:
+        """Copies runs into the folder `frozen`, unless complete copies exist."""
+        for name, source in self.sources.items():
+            folder = self.workdir / "frozen" / name
+            if (folder / "config.json").exists():
+                continue
+            shutil.rmtree(folder, ignore_errors=True)  # a copy that was interrupted by a kill
+            checkpoints = Checkpoints(folder / "checkpoints")
+            meta = {"config": to_dict(source.config), "seed": source.config.seed}
+            checkpoints.save(source.step, named_leaves({"params": source.params}), meta)
+            checkpoints.close()
+            # Written last, because it marks a complete copy.
+            write_atomic(folder / "config.json", to_json(source.config))

@@ -44,7 +44,7 @@ def evaluate_run(
 
     Args:
       out: folder for the files; None = the folder above.
-      draws: number of predictions per image for the metrics of `tasks.points.with_draws`; 0 = none.
+      draws: number of predictions per image whose best and mean are measured; 0 = none.
       frame: "keep" uses the images as they are; "place" crops and places objects as in photos, with
         their true points (`data.framing`).
       refine: whether to measure the clouds of `prediction.refine`; None = `eval.refine`.

@@ -1,40 +1,76 @@
-"""A task as a record of functions; `tasks.create` makes it."""
+"""What a run trains and measures; `tasks.create` makes the task of a configuration."""
 
-import dataclasses
-from collections.abc import Callable, Mapping
+import functools
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from jax.tree_util import Partial
 
+from psgn_jax.array_types import Array
+from psgn_jax.config.experiment import Config
 from psgn_jax.evaluation.results import Evaluation
+from psgn_jax.evaluation.split import compile_measure, evaluate_split
 
 Batch = Mapping[str, Any]
+Metrics = dict[str, Array]
+Result = tuple[Array, Metrics]
 
 
-def no_latents(step: Any, batch_size: int, *, train: bool) -> dict[str, Any]:
-    return {}
-
-
-@dataclasses.dataclass(frozen=True)
 class Task:
-    """What a run trains and measures."""
+    """A network with its loss and its metrics.
 
-    title: str  # name of the network, for the log
-    keys: tuple[str, ...]  # names of the arrays of a batch that devices need
-    # () -> initial parameters, which depend on the seed; it can run inside `jit`.
-    init_params: Callable[[], Any]
-    # (params, batch, step) -> (value to minimise, metrics), a `jax.tree_util.Partial` whose leaves
-    # are constant arrays. The batch includes `latents`. The metric `loss` is the value without
-    # regularisation.
-    total_loss: Callable[[Any, Batch, Any], tuple[Any, dict[str, Any]]]
-    # (params, split=None, max_samples=0, on_batch=None, chosen=None, draws=0) -> metrics on a
-    # split, see `evaluation.split.evaluate_split`. `chosen`: thresholds of an earlier evaluation;
-    # missing thresholds are chosen on this split. `draws`: measure also so many predictions per
-    # image (points only).
-    evaluate: Callable[..., Evaluation]
-    # params -> a picture of some predictions, uint8 [h, w, 3], or None.
-    picture: Callable[[Any], np.ndarray | None] = lambda params: None
-    # (step, batch_size, train=) -> latents of a step or evaluation batch, one row per sample.
-    latents: Callable[..., dict[str, Any]] = no_latents
-    # Copies the runs that this run reads into its folder.
-    keep_sources: Callable[[], None] = lambda: None
+    Attributes:
+      title: name of the network, for the log.
+      keys: names of the arrays of a batch that devices need.
+      frozen: parameters of other networks, which loss and metrics read.
+    """
+
+    title: str
+    frozen: Any = ()
+
+    def __init__(self, config: Config, keys: Sequence[str]) -> None:
+        self.config, self.keys = config, tuple(keys)
+
+    def init_params(self) -> Any:
+        """Initial parameters, which depend on the seed; it can run inside `jit`."""
+        raise NotImplementedError
+
+    def latents(self, step: Array | int, batch_size: int, *, train: bool) -> dict[str, Array]:
+        """Random inputs of a step or of an evaluation batch, one row per sample."""
+        return {}
+
+    def total_loss(self, frozen: Any, params: Any, batch: Batch, step: Array) -> Result:
+        """The value to minimise, and metrics; `loss` is the value without regularisation.
+
+        `batch` includes the `latents`.
+        """
+        raise NotImplementedError
+
+    def measure(self, frozen: Any, params: Any, batch: Batch) -> Result:
+        """Predictions and metrics, with a row for each sample of a batch with `latents`."""
+        raise NotImplementedError
+
+    @functools.cached_property
+    def eval_step(self) -> Callable[[Any, Any, int], Any]:
+        """`measure`, compiled by `evaluation.split.compile_measure`."""
+        measure = Partial(self.measure, self.frozen)
+        return compile_measure(measure, self.latents, self.keys, self.config.eval.batch_size)
+
+    def evaluate(
+        self, params: Any, *, chosen: Any = None, draws: int = 0, **options: Any
+    ) -> Evaluation:
+        """Metrics on a split, by `evaluation.split.evaluate_split` with the other `options`.
+
+        Args:
+          chosen: thresholds of an earlier evaluation; others are chosen on this split.
+          draws: number of further predictions per image to measure (points only).
+        """
+        return evaluate_split(self.config, params, self.eval_step, **options)
+
+    def picture(self, params: Any) -> np.ndarray | None:
+        """Some predictions, uint8 [h, w, 3], or None."""
+        return None
+
+    def keep_sources(self) -> None:
+        """Copies the runs that this run reads into its folder."""

@@ -7,92 +7,76 @@ training. Later evaluations use it on any split.
 """
 
 import pathlib
-from collections.abc import Callable, Mapping
 from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
 from flax import linen as nn
-from jax.tree_util import Partial
 
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config
 from psgn_jax.evaluation.results import Evaluation, at_thresholds
-from psgn_jax.evaluation.split import compile_measure, evaluate_split
 from psgn_jax.losses.iou import iou_sweep
 from psgn_jax.models import networks, recurrent, volumes
-from psgn_jax.tasks.task import Batch, Task, no_latents
+from psgn_jax.tasks.task import Batch, Metrics, Result, Task
 
 
 def apply(model: nn.Module, params: Any, *inputs: Any) -> Array:
     return cast(Array, model.apply({"params": params}, *inputs))
 
 
-def voxel_task(
-    config: Config,
-    title: str,
-    init_params: Callable[[], Any],
-    total_loss: Partial,
-    measure: Partial,
-    *,
-    best: str = "",
-    latents: Callable[..., dict[str, Any]] = no_latents,
-    keep_sources: Callable[[], None] = lambda: None,
-) -> Task:
-    """A task on solid volumes; see `Task` for the other arguments.
+class VoxelTask(Task):
+    """A task on solid volumes; metrics have a number for each sample or for each threshold.
 
-    Args:
-      measure: maps (params, batch) to predictions and metrics [B] or, for each threshold,
-        [B, thresholds].
+    Attributes:
       best: the metric that decides which checkpoint is the best; "" = none.
     """
-    keys = (*(key for key in networks.input_keys(config) if key != "points"), "occupancy")
-    eval_step = compile_measure(measure, latents, keys, config.eval.batch_size)
 
-    def evaluate(
-        params: Any, *, chosen: Mapping[str, float] | None = None, draws: int = 0, **options: Any
-    ) -> Evaluation:
-        measured = evaluate_split(config, params, eval_step, **options)
-        return at_thresholds(measured, chosen or {}, best=best)
+    best = ""
 
-    return Task(
-        title=title,
-        keys=keys,
-        init_params=init_params,
-        total_loss=total_loss,
-        evaluate=evaluate,
-        latents=latents,
-        keep_sources=keep_sources,
-    )
+    def __init__(self, config: Config, model: nn.Module) -> None:
+        keys = [key for key in networks.input_keys(config) if key != "points"]
+        super().__init__(config, [*keys, "occupancy"])
+        self.model = model
+
+    def evaluate(self, params: Any, *, chosen: Any = None, **options: Any) -> Evaluation:
+        measured = super().evaluate(params, **options)
+        return at_thresholds(measured, chosen or {}, best=self.best)
+
+    def init_params(self) -> Any:
+        sizes, views = self.config.model, (1,) * bool(self.config.data.eval_views)
+        image = jnp.zeros((1, *views, *sizes.image_size, sizes.in_channels))
+        return self.model.init(networks.init_key(self.config), image)["params"]
+
+    def seen(self, batch: Batch) -> Array:
+        return networks.network_inputs(self.config.data.inputs, batch)
 
 
-def volume_task(config: Config, workdir: pathlib.Path) -> Task:
+class Volume(VoxelTask):
     """Maps an image to the natural logarithm of the object's volume (`models.volumes.VolumeNet`).
 
     The loss is its squared error, the metric `log_volume_abs_error` its absolute error.
     """
-    model, sizes = networks.build_volume_net(config.model), config.model
 
-    def init_params() -> Any:
-        image = jnp.zeros((1, *sizes.image_size, sizes.in_channels))
-        return model.init(networks.init_key(config), image)["params"]
+    title = "volume network"
 
-    def errors(params: Any, batch: Batch) -> tuple[Array, Array]:
-        pred = apply(model, params, networks.network_inputs(config.data.inputs, batch))
+    def __init__(self, config: Config, workdir: pathlib.Path) -> None:
+        super().__init__(config, networks.build_volume_net(config.model))
+
+    def _errors(self, params: Any, batch: Batch) -> tuple[Array, Array]:
+        pred = apply(self.model, params, self.seen(batch))
         return pred, pred - jax.vmap(volumes.log_volume)(batch["occupancy"])
 
-    def total_loss(params: Any, batch: Batch, step: Array) -> tuple[Array, dict[str, Array]]:
-        value = jnp.square(errors(params, batch)[1]).mean()
+    def total_loss(self, frozen: Any, params: Any, batch: Batch, step: Array) -> Result:
+        value = jnp.square(self._errors(params, batch)[1]).mean()
         return value, {"loss": value}
 
-    def measure(params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
-        pred, error = errors(params, batch)
+    def measure(self, frozen: Any, params: Any, batch: Batch) -> Result:
+        pred, error = self._errors(params, batch)
         return pred[:, None], {"log_volume_abs_error": jnp.abs(error)}
 
-    return voxel_task(config, "volume network", init_params, Partial(total_loss), Partial(measure))
 
-
-def views_task(config: Config, workdir: pathlib.Path) -> Task:
+class Views(VoxelTask):
     """3D-R2N2 (`models.recurrent`): from images to a solid volume, trained by cross-entropy.
 
     Source: Choy et al., "3D-R2N2", ECCV 2016. **Ours**: like all networks of this project, it
@@ -102,25 +86,21 @@ def views_task(config: Config, workdir: pathlib.Path) -> Task:
     Metrics: `iou_1_views`, `iou_3_views`, ..., for each number of views in `voxels.eval_views`.
     `on_batch` of `evaluate` gets the predictions for the first number.
     """
-    model, sizes = networks.build_r2n2(config.model, config.voxels), config.model
-    names = {count: f"iou_{count}_views" for count in config.voxels.eval_views}
 
-    def init_params() -> Any:
-        views = jnp.zeros((1, 1, *sizes.image_size, sizes.in_channels))
-        return model.init(networks.init_key(config), views)["params"]
+    def __init__(self, config: Config, workdir: pathlib.Path) -> None:
+        super().__init__(config, networks.build_r2n2(config.model, config.voxels))
+        self.title = f"3D-R2N2 (widths times {config.voxels.width_multiplier:g})"
+        self.names = {count: f"iou_{count}_views" for count in config.voxels.eval_views}
+        self.best = next(iter(self.names.values()))
 
-    def total_loss(params: Any, batch: Batch, step: Array) -> tuple[Array, dict[str, Array]]:
-        logits = apply(model, params, networks.network_inputs(config.data.inputs, batch))
+    def total_loss(self, frozen: Any, params: Any, batch: Batch, step: Array) -> Result:
+        logits = apply(self.model, params, self.seen(batch))
         value = jax.vmap(recurrent.voxel_cross_entropy)(logits, batch["occupancy"]).mean()
         return value, {"loss": value}
 
-    def measure(params: Any, batch: Batch) -> tuple[Array, dict[str, Array]]:
-        seen, metrics, predicted = networks.network_inputs(config.data.inputs, batch), {}, []
-        for count, name in names.items():
-            predicted.append(recurrent.occupancy(apply(model, params, seen[:, :count])))
+    def measure(self, frozen: Any, params: Any, batch: Batch) -> Result:
+        seen, metrics, predicted = self.seen(batch), Metrics(), []
+        for count, name in self.names.items():
+            predicted.append(recurrent.occupancy(apply(self.model, params, seen[:, :count])))
             metrics[name] = jax.vmap(iou_sweep)(predicted[-1], batch["occupancy"])
         return predicted[0], metrics
-
-    title = f"3D-R2N2 (widths times {config.voxels.width_multiplier:g})"
-    best = next(iter(names.values()))
-    return voxel_task(config, title, init_params, Partial(total_loss), Partial(measure), best=best)

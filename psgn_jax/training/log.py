@@ -11,6 +11,7 @@ import datetime
 import errno
 import functools
 import json
+import math
 import os
 import pathlib
 import time
@@ -31,7 +32,7 @@ from psgn_jax.system.files import finite_or_none, write_atomic
 class NonFiniteError(UserError):
     """The loss or its gradient is not finite."""
 
-    exit_code = Exit.NOT_FINITE
+    exit_code = Exit.INCOMPLETE
 
 
 class TrainingLog:
@@ -192,7 +193,8 @@ class MetricsWriter:
             if os.write(self._file, line) < len(line):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             for name, value in values.items():
-                self._board.add_scalar(f"{kind}/{name}", value, step)
+                if math.isfinite(value):  # tensorboardX prints a line for others
+                    self._board.add_scalar(f"{kind}/{name}", value, step)
             for name, vector in vectors.items():
                 self._board.add_histogram(f"{kind}/{name}", vector, step)
             self._board.flush()

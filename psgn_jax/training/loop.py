@@ -12,7 +12,7 @@ import pathlib
 import signal
 import time
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -101,13 +101,18 @@ def train(config: Config, workdir: str | pathlib.Path) -> Outcome:
             distributed.gather(None)
         stack.callback(checkpoints.close)
         init = None if stored else initial()
-        began = time.monotonic()
-        if not stored or stored.step < plan.steps:
+        began, start = time.monotonic(), stored.step if stored else 0
+        resumed = _resumed(config, create, stored, workdir) if stored else None
+        if start < plan.steps:
             logging.info("compiling, about %d s on two cores", 20 if stored else 30)
-        state = _resumed(config, create, stored, workdir) if stored else _started(create, init)
-        state = put_replicated(state, mesh)
-        start = step = saved = stored.step if stored else 0
-        _describe(task.title, state, sizes, mesh.size, workdir, start)
+        state: TrainState = put_replicated(resumed or _started(create, init), mesh)
+        step = saved = start
+        millions = sum(leaf.size for leaf in jax.tree.leaves(state.params)) / 1e6
+        samples = ", ".join(f"{n} samples in {split!r}" for split, n in sizes.items())
+        on = f"{mesh.size} {jax.default_backend()} device{'s' * (mesh.size > 1)}"
+        what = f"resuming at step {start}" if start else "starting"
+        message = "%s, %.2f M parameters, %s, %s; %s -> %s"
+        logging.info(message, task.title, millions, samples, on, what, workdir)
         if first:
             task.keep_sources()
             write_atomic(workdir / "config.json", to_json(config))
@@ -186,7 +191,15 @@ def train(config: Config, workdir: str | pathlib.Path) -> Outcome:
             save()
         with stop.lock:
             checkpoints.wait()
-    _report_end(workdir, step, stop.signal)
+    if stop.signal:
+        when = f"after step {step}, checkpoint saved" if step else "before step 1"
+        name = signal.Signals(stop.signal).name
+        logging.info("stopped by %s %s; run the same command again to resume", name, when)
+    elif start >= plan.steps:
+        done = "nothing to do: the run is at step %d of train.steps=%d, results in %s"
+        logging.info(done, step, plan.steps, workdir)
+    else:
+        logging.info("done: step %d, results in %s", step, workdir)
     return Outcome(state, stop.signal)
 
 
@@ -252,11 +265,12 @@ def _resumed(
     """The state in a checkpoint; `ConfigError` if its configuration or network differs."""
     before, now = flatten(trained_config(checkpoint, workdir)), flatten(config)
     changed = {key: (before[key], now[key]) for key in now if before[key] != now[key]}
-    fatal = [f"{k}={changed[k][0]!r} (now {changed[k][1]!r})" for k in changed.keys() - MAY_CHANGE]
-    if fatal:
+    if fatal := sorted(changed.keys() - MAY_CHANGE):
+        named = [f"{key}={changed[key][0]!r} (now {changed[key][1]!r})" for key in fatal[:4]]
+        named += [f"{len(fatal) - 4} other fields that differ"] * (len(fatal) > 4)
         raise ConfigError(
-            f"workdir={workdir} holds a run with {', '.join(sorted(fatal))}; "
-            "use another workdir or the same values"
+            f"workdir={workdir} holds a run with {', '.join(named)}; use another workdir or the "
+            "same values"
         )
     for key, (old, new) in changed.items():
         logging.info("resuming with %s=%r instead of %r", key, new, old)
@@ -316,29 +330,3 @@ def _local(params: Any) -> Any:
     if jax.process_count() == 1:
         return params
     return jax.tree.map(lambda leaf: leaf.addressable_data(0), params)
-
-
-def _describe(
-    title: str,
-    state: TrainState,
-    sizes: Mapping[str, int],
-    devices: int,
-    workdir: pathlib.Path,
-    start: int,
-) -> None:
-    millions = sum(leaf.size for leaf in jax.tree.leaves(state.params)) / 1e6
-    data = ", ".join(f"{n} samples in {split!r}" for split, n in sizes.items())
-    on = f"{devices} {jax.default_backend()} device{'s' * (devices > 1)}"
-    what = f"resuming at step {start}" if start else "starting"
-    logging.info(
-        "%s, %.2f M parameters, %s, %s; %s -> %s", title, millions, data, on, what, workdir
-    )
-
-
-def _report_end(workdir: pathlib.Path, step: int, stopped_by: int | None) -> None:
-    if stopped_by:
-        when = f"after step {step}, checkpoint saved" if step else "before step 1"
-        name = signal.Signals(stopped_by).name
-        logging.info("stopped by %s %s; run the same command again to resume", name, when)
-    else:
-        logging.info("done: step %d, results in %s", step, workdir)

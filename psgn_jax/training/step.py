@@ -91,8 +91,9 @@ def create_training(
         params = task.init_params()
         return TrainState(jnp.int32(0), params, tx.init(params), params if largest_decay else ())
 
-    def gradients(total_loss: Any, params: Any, batch: Batch, step: Array) -> Any:
-        (value, metrics), grads = jax.value_and_grad(total_loss, has_aux=True)(params, batch, step)
+    def gradients(frozen: Any, params: Any, batch: Batch, step: Array) -> Any:
+        by_params = jax.value_and_grad(task.total_loss, argnums=1, has_aux=True)
+        (value, metrics), grads = by_params(frozen, params, batch, step)
         return jax.lax.pmean((value, metrics, grads), "data")
 
     gradients = jax.shard_map(
@@ -103,9 +104,9 @@ def create_training(
         check_vma=False,  # the custom gradients do not declare varying axes
     )
 
-    def train_step(total_loss: Any, state: TrainState, batch: Batch) -> Any:
+    def train_step(frozen: Any, state: TrainState, batch: Batch) -> Any:
         batch = {**batch, **task.latents(state.step, batch_size, train=True)}
-        value, metrics, grads = gradients(total_loss, state.params, batch, state.step)
+        value, metrics, grads = gradients(frozen, state.params, batch, state.step)
         updates, opt_state = tx.update(grads, state.opt_state, state.params)
         params = optax.apply_updates(state.params, updates)
         ema: Any = ()
@@ -127,5 +128,5 @@ def create_training(
         out_shardings=everywhere,
         compiler_options=compiler_options(),
     )
-    total_loss = put_replicated(task.total_loss, mesh)
-    return create, lambda state, batch: compiled(total_loss, state, batch)
+    frozen = put_replicated(task.frozen, mesh)
+    return create, lambda state, batch: compiled(frozen, state, batch)

@@ -104,6 +104,8 @@ class Checkpoints:
         content = {"measured": self.measured, **{str(s): m for s, m in self.scores.items()}}
         text = json.dumps(with_checksum(content), indent=1) + "\n"
         write_atomic(self._directory / "scores.json", text)
+        if self._saver is None:  # otherwise `wait` does it
+            self._delete_others()
 
     def save(self, step: int, leaves: Mapping[str, Any], meta: Mapping[str, Any]) -> None:
         """Copies the arrays to the host, waits for the previous save and writes in the background.
@@ -204,6 +206,9 @@ class Checkpoints:
             return
         with _writing(self._directory):
             self._saver.wait_until_finished()
+        self._delete_others()
+
+    def _delete_others(self) -> None:
         steps = self.steps()
         kept = {*steps[-self._keep :], self.best_step()}
         for step in steps:

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from helpers import drawn_solids as solids
 from helpers import standin
+from helpers.refusals import refused
 from helpers.weights import config as small_config
 from helpers.weights import random_params
 
 from psgn_jax import tasks
+from psgn_jax.commands import evaluate
 from psgn_jax.commands.evaluate import open_with_records
 from psgn_jax.config.experiment import ConfigError, to_json
 from psgn_jax.data.dataset import write_dataset
@@ -20,6 +22,7 @@ from psgn_jax.evaluation.results import Evaluation, SampleName
 from psgn_jax.evaluation.split import evaluate_split
 from psgn_jax.weights.checkpoint import CheckpointError
 from psgn_jax.weights.opening import open_initial
+from psgn_jax.weights.run_folder import Trained
 
 
 @pytest.fixture(autouse=True)
@@ -27,27 +30,23 @@ def source(monkeypatch):
     standin.install(monkeypatch)
 
 
-def fake_step(params, batch, index):
-    """One number per sample, known in advance."""
-    value = np.asarray(batch["points"], np.float64).mean(axis=(1, 2))
-    return np.zeros((len(value), 2, 3)), {"cd_sq_radius2": value, "fscore": value / 2}
+def test_every_sample_counts_once():
+    def step(params, batch, index):
+        """One number per sample, known in advance."""
+        value = np.asarray(batch["points"], np.float64).mean(axis=(1, 2))
+        return np.zeros((len(value), 2, 3)), {"cd_sq_radius2": value}
 
-
-def expected(config):
+    config = standin.config(eval__batch_size=4)
+    result = evaluate_split(config, {}, step)
     rows = [
         standin.sample(config.data, 1000 + n, config.data.num_eval_points, np.random.default_rng(n))
         for n in range(standin.SIZES["validation"])
     ]
-    return np.array([row["points"].astype(np.float64).mean() for row in rows])
-
-
-def test_every_sample_counts_once():
-    config = standin.config(eval__batch_size=4)
-    result = evaluate_split(config, {}, fake_step)
-    np.testing.assert_array_equal(result.metrics["cd_sq_radius2"], expected(config))
+    expected = [row["points"].astype(np.float64).mean() for row in rows]
+    np.testing.assert_array_equal(result.metrics["cd_sq_radius2"], expected)
     kinds = standin.CATEGORIES
     assert result.names == [SampleName(n, kinds[n % 3], f"model{n}", n) for n in range(11)]
-    assert len(evaluate_split(config, {}, fake_step, max_samples=6).names) == 6
+    assert len(evaluate_split(config, {}, step, max_samples=6).names) == 6
 
 
 def test_emd_is_measured_up_to_its_tolerance():
@@ -59,42 +58,31 @@ def test_emd_is_measured_up_to_its_tolerance():
     assert " EMD " in table_lib.text(result).splitlines()[1]
 
 
-@pytest.fixture
-def table():
-    models = [("car", "a"), ("car", "b"), ("car", "c"), ("lamp", "d")]
-    names = [SampleName(i, *name, view=7) for i, name in enumerate(models)]
-    metrics = {
-        "cd_sq_radius2": np.array([1.0, 2.0, 3.0, 6.0]),
-        "precision": np.array([0.0, 0.0, 0.0, 1.0]),
-        "fscore": np.array([0.1, 0.2, 0.3, 0.6]),
-    }
-    return Evaluation("validation", names, metrics, 0.01, (1024, 4096))
+def table(names="aaab", **metrics):
+    """An evaluation of four models, the last one of another category."""
+    named = [SampleName(i, *name, view=7) for i, name in enumerate(zip(names, "abcd", strict=True))]
+    arrays = {"cd_sq_radius2": [1.0, 2.0, 3.0, 6.0], "fscore": [0.1, 0.2, 0.3, 0.6], **metrics}
+    arrays = {name: np.array(values) for name, values in arrays.items()}
+    return Evaluation("validation", named, arrays, 0.01, (1024, 4096), 0.025)
 
 
-def test_table_as_text_csv_and_json(table):
-    text = table_lib.text(table)
-    lines = text.splitlines()
-    assert [line.split() for line in lines[:3]] == [
-        ["F-score", "at"], ["CD", "squared", "0.01"],
-        ["category", "samples", "[radius^2]", "radius", "[%]"],
-    ]  # fmt: skip
-    (line,) = [line for line in lines if line.startswith("mean over samples")]
-    assert line.split() == ["mean", "over", "samples", "4", "3.00000", "30.00"]
-    rows = table_lib.read_csv(table_lib.csv_text(table))
-    samples = table_lib.read_csv(table_lib.samples_csv(table))
-    assert [r["model_id"] for r in samples] == list("abcd")
-    assert [r["record"] for r in samples] == list("0123")
-    assert samples[3]["view"] == "7"
+def test_table_as_text_csv_and_json():
+    text = table_lib.text(table())
+    lines = [line.split() for line in text.splitlines()]
+    assert lines[2] == ["category", "samples", "[radius^2]", "radius", "[%]"]
+    assert ["mean", "over", "samples", "4", "3.00000", "30.00"] in lines
+    assert "1024 predicted points against 4096" in text
+    rows = table_lib.read_csv(table_lib.csv_text(table()))
+    samples = table_lib.read_csv(table_lib.samples_csv(table()))
+    assert [(r["record"], r["model_id"], r["view"]) for r in samples][3] == ("3", "d", "7")
     means = ["mean over samples", "mean over categories"]
-    assert [row["category"] for row in rows] == ["car", "lamp", *means]
+    assert [row["category"] for row in rows] == ["a", "b", *means]
     assert [float(row["cd_sq_radius2"]) for row in rows] == [2, 6, 3, 4]
     assert rows[-1]["samples"] == "4"
-    assert "1024 predicted points against 4096 true ones.\n" in text
-    document = json.loads(table_lib.json_text(table, step=7))
+    document = json.loads(table_lib.json_text(table(), step=7))
     assert document["mean_over_samples"]["fscore"] == pytest.approx(0.3)
-    assert document["categories"]["car"]["samples"] == 3
-    assert document["step"] == 7
-    assert document["num_pred_points"] == 1024
+    assert document["categories"]["a"]["samples"] == 3
+    assert (document["step"], document["num_pred_points"]) == (7, 1024)
 
 
 @pytest.mark.parametrize(
@@ -103,10 +91,10 @@ def test_table_as_text_csv_and_json(table):
      "a\x1b[31m", "'quoted", "\uff1d1+1", " =1", "a;=1+1", 'a"=1', "C:\\new", "'\\x41\\", "\ud800",
      "chair", ""],
 )  # fmt: skip
-def test_names_of_others_are_no_formulas_in_csv_and_are_read_back(table, name):
+def test_names_of_others_are_no_formulas_in_csv_and_are_read_back(name):
     names = [SampleName(i, name, name, view=7) for i in range(4)]
     for write in (table_lib.csv_text, table_lib.samples_csv):
-        text = write(dataclasses.replace(table, names=names))
+        text = write(dataclasses.replace(table(), names=names))
         rows = list(csv.reader(text.splitlines()))
         assert all(len(row) == len(rows[0]) for row in rows)
         assert not any(cell.lstrip().startswith(tuple("=+@-\uff1d")) for r in rows for cell in r)
@@ -115,57 +103,48 @@ def test_names_of_others_are_no_formulas_in_csv_and_are_read_back(table, name):
     assert table_lib.read_csv(text)[0]["model_id"] == name
 
 
-@pytest.mark.parametrize(("count", "shown"), [(8, ""), (3, ", 3 of a cloud different, the")])
+@pytest.mark.parametrize(("count", "shown"), [(8, ""), (3, ", 3 of a cloud different")])
 def test_true_points_that_are_repeated_are_told(monkeypatch, count, shown):
-    config = small_config(eval__emd_tolerance=0.05, data__num_eval_points=8, model__fc_points=5)
-
     def few(*arguments, **options):
         for batch in standin.eval_batches(*arguments, **options):
             yield batch | {"points": batch["points"][:, np.arange(8) % count]}
 
     monkeypatch.setattr("psgn_jax.data.loader.eval_batches", few)
-    result = evaluate_split(config, {}, fake_step)
+    step = lambda *_: (np.zeros((4, 2, 3)), {"cd_sq_radius2": np.ones(4)})  # noqa: E731
+    result = evaluate_split(small_config(data__num_eval_points=8), {}, step)
     assert result.num_distinct == (count, count)
-    text = table_lib.text(result)
-    assert f"2 predicted points against 8 true ones{shown}" in text
+    assert f"8 true ones{shown}" in table_lib.text(result)
     assert json.loads(table_lib.json_text(result))["num_distinct_gt_points"] == [count, count]
 
 
-def test_missing_runs_and_checkpoints_are_named(tmp_path):
-    with pytest.raises(ConfigError, match=r"^compare=.*: no run there"):
+def test_missing_runs_checkpoints_and_records_are_named(tmp_path, monkeypatch):
+    with refused(ConfigError, f"compare={tmp_path}", "run"):
         open_with_records(tmp_path, argument="compare")
-    with pytest.raises(ConfigError, match=r"^train\.init=.*: no run there"):
+    with refused(ConfigError, f"train.init={tmp_path}", "run"):
         open_initial(standin.config(train__init=str(tmp_path)))
     (tmp_path / "config.json").write_text(to_json(standin.config()))
-    with pytest.raises(CheckpointError, match="no checkpoint there"):
+    with refused(CheckpointError, tmp_path, "checkpoint"):
         open_with_records(tmp_path)
-
-
-def visibility_table(share, visible):
-    models = [("car", "a"), ("car", "b"), ("lamp", "c")]
-    names = [SampleName(i, *name, view=0) for i, name in enumerate(models)]
-    hidden = np.where(np.asarray(share) < 1, 4.0, np.nan)
-    metrics = {
-        "cd_sq_radius2": np.ones(3),
-        "cd_sq_gt_to_pred_visible_radius2": np.array(visible),
-        "cd_sq_gt_to_pred_hidden_radius2": hidden,
-        "visible_share": np.array(share),
-    }
-    return Evaluation("validation", names, metrics, 0.01, (1024, 4096), 0.025)
+    moved = Trained(standin.config(data__path="no/records"), 0, {}, {})
+    monkeypatch.setattr(evaluate, "open_weights", lambda *_, **__: moved)
+    with refused(ConfigError, "data.path='no/records'", "--data"):
+        open_with_records("run")
 
 
 def test_samples_without_visible_points_have_no_part_in_their_means():
-    table = visibility_table([0.5, 0.0, 0.0], [2.0, np.nan, np.nan])
-    rows = {row.name: row.metrics for row in table.rows()}
     key = "cd_sq_gt_to_pred_visible_radius2"
-    assert rows["car"][key] == 2
-    assert np.isnan(rows["lamp"][key])
-    assert rows["mean over samples"][key] == rows["mean over categories"][key] == 2
-    assert rows["mean over samples"]["visible_share"] == pytest.approx(1 / 6)
-    assert "within 0.025 radius of a point that the depth image measured" in table_lib.text(table)
+
+    def means(visible, share):
+        found = table(visible_share=share, **{key: visible})
+        assert "0.025" in table_lib.text(found)
+        return {row.name: row.metrics for row in found.rows()}
+
+    rows = means([2.0, np.nan, np.nan, np.nan], [0.5, 0.0, 0.0, 0.0])
+    assert np.isnan(rows["b"][key])
+    assert {rows[n][key] for n in ("a", "mean over samples", "mean over categories")} == {2}
+    assert rows["mean over samples"]["visible_share"] == pytest.approx(1 / 8)
     # A broken prediction is not left out.
-    broken = visibility_table([0.5, 0.5, 0.5], [2.0, np.nan, 3.0])
-    rows = {row.name: row.metrics for row in broken.rows()}
+    rows = means([2.0, np.nan, 3.0, 1.0], [0.5, 0.5, 0.5, 0.5])
     assert np.isnan(rows["mean over samples"][key])
 
 

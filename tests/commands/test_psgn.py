@@ -9,7 +9,7 @@ from helpers.refusals import check_message, refused
 from helpers.small_runs import write_solids
 
 from psgn_jax.commands import psgn as cli
-from psgn_jax.config import recipes as config_files
+from psgn_jax.config import files
 from psgn_jax.config.command_line import load_file
 from psgn_jax.config.experiment import ConfigError
 
@@ -23,7 +23,7 @@ def test_help_and_errors_list_commands_and_configurations(capsys):
     assert cli.main(["train", "--workdir=runs/none"]) == 2
     first, *lines = capsys.readouterr().err.splitlines()
     check_message(first, "error: --config")
-    assert [line.split()[0] for line in lines] == config_files.names()
+    assert [line.split()[0] for line in lines] == files.names()
 
 
 @pytest.mark.parametrize(
@@ -91,16 +91,16 @@ for name in ("LOGNAME", "USER", "LNAME", "USERNAME", "PSGN_CACHE"):
 
 
 def test_a_configuration_is_a_path_or_a_name_and_executed_once(tmp_path, capsys):
-    assert config_files.path_of("configs/debug.py") == "configs/debug.py"
-    assert config_files.path_of("debug") == str(ROOT / "configs" / "debug.py")
-    assert config_files.path_of("data_gen/config.py:photo") == "data_gen/config.py:photo"
+    assert files.path_of("configs/debug.py") == "configs/debug.py"
+    assert files.path_of("debug") == str(ROOT / "configs" / "debug.py")
+    assert files.path_of("data_gen/config.py:photo") == "data_gen/config.py:photo"
     with refused(ConfigError, "--config=configs/debgu.py", "'debug'"):
-        config_files.path_of("configs/debgu.py")
+        files.path_of("configs/debgu.py")
     file, mark = tmp_path / "mine.py", tmp_path / "mark"
     file.write_text(
         f"with open({str(mark)!r}, 'a') as file:\n    file.write('x')\n"
-        "from psgn_jax.config import recipes\n\n\n"
-        "def get_config():\n    return recipes.load('debug')\n"
+        "from psgn_jax.config import files\n\n\n"
+        "def get_config():\n    return files.load('debug')\n"
     )
     arguments = ["train", f"--config={file}", "--config.train.steps=0", "--config.seed=1"]
     assert cli.main(arguments) == 2

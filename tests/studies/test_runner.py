@@ -9,6 +9,7 @@ import types
 import numpy as np
 import pytest
 from helpers import drawn_solids
+from helpers.refusals import all_refused, refused
 from helpers.small_runs import write_solids
 
 from psgn_jax.config.experiment import ConfigError
@@ -36,17 +37,14 @@ def records(tmp_path_factory):
 def logs(folder):
     """Their contents, and when a checkpoint was last written."""
     paths = sorted(folder.rglob("metrics.jsonl"))
-    checkpoints = [path.with_name("checkpoints").stat().st_mtime_ns for path in paths]
-    return list(zip(paths, map(pathlib.Path.read_bytes, paths), checkpoints, strict=True))
+    return [(p, p.read_bytes(), p.with_name("checkpoints").stat().st_mtime_ns) for p in paths]
 
 
 @pytest.mark.slow
 def test_a_study_is_shared_stopped_resumed_and_repeated(records, tmp_path, monkeypatch):
     folder, options = tmp_path / "a", {"data": records, "seeds": 2}
     assert lib.run(STUDY, folder, data=records, only="rgbd:1") == ""
-    assert [p.name for p in folder.iterdir()] == ["rgbd-1"]
     (alone,) = logs(folder)
-
     train, started = lib.loop.train, []
 
     def stopped_at_the_second(config, folder):
@@ -56,7 +54,7 @@ def test_a_study_is_shared_stopped_resumed_and_repeated(records, tmp_path, monke
         return train(config, folder)
 
     monkeypatch.setattr(lib.loop, "train", stopped_at_the_second)
-    with pytest.raises(UserError, match="the same command continues") as caught:
+    with refused(UserError, "same command") as caught:
         lib.run(STUDY, folder, **options)
     assert caught.value.exit_code == 143
     text = lib.run(STUDY, folder, **options)
@@ -71,8 +69,7 @@ def test_a_study_is_shared_stopped_resumed_and_repeated(records, tmp_path, monke
     means = [float(by_key[name, "", "cd_sq_radius2"]["mean"]) for name in ("rgbd", "rgb")]
     assert float(change["mean"]) == pytest.approx(means[0] - means[1])
     assert (change["samples"], change["seeds"]) == ("11", "2")
-    assert float(change["error_samples"]) > 0
-    assert float(change["error_seeds"]) > 0
+    assert min(float(change["error_samples"]), float(change["error_seeds"])) > 0
     assert "rgbd - rgb" in (folder / "completion.md").read_text()
     for name in ("completion.png", "completion_curves.png"):
         assert (folder / name).read_bytes().startswith(b"\x89PNG")
@@ -81,30 +78,26 @@ def test_a_study_is_shared_stopped_resumed_and_repeated(records, tmp_path, monke
     again = lib.run(STUDY, folder, **options, measure=[f"{records}:train"])
     assert again.startswith(text)
     assert (folder / "completion.csv").read_text() == numbers
-    assert f"samples of 'train' of {records}" in again
     assert (folder / f"completion-{pathlib.Path(records).name}-train.md").is_file()
     assert logs(folder) == finished
 
     # Finished runs are measured by another study.
     runs = [str(folder / name) for name in ("rgb-0", "rgb-1")]
-    text = lib.run(branches.STUDY, tmp_path / "b", finished=runs)
-    assert f"{runs[1]} - {runs[0]}" in text
-    assert "11 samples of 'validation'" in text
+    assert f"{runs[1]} - {runs[0]}" in lib.run(branches.STUDY, tmp_path / "b", finished=runs)
 
 
 def test_other_records_and_what_does_not_fit(records, tmp_path):
     drawn = drawn_solids.samples(2, seed=0, image_size=(12, 16))
     flat = [dataclasses.replace(s, depth=None) for s in drawn]
     write_dataset(tmp_path / "flat", {"train": flat, "validation": flat}, source="")
-    for options, message in (
-        ({"data": str(tmp_path / "flat")}, "remove 'depth' from"),
-        ({"only": "rgb"}, "^only=rgb: accepted: "),
-        ({"only": "depth:0"}, "^only=depth:0: accepted: "),
-        ({"measure": ["records"]}, r"^measure=records: accepted: FOLDER:SPLIT"),
-        ({"measure": ["a/x:test", "b/x:test"]}, "accepted: folders with different names"),
-    ):
-        with pytest.raises(ConfigError, match=message):
-            lib.run(STUDY, tmp_path / "work", **{"data": records, **options})
+    run = lambda options: lib.run(STUDY, tmp_path / "work", **{"data": records, **options})  # noqa: E731
+    all_refused(run, ConfigError, [
+        ({"data": str(tmp_path / "flat")}, "data=", tmp_path / "flat", "'depth'"),
+        ({"only": "rgb"}, "only=rgb", "CONFIG:SEED", "rgbd"),
+        ({"only": "depth:0"}, "only=depth:0", "CONFIG:SEED"),
+        ({"measure": ["records"]}, "measure=records", "FOLDER:SPLIT"),
+        ({"measure": ["a/x:test", "b/x:test"]}, "measure=b/x:test"),
+    ])  # fmt: skip
     assert not (tmp_path / "work").exists()
     (run, _) = STUDY.runs(tmp_path, data="here", eval_data="there")
     assert (run.config.data.path, run.config.data.eval_path) == ("here", "there")
@@ -131,9 +124,11 @@ def test_means_differences_and_their_errors():
     assert change.error_samples == pytest.approx(np.std([0, 2, 0], ddof=1) / np.sqrt(3))
     assert change.better == 0
     for metric, better in (("precision", 1), ("emd_radius", 0), ("visible_share", math.nan)):
-        pair = {k: [measured({metric: v}, "ab")] for k, v in {"a": [1.0, 2], "b": [3.0, 4]}.items()}
-        one = dataclasses.replace(STUDY, metrics={metric: metric}, pairs=[("b", "a")])
-        *_, change = lib.summarise(pair, one)
+        pair = {
+            "a": [measured({metric: [1.0, 2]}, "ab")],
+            "b": [measured({metric: [3.0, 4]}, "ab")],
+        }
+        *_, change = lib.summarise(pair, dataclasses.replace(study, metrics={metric: metric}))
         np.testing.assert_equal(change.better, better)
     # The first two samples are views of one model: deviations of 2/3 and -2/3 in all.
     names = measured({}, "aabb").names

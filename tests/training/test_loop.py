@@ -17,6 +17,7 @@ import pytest
 from helpers import standin
 from helpers.commands import ROOT
 from helpers.processes import wait_until
+from helpers.refusals import all_refused, refused
 from helpers.small_runs import quick_environment, write_config, write_solids
 
 from psgn_jax.config.experiment import ConfigError, from_json
@@ -57,10 +58,6 @@ def changed(config, section, **fields):
     return dataclasses.replace(config, **{section: section_of})
 
 
-def shorter(config, steps):
-    return changed(config, "train", steps=steps)
-
-
 def newest(workdir):
     return Checkpoints(workdir / "checkpoints", read_only=True).restore_newest()
 
@@ -80,8 +77,7 @@ def assert_same_leaves(have, want):
 
 def test_a_run_leaves_everything_behind(run, config):
     workdir, outcome = run
-    assert outcome.stopped_by is None
-    assert int(outcome.state.step) == 12
+    assert (outcome.stopped_by, int(outcome.state.step)) == (None, 12)
     assert from_json((workdir / "config.json").read_text()) == config
     entries = lines(workdir)
     assert [e["step"] for e in entries if e["kind"] == "train"] == [4, 8, 12]
@@ -93,72 +89,74 @@ def test_a_run_leaves_everything_behind(run, config):
     assert checkpoints.best_step() in (6, 12)
 
 
-def test_a_run_in_parts_ends_with_the_same_bits(run, config, tmp_path):
-    """The parts end between two lines of metrics and two evaluations; they draw no images."""
-    plain = changed(config, "train", images_every=0)
-    for steps in (5, 12):
-        train(shorter(plain, steps), tmp_path / "run")
-    assert_same_leaves(newest(tmp_path / "run"), newest(run[0]))
-    wanted = [e for e in lines(run[0]) if e["kind"] == "train"]
-    found = [e for e in lines(tmp_path / "run") if e["kind"] == "train" and e["step"] % 4 == 0]
-    assert found == wanted
-
-
-def test_processes_with_different_configurations_are_refused(config, tmp_path, monkeypatch):
-    monkeypatch.setattr(distributed, "gather", lambda own: [own, {**own, "optim.b1": 0.5}])
-    with pytest.raises(ConfigError, match=r"^processes 0 and 1 have optim.b1=0.9 and 0.5; expec"):
-        train(config, tmp_path / "run")
-
-
-def test_a_finished_run_has_nothing_to_do_and_another_is_refused(run, config):
+def test_a_finished_run_has_nothing_to_do_and_another_is_refused(run, config, caplog, monkeypatch):
     before = lines(run[0])
-    train(changed(config, "train", keep_checkpoints=3), run[0])  # a harmless change
+    with caplog.at_level(logging.INFO, "absl"):
+        train(changed(config, "train", keep_checkpoints=3), run[0])  # a harmless change
     assert lines(run[0]) == before
+    assert "nothing to do" in caplog.text
+    caplog.clear()
     other = changed(changed(config, "model", fc_points=16), "optim", b1=0.8)
-    message = r"model.fc_points=8 \(now 16\), optim.b1=0.9 \(now 0.8\)"
-    with pytest.raises(ConfigError, match=message):
+    other = changed(other, "train", steps=20)
+    with refused(ConfigError, run[0], "model.fc_points=8 (now 16)", "optim.b1=0.9 (now 0.8)"):
         train(other, run[0])
-    with locked(run[0]), pytest.raises(ConfigError, match="another training is running there"):
+    assert "compiling" not in caplog.text
+    with locked(run[0]), refused(ConfigError, run[0]):
         train(config, run[0])
+    monkeypatch.setattr(distributed, "gather", lambda own: [own, {**own, "optim.b1": 0.5}])
+    with refused(ConfigError, "optim.b1=0.9", "0.5"):
+        train(config, run[0].parent / "other")
+
+
+def test_a_run_stopped_in_its_last_evaluation_keeps_no_further_checkpoint(
+    config, tmp_path, monkeypatch
+):
+    """Its score is missing then; a resumed run evaluates only."""
+    own, evaluations = standin.eval_batches, []
+
+    def eval_batches(*arguments, **options):
+        evaluations.append(1)
+        if len(evaluations) == 4:
+            signal.raise_signal(signal.SIGTERM)
+        return own(*arguments, **options)
+
+    monkeypatch.setattr(loader, "eval_batches", eval_batches)
+    plain = changed(config, "train", images_every=0, eval_every=3, keep_checkpoints=1)
+    assert train(plain, tmp_path / "run").stopped_by == signal.SIGTERM
+    assert train(plain, tmp_path / "run").stopped_by is None
+    checkpoints = Checkpoints(tmp_path / "run" / "checkpoints", read_only=True)
+    assert set(checkpoints.steps()) == {12, checkpoints.best_step()}
 
 
 def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, monkeypatch, caplog):
-    folder, workdir = tmp_path / "records", tmp_path / "run"
-    write_solids(folder)
+    moved, workdir = tmp_path / "moved", tmp_path / "run"
 
-    def scores(eval_split="validation", path=folder):
+    def scores(path=moved, **fields):
         caplog.clear()
         with caplog.at_level(logging.WARNING, "absl"):
-            train(changed(config, "data", path=str(path), eval_split=eval_split), workdir)
+            train(changed(config, "data", path=str(path), **fields), workdir)
         return Checkpoints(workdir / "checkpoints", read_only=True).scores
 
-    first = scores()
+    first = scores(write_solids(tmp_path / "records"))
     assert first.keys() == {6, 12}
-    moved = shutil.move(folder, tmp_path / "moved")
-    assert scores(path=moved) == first
+    shutil.move(tmp_path / "records", moved)
+    assert scores() == first
     assert "the evaluation" not in caplog.text
-    there = scores("train", moved)
-    assert there.keys() == {12}
-    assert "the evaluation has changed (records, data.eval_split)" in caplog.text
-    back = scores(path=moved)  # without a further checkpoint
-    assert "the evaluation has changed (records, data.eval_split)" in caplog.text
-    assert back.keys() == {12}
+    there = scores(eval_split="train")
+    assert "(records, data.eval_split)" in caplog.text
+    back = scores()  # without a further checkpoint
+    assert there.keys() == back.keys() == {12}
     assert first[12] == back[12] != there[12]
     with monkeypatch.context() as patch:  # of another process, with a copy that differs
         differing = lambda own: [own, own + 1] if type(own) is int else [own]  # noqa: E731
         patch.setattr(distributed, "gather", differing)
-        with pytest.raises(ConfigError, match=f"{moved}: differs between processes; expected"):
-            scores(path=moved)
-    write_others(moved)
-    assert scores(path=moved)[12] != back[12]
-    assert "the evaluation has changed (records)" in caplog.text
-
-
-def write_others(folder):
-    """Writes other validation samples to a folder of `write_solids`."""
-    samples = list(RecordReader(folder, "train"))
-    shutil.rmtree(folder)
-    write_dataset(folder, {"train": samples, "validation": samples[:11]}, source="solids")
+        with refused(ConfigError, moved, "processes"):
+            scores()
+    samples = list(RecordReader(moved, "train"))
+    shutil.rmtree(moved)
+    write_dataset(moved, {"train": samples, "validation": samples[:11]}, source="solids")
+    assert scores()[12] != back[12]
+    assert "(records)" in caplog.text
 
 
 def test_non_finite_loss_stops_naming_metric_and_step(config, tmp_path, monkeypatch):
@@ -170,7 +168,7 @@ def test_non_finite_loss_stops_naming_metric_and_step(config, tmp_path, monkeypa
             yield batch
 
     monkeypatch.setattr(loader, "train_batches", train_batches)
-    with pytest.raises(NonFiniteError, match=r"the loss is not finite at step 5;"):
+    with refused(NonFiniteError, "loss", "step 5", "optim.learning_rate"):
         train(config, tmp_path / "run")
     assert Checkpoints(tmp_path / "run" / "checkpoints", read_only=True).steps() == [3]
 
@@ -178,23 +176,19 @@ def test_non_finite_loss_stops_naming_metric_and_step(config, tmp_path, monkeypa
 @pytest.mark.usefixtures("unchecked_annotations")
 def test_what_does_not_fit_is_named_before_anything_is_written(tmp_path):
     config = standin.config(**TINY, loss__name="chamfer_sq_mean + emd_mean@33", data__num_points=40)
-    with pytest.raises(ConfigError, match=r"the term 'emd_mean@33', with data.num_points=40"):
-        train(config, tmp_path / "run")
-    assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.parametrize(
-    ("changes", "named"),
-    [
-        ({"model__widths": (1_000_000, 1_000_000, 8)}, "^model.widths, model.fc_points: the netw"),
-        ({"model__fc_points": 1_000_000, "model__fc_widths": (1_000_000,)}, "the network with"),
-        ({"train__batch_size": 1_000_000, **LARGE}, "the images of a batch"),
-        ({"eval__batch_size": 1_000_000, **LARGE}, "the images of a batch"),
-    ],
-)
-def test_what_is_larger_than_the_memory_is_refused_before_it_is_allocated(changes, named, tmp_path):
-    with pytest.raises(ConfigError, match=rf"{named}.* would take .* GB, and there are .* GB"):
-        train(standin.config(**{**TINY, **changes}), tmp_path / "run")
+    few = standin.config(loss__min_of_n=2, loss__winner_points=65)
+    table = [(config, "loss.name", "'emd_mean@33'", "data.num_points=40")]
+    table += [(few, "loss.winner_points=65", "64", "data.num_points")]
+    table += [
+        (standin.config(**{**TINY, **changes}), *names, "GB of memory")
+        for names, changes in (
+            (("model.widths",), {"model__widths": (1_000_000, 1_000_000, 8)}),
+            (("model.fc_points",), {"model__fc_points": 10**6, "model__fc_widths": (10**6,)}),
+            (("data.image_size", "train.batch_size"), {"train__batch_size": 10**6, **LARGE}),
+            (("data.image_size", "eval.batch_size"), {"eval__batch_size": 10**6, **LARGE}),
+        )
+    ]
+    all_refused(lambda config: train(config, tmp_path / "run"), ConfigError, table)
     assert not (tmp_path / "run").exists()
 
 
@@ -257,27 +251,33 @@ def test_killed_stopped_and_out_of_space_a_run_ends_with_the_same_bits(command, 
     assert lines(workdir) == lines(reference)
     scores = [folder / "checkpoints" / "scores.json" for folder in (workdir, reference)]
     assert scores[0].read_text() == scores[1].read_text()
-    assert len(re.findall("resuming at step", log_of(workdir))) == 3
-    assert "stopped by SIGTERM" in log_of(workdir)
-    assert "Traceback" not in log_of(workdir)
-    assert "damaged" not in log_of(workdir)
+    said = log_of(workdir)
+    assert said.count("resuming at step") == 3
+    assert "stopped by SIGTERM" in said
+    assert not re.search("Traceback|damaged", said)
 
 
-@pytest.mark.slow
-def test_resuming_on_records_with_augmentation_and_a_posterior(tmp_path, monkeypatch):
-    """Decoding, augmentation, the choice of points and random inputs are resumed too."""
+def test_a_run_in_parts_ends_with_the_same_bits(tmp_path, monkeypatch):
+    """Decoding, augmentation, the choice of points and random inputs are resumed too.
+
+    The parts end between two lines of metrics, two checkpoints and two evaluations.
+    """
     monkeypatch.undo()  # the real loader
-    records = write_solids(tmp_path / "records")
     config = standin.config(
         **TINY, model__posterior=True, model__posterior_widths=(2, 2, 2), model__posterior_hidden=4,
-        loss__kl_weight=0.01, train__eval_every=0, data__path=str(records), data__flip=True,
-        data__stretch=0.2, data__colour_jitter=0.3,
+        loss__kl_weight=0.01, data__path=str(write_solids(tmp_path / "records")), data__flip=True,
+        data__stretch=0.2, data__colour_jitter=0.3, train__log_every=4,
     )  # fmt: skip
     train(config, tmp_path / "whole")
-    train(shorter(config, 5), tmp_path / "run")
+    train(changed(config, "train", steps=5), tmp_path / "run")
     train(config, tmp_path / "run")
     assert_same_leaves(newest(tmp_path / "run"), newest(tmp_path / "whole"))
-    assert {"kl", "active_dims", "kl_weight", "kl_of_dims"} <= lines(tmp_path / "run")[-1].keys()
+    found, wanted = (
+        [e for e in lines(tmp_path / name) if e["kind"] == "train" and e["step"] % 4 == 0]
+        for name in ("run", "whole")
+    )
+    assert found == wanted
+    assert {"kl", "active_dims", "kl_weight", "kl_of_dims"} <= found[-1].keys()
 
 
 @pytest.mark.slow

@@ -11,8 +11,8 @@ from helpers.commands import python
 from helpers.weights import random_params
 
 from psgn_jax import tasks
-from psgn_jax.config.experiment import ConfigError, OptimConfig
-from psgn_jax.losses.by_name import chosen_points, configured_loss
+from psgn_jax.config.experiment import OptimConfig
+from psgn_jax.losses.by_name import chosen_points
 from psgn_jax.losses.chamfer import chamfer_sq, chamfer_sq_mean
 from psgn_jax.losses.mapping import map_pairs
 from psgn_jax.losses.min_of_n import min_of_n
@@ -72,17 +72,16 @@ def test_golden_metrics(trained):
     np.testing.assert_allclose(have, GOLDEN, rtol=2e-4, err_msg=meant)
 
 
-def test_random_input_depends_on_seed_step_and_purpose(tiny):
+def test_random_input_depends_on_seed_step_and_purpose():
     def draw(step, train, **changes):
         return networks.random_input(standin.config(**changes), step, 4, train=train)
 
-    size = tiny.model.random_size
-    np.testing.assert_array_equal(draw(7, True), draw(7, True))
-    for other in (draw(8, True), draw(7, False), draw(7, True, seed=4)):
-        assert not np.array_equal(draw(7, True), other)
+    drawn = draw(7, True), draw(8, True), draw(7, False), draw(7, True, seed=4)
+    assert len({each.tobytes() for each in map(np.asarray, drawn)}) == 4
+    np.testing.assert_array_equal(draw(7, True), drawn[0])
     assert draw(0, True, model__random_size=0) is None
-    assert draw(0, True, loss__min_of_n=2).shape == (4, 2, size)
-    assert draw(0, False, loss__min_of_n=2).shape == (4, size)
+    assert draw(0, True, loss__min_of_n=2).shape == (4, 2, 3)
+    assert draw(0, False, loss__min_of_n=2).shape == (4, 3)
 
 
 def test_training_on_a_sum_logs_its_terms(trained):
@@ -100,12 +99,11 @@ def test_training_on_a_sum_logs_its_terms(trained):
 def test_the_loss_of_the_best_draw_and_its_gradient(winner_points, mean_weight):
     loss = {"loss__name": "chamfer_sq", "loss__min_of_n": 3, "loss__winner_points": winner_points}
     config = standin.config(**TINY, **loss, loss__mean_weight=mean_weight)
-    model = networks.build(config.model)
-    params = random_params(config)
+    task = tasks.create(config)
+    model, params = task.model, random_params(config)
     batch = next(standin.train_batches(config.data, batch_size=4, seed=0, start_step=0))
     batch = {key: batch[key] for key in networks.input_keys(config)}
     r = networks.random_input(config, 0, 4, train=True)
-    distance = configured_loss(config.loss)
 
     def value_and_grad(loss, params):
         return jax.jit(jax.value_and_grad(loss, has_aux=True), compiler_options=QUICK)(params)
@@ -122,11 +120,10 @@ def test_the_loss_of_the_best_draw_and_its_gradient(winner_points, mean_weight):
         first = jnp.mean(map_pairs(chamfer_sq_mean)(preds[:, 0], batch["points"]))
         return loss + mean_weight * first, best
 
-    def quick(params):
-        return points.min_of_n_loss(config, model, distance, params, batch, r)
-
     (want, want_best), want_grads = value_and_grad(plain, params)
-    (have, best), grads = value_and_grad(quick, params)
+    (have, best), grads = value_and_grad(
+        lambda params: task.min_of_n_loss(params, batch, r), params
+    )
     np.testing.assert_allclose(have, want, rtol=1e-6)
     np.testing.assert_array_equal(best.winner, want_best.winner)
     np.testing.assert_allclose(best.distances, want_best.distances, rtol=1e-5)
@@ -134,12 +131,6 @@ def test_the_loss_of_the_best_draw_and_its_gradient(winner_points, mean_weight):
     scale = max(float(np.abs(g).max()) for g in jax.tree.leaves(want_grads))
     for have, want in zip(*map(jax.tree.leaves, (grads, want_grads)), strict=True):
         np.testing.assert_allclose(have, want, rtol=1e-3, atol=1e-5 * scale)
-
-
-def test_winner_points_are_at_most_those_of_the_clouds():
-    config = standin.config(loss__min_of_n=2, loss__winner_points=65)
-    with pytest.raises(ConfigError, match="winner_points=65: accepted: at most 64, the"):
-        tasks.create(config)
 
 
 VAE = TINY | {
@@ -161,16 +152,8 @@ def test_training_with_a_posterior():
     np.testing.assert_allclose(weights, 1e-2 * np.array([0, 0.25, 0.5, 0.75, 1, 1, 1, 1]))
     assert history[-1]["loss"] < history[0]["loss"]
     assert all(h["kl"] > 0 for h in history)
-    started = compiled(config, None)[0]()
-    moved = jax.tree.map(lambda a, b: not np.array_equal(a, b), started.params, final.params)
-    assert all(jax.tree.leaves(moved))  # gradients reach the generator and the posterior
-    # An evaluation takes z from the prior: the generator uses it, the posterior is not read.
-    model = networks.build(config.model)
-    batch = next(standin.train_batches(config.data, batch_size=2, seed=0, start_step=0))
-    r = networks.random_input(config, 0, 2, train=False)
-    plain = {k: v for k, v in final.params.items() if k != "posterior"}
-    predict = jax.jit(lambda z: networks.predict(config, model, plain, batch, z))
-    assert np.abs(predict(r) - predict(r + 1)).max() > 1e-3
+    moved = jax.tree.map(np.array_equal, compiled(config, None)[0]().params, final.params)
+    assert not any(jax.tree.leaves(moved))  # gradients reach the generator and the posterior
 
 
 def test_l2_of_the_authors_and_schedules():

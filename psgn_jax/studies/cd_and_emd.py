@@ -15,7 +15,7 @@ import functools
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from psgn_jax.studies import figures, networks
+from psgn_jax.studies import architectures, figures
 from psgn_jax.studies.runner import Results, Sample, Study, evaluate
 from psgn_jax.viewing import spheres
 
@@ -63,8 +63,8 @@ def figure(results: Results) -> figures.Figure:
 
 STUDY = Study(
     "losses",
-    networks.BASE,
-    lambda *_: networks.configs(["two_branch"]),
+    architectures.BASE,
+    lambda *_: architectures.configs(["two_branch"]),
     METRICS,
     figure,
     functools.partial(evaluate, of_sample=measure_sample),
