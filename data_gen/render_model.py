@@ -88,7 +88,7 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
         line |= {**counts, "warnings": list(model.warnings)}
         surface = sample_surface(model, settings.num_points, seed)
         # An unbalanced tree takes less time to build, and a view makes only a few hundred queries.
-        tree = scipy.spatial.cKDTree(surface.points, compact_nodes=False, balanced_tree=False)
+        tree = scipy.spatial.cKDTree(surface, compact_nodes=False, balanced_tree=False)
         drawn, settings = without_faces(model, settings, seed)
         surfaces = scene.flatten(drawn)
         extremes = outline(model)
@@ -107,7 +107,7 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
                 picture = render(mesh, shown, side=image.samples, soft_edges=image.soft_edges)
             else:
                 picture = photograph(mesh, shown, around, settings, rng)
-            points = (surface.points @ camera.rotation.T).astype(np.float32)
+            points = (surface @ camera.rotation.T).astype(np.float32)
             checks = check_view(picture, camera, points, tree)
             views.append({"view": view, **camera.parameters(), **checks})
             if objection := objection_to(checks, settings):
@@ -120,7 +120,6 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
             }  # fmt: skip
             sample = schema.Sample(
                 image=picture.image, mask=picture.mask, depth=picture.depth, points=points,
-                normals=(surface.normals @ camera.rotation.T).astype(np.float32),
                 occupancy=occupancy, intrinsics=camera.intrinsics.astype(np.float32),
                 extrinsics=camera.extrinsics.astype(np.float32), category=entry.category,
                 model_id=entry.model_id, view=view, source=context.source,

@@ -17,14 +17,12 @@ from psgn_jax.data.dataset import write_dataset
 def random_sample(rng, *, num_points=200, **changes):
     size = 24, 32
     mask = rng.random(size) < 0.4
-    normals = rng.normal(size=(num_points, 3))
     intrinsics, extrinsics = camera.default_camera(size)
     fields = {
         "image": rng.integers(0, 256, (*size, 3), np.uint8),
         "mask": mask,
         "depth": np.where(mask, rng.uniform(2, 5, size), 0).astype(np.float32),
         "points": rng.uniform(-1, 1, (num_points, 3)).astype(np.float32),
-        "normals": (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
         "occupancy": rng.random((32, 32, 32)) < 0.3, "intrinsics": intrinsics,
         "extrinsics": extrinsics, "category": "chair", "model_id": "m1", "view": 3,
         "source": "test",

@@ -51,7 +51,7 @@ def test_normalize_counts_only_what_is_drawn():
     texture[: size[0] // 2, : size[1] // 2, 3] = 0  # v > 1/2, u < 1/2
     model = with_sheet(texture)
     exists = texture[..., 3] > 0
-    sample = sample_surface(model, 50_000, 0).points
+    sample = sample_surface(model, 50_000, 0)
     low, high = sample.min(axis=0), sample.max(axis=0)
     origin = np.array([*(low + high)[:2] / 2, low[2]])
     radius = np.linalg.norm(sample - origin, axis=1).max()

@@ -172,7 +172,7 @@ def test_occupancy_fills_through_cracks_and_an_open_bottom_but_no_open_vessel():
 def test_occupancy_keeps_thin_parts_one_cell_thick():
     model = build(*table(0.02, 0.008))
     got = solid_occupancy(model, ALONG)
-    points = sample_surface(model, 5000, 0).points
+    points = sample_surface(model, 5000, 0)
     cell = np.clip(np.floor((points + np.array([1, 1, 0])) * 16).astype(int), 0, 31)
     # A sheet on the border between two layers of cells is in one of them.
     assert got[tuple(cell.T)].mean() > 0.85
