@@ -5,7 +5,6 @@
 
 import contextlib
 import functools
-import itertools
 import pathlib
 import re
 import zlib
@@ -167,7 +166,7 @@ def convert(
                 "samples": sum(map(len, records.values())),
                 "splits": {split: len(found) for split, found in records.items()},
             }
-            yield shards.Result(number, line, list(itertools.chain(*records.values())))
+            yield shards.Result(number, line, records)
 
     def incomplete(line: shards.Line) -> bool:
         return bool(line["status"] == _INCOMPLETE)

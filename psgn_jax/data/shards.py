@@ -22,7 +22,6 @@ manifest, so readers see either the old or the new state.
 import contextlib
 import dataclasses
 import hashlib
-import itertools
 import json
 import pathlib
 import re
@@ -51,8 +50,8 @@ _SECONDS_BETWEEN_REPORTS = 10
 
 Line = Mapping[str, Any]
 """A line of `models.jsonl`: the fields of the input's `Tag`, `status` ("ok" if nothing is missing),
-`reason`, and `samples`, their number. If the samples are in other splits than the input, `splits`
-maps each split to their number, in the order of the records."""
+`reason`, and `samples`, the number of its samples. If they are in other splits than the input,
+`splits` maps each split to its number of samples."""
 
 
 class OtherSettingsError(ValueError):
@@ -72,11 +71,11 @@ class Tag(NamedTuple):
 
 
 class Result(NamedTuple):
-    """The result of an input: its number in the job, its line, and its records."""
+    """The result of an input: its number in the job, its line, and its records by split."""
 
     number: int
     line: dict[str, Any]
-    records: list[bytes]
+    records: Mapping[str, Sequence[bytes]]
 
 
 Make = Callable[[Sequence[tuple[int, Any]]], Generator[Result]]
@@ -204,7 +203,7 @@ def _make_part(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int]
     with contextlib.closing(make([(i, job.inputs[i][1]) for i in owner])) as all_results:
         for number, result in enumerate(all_results if owner else (), 1):
             block, line = owner[result.number], result.line
-            made += len(result.records)
+            made += line["samples"]
             if line["status"] != "ok":
                 refused += 1
                 for what in line["reason"].split("\n"):
@@ -226,18 +225,13 @@ def _make_part(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int]
 
 def _write_block(folder: pathlib.Path, block: _Block, results: Mapping[int, Result]) -> None:
     """Writes the shards of a block, then its lines."""
-    writers: dict[str, ShardWriter] = {}
-    ordered = [results[i] for i in block.indices]
-    with contextlib.ExitStack() as stack:
-        for result in ordered:
-            left = iter(result.records)
-            for split, count in _counts(result.line).items():
-                if split not in writers:
-                    writer = ShardWriter(folder, split, block.number, block.digest)
-                    writers[split] = stack.enter_context(writer)
-                for record in itertools.islice(left, count):
-                    writers[split].write(record)
-    shards = [dataclasses.asdict(writers[split].shard) for split in sorted(writers)]
+    ordered, shards = [results[i] for i in block.indices], []
+    for split in sorted({split for result in ordered for split in _counts(result.line)}):
+        with ShardWriter(folder, split, block.number, block.digest) as writer:
+            for result in ordered:
+                for record in result.records.get(split, ()):
+                    writer.write(record)
+        shards.append(dataclasses.asdict(writer.shard))
     stated = {"lines": [result.line for result in ordered], "shards": shards}
     write_atomic(folder / WORK / f"{block.digest}.block", json.dumps(stated))
 

@@ -86,7 +86,7 @@ def make(
                 line["views"] = [{"inside": 1.0, "depth": 0.0, "luminance": 9.0}]
                 data = [record_of(entry.model_id, entry.category)]
             line["warnings"] = (warnings or {}).get(entry.model_id, [])
-            yield shards.Result(index, line, data)
+            yield shards.Result(index, line, {entry.split: data})
 
     source = names if isinstance(names, Catalogue) else listed(names)
     summary = job.render_catalogue(source, out, options, render=render, **more)
@@ -360,7 +360,7 @@ def test_a_worker_whose_parent_was_killed_at_the_start_ends_in_silence():
 def test_the_pool_runs_where_processes_have_no_affinity(monkeypatch):
     """As on macOS."""
     monkeypatch.delattr(os, "sched_getaffinity", raising=False)
-    nothing = lambda self, number, entry: shards.Result(number, {}, [])  # noqa: E731
+    nothing = lambda self, number, entry: shards.Result(number, {}, {})  # noqa: E731
     monkeypatch.setattr(pool.Renderer, "render", nothing)
     context = Context(OPTIONS, "listed", Variant("none"), None)
     found = pool.render_local(list(enumerate(listed(TEN).models)), context)
