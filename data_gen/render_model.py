@@ -90,9 +90,9 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
         # An unbalanced tree takes less time to build, and a view makes only a few hundred queries.
         tree = scipy.spatial.cKDTree(surface, compact_nodes=False, balanced_tree=False)
         drawn, settings = without_faces(model, settings, seed)
-        surfaces = scene.flatten(drawn)
+        arrays = scene.flatten(drawn)
         extremes = outline(model)
-        mesh = Mesh(surfaces.corners)
+        mesh = Mesh(arrays.corners)
         parameters = _rounded(model.parameters)
         for view in range(settings.views):
             rng = np.random.default_rng([seed, view])
@@ -101,7 +101,7 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
                 rng, settings.light, context.maps, camera, detail=settings.image.shading == "photo"
             )
             light = lights.draw(rng, settings.light, around.radiance)
-            shown = scene.Scene(surfaces, camera, light)
+            shown = scene.Scene(arrays, camera, light)
             if settings.image.shading == "local":
                 image = settings.image
                 picture = render(mesh, shown, side=image.samples, soft_edges=image.soft_edges)

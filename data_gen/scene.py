@@ -16,7 +16,7 @@ BACKGROUND = schema.BACKGROUND_GREY / 255
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Surfaces:
+class ModelArrays:
     """The arrays of a model's v vertices, f faces and m materials, in the model's frame.
 
     `corners`, `normals` and `uv` belong to the corners of faces. `texels` are the RGBA values of
@@ -44,12 +44,12 @@ class Surfaces:
 class Scene:
     """The input of local shading."""
 
-    surfaces: Surfaces
+    arrays: ModelArrays
     camera: Camera
     lights: Lights
 
 
-def flatten(model: Model) -> Surfaces:
+def flatten(model: Model) -> ModelArrays:
     """The arrays of a model."""
     # The white texel, and each texture once: materials may share a texture.
     textures = {id(m.texture): m.texture for m in model.materials if m.texture is not None}
@@ -61,7 +61,7 @@ def flatten(model: Model) -> Surfaces:
     opacity = np.array([m.opacity for m in model.materials], np.float32)
     seen = [model.materials[i] for i in np.unique(model.face_material)]
     opaque = all(np.float32(m.opacity) >= 0.99 and not m.has_alpha for m in seen)
-    return Surfaces(
+    return ModelArrays(
         vertices=model.vertices.astype(np.float32),
         corners=model.corners().astype(np.float32),
         normals=np.ascontiguousarray(model.normals, np.float32),

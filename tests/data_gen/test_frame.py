@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from helpers.solid_models import cube, joined, model_of
 
-from data_gen.catalogues import solids
+from data_gen.catalogues import shapes
 from data_gen.frame import axis_vector, normalize, orient, recentre
 from data_gen.mesh import Material, UnusableModelError, build_model
 from data_gen.surface import sample_surface
 
-SHEET = solids.Solid(
+SHEET = shapes.Solid(
     np.array([[-2, 0, -1], [2, 0, -1], [2, 0, 3], [-2, 0, 3.0]]), np.array([[0, 1, 2], [0, 2, 3]])
 )
 
@@ -34,7 +34,7 @@ def test_orient_turns_up_to_z_and_front_to_x(up, front):
 
 def test_normalize(rng):
     shift = rng.normal(size=3) * 100
-    model = normalize(model_of(solids.box(3, 2, 1).at(*shift)))
+    model = normalize(model_of(shapes.box(3, 2, 1).at(*shift)))
     np.testing.assert_allclose(np.linalg.norm(model.vertices, axis=1).max(), 1)
     assert model.vertices[:, 2].min() == 0
     np.testing.assert_allclose(model.vertices[:, :2].min(0), -model.vertices[:, :2].max(0))
@@ -78,7 +78,7 @@ def test_normalize_ignores_sheets_that_exist_nowhere():
 def test_normalize_refuses_what_overflows_and_strays_by_name():
     with pytest.raises(UnusableModelError):
         normalize(dataclasses.replace(model_of(cube()), vertices=cube().vertices * 1e200))
-    far = solids.ball(0.1, 0.1, 0.1, 8).at(0, 20, 0.5)
+    far = shapes.ball(0.1, 0.1, 0.1, 8).at(0, 20, 0.5)
     vertices, faces = joined(cube(), far)
     owner = (np.arange(len(faces)) >= 12).astype(int)
     materials = [Material(name="paint"), Material(name="marker")]
@@ -92,7 +92,7 @@ def test_normalize_refuses_what_overflows_and_strays_by_name():
 
 def test_recentre_brings_the_mean_of_the_vertices_over_the_origin():
     # A cube next to a ball of the same size with many vertices.
-    model = normalize(build_model(*joined(cube(), solids.ball(1, 1, 1).at(2.5, 0, 0))))
+    model = normalize(build_model(*joined(cube(), shapes.ball(1, 1, 1).at(2.5, 0, 0))))
     moved = recentre(model, "vertices")
     used = np.unique(moved.vertices[np.unique(moved.faces)], axis=0)
     np.testing.assert_allclose(used[:, :2].mean(axis=0), 0, atol=1e-12)

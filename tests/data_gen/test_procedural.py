@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from data_gen.catalogues import procedural, solids
+from data_gen.catalogues import procedural, shapes
 from data_gen.catalogues.families import kit, materials
 from data_gen.catalogues.open_catalogue import open_catalogue
 from data_gen.mesh import face_normals, weld
@@ -75,7 +75,7 @@ def test_the_catalogue_lists_its_models_and_errors_name_the_value():
 def test_a_screen_is_upright_for_a_viewer_in_front():
     image = np.full((4, 4, 4), 255, np.uint8)
     builder = kit.Kit(np.random.default_rng(0))
-    builder.add(materials.Textured(texture=image, tile=0.0), solids.box(0.02, 2, 1))
+    builder.add(materials.Textured(texture=image, tile=0.0), shapes.box(0.02, 2, 1))
     model = builder.model("monitor", "m", {})
     front = face_normals(model.vertices, model.faces)[:, 0] > 0.9
     corners, uv = model.corners()[front].reshape(-1, 3), model.uv[front].reshape(-1, 2)

@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 from helpers.solid_models import model_of, squares
 
-from data_gen.catalogues import solids
+from data_gen.catalogues import shapes
 from data_gen.frame import normalize
 from data_gen.mesh import Material, UnusableModelError, build_model
 from data_gen.surface import sample_surface
 
 
 def test_samples_are_uniform_by_area():
-    model = normalize(model_of(solids.box(4, 2, 1)))
+    model = normalize(model_of(shapes.box(4, 2, 1)))
     points = sample_surface(model, 7000, 3)
     assert points.dtype == np.float32
     low, high = model.vertices.min(axis=0), model.vertices.max(axis=0)

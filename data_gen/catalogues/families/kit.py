@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from data_gen.catalogues import solids
+from data_gen.catalogues import shapes
 from data_gen.catalogues.families import materials as m
-from data_gen.catalogues.solids import Solid, ball, block, box, cylinder, lathe, rod, tube
+from data_gen.catalogues.shapes import Solid, ball, block, box, cylinder, lathe, rod, tube
 from data_gen.frame import normalize
 from data_gen.mesh import Material, Model, build_model
 
@@ -124,15 +124,15 @@ def four_legs(kit: Kit, material: Material, x: float, y: float, top: float, thic
         kit.four(material, lathe([(r * thick * 0.8, z * top) for r, z in _TURNED], 14).at(x, y))
     elif style == "sabre":
         bend = foot * [0.7, 0.7, 1] + head * [0.3, 0.3, 0.45]
-        kit.four(material, tube(solids.smooth_path([foot, bend, head], 4),
+        kit.four(material, tube(shapes.smooth_path([foot, bend, head], 4),
                                 np.linspace(0.35, 0.6, 9) * thick))
     elif style == "hairpin":
         kit.four(material, rod(foot, head, 0.25 * thick))
     else:
-        outline = solids.superellipse(thick, thick, 2 if style == "round" else 12, 12)
+        outline = shapes.superellipse(thick, thick, 2 if style == "round" else 12, 12)
         rings = [np.column_stack([size * outline, 0 * outline[:, 0]]) + end
                  for size, end in ((0.6 if style == "tapered" else 1.0, foot), (1.0, head))]
-        kit.four(material, solids.loft(rings))
+        kit.four(material, shapes.loft(rings))
     if style != "hairpin" and kit.chance(0.3):
         share = kit.uniform(0.15, 0.4)
         a, b, z = foot * (1 - share) + head * share
