@@ -1,12 +1,12 @@
 import errno
 import gzip
 import json
-import types
 
 import free_set
 import numpy as np
 import pytest
 from helpers.obj_text import CUBE, FACES
+from helpers.refusals import all_refused, refused
 
 from data_gen.catalogues.open_catalogue import open_catalogue
 from psgn_jax.data.shards import Progress
@@ -46,14 +46,13 @@ def test_a_larger_part_holds_a_smaller_one():
     # All chairs are in one family and therefore in one split, unlike in the catalogue's own splits.
     assert len({e.split for e in rest.models}) == 1
     assert len({e.split for e in free_set.select(small(), "").models}) == 3
-    with pytest.raises(ValueError, match="no model is left"):
+    with refused(ValueError, "chairs"):
         free_set.select(small(exclude=".*"), "")
 
 
 def test_missing_packages_are_said_with_the_commands(write, tmp_path):
     known = list(free_set.SOURCES.values())
     lines = free_set.missing(known, tmp_path / "a b")
-    assert "apt-get download sweethome3d-furniture" in lines
     place = tmp_path / "a b" / "sweethome3d-furniture"
     assert f"dpkg-deb -x sweethome3d-furniture_*.deb '{place}'" in lines
     packages = [source for source in known if source.package not in ("", free_set.MESHES)]
@@ -113,20 +112,22 @@ def test_missing_meshes_are_said_with_their_repositories(meshes):
 
 
 def test_a_grey_mesh_gets_a_material_and_a_damaged_index_is_named(meshes):
-    (entry,) = open_catalogue("indexed", meshes / "meshes", licences=("GPL*",)).models
+    def opened(text=INDEX):
+        (meshes / "meshes/index.csv").write_text(text)
+        return open_catalogue("indexed", meshes / "meshes", licences=("GPL*",)).models
+
+    (entry,) = opened()
     assert entry.find_file() == meshes / "meshes/b/rock.obj"
     rock = entry.load()
     assert rock.materials[0].texture is not None or np.ptp(rock.materials[0].diffuse) > 0
-    for text, message in (
-        ("name\n", "line 1: expected a heading with a column `file`"),
-        ("file,category\na.obj\n", "line 2: expected 2 values"),
-        ("file\na.obj\na.obj\n", "line 3: 'a.obj' is listed twice"),
-        ("file\n", "it lists no such model"),
-        ("file,licence\na.obj,MIT\n", r"licence of \['GPL\*'\] \(it has \['MIT'\]\)"),
-    ):
-        (meshes / "meshes/index.csv").write_text(text)
-        with pytest.raises(ValueError, match=message):
-            open_catalogue("indexed", meshes / "meshes", licences=("GPL*",))
+    table = (
+        ("name\n", "index.csv", "line 1", "`file`"),
+        ("file,category\na.obj\n", "index.csv", "line 2", "2 values"),
+        ("file\na.obj\na.obj\n", "index.csv", "line 3", "'a.obj'"),
+        ("file\n", "index.csv"),
+        ("file,licence\na.obj,MIT\n", "index.csv", "'GPL*'", "'MIT'"),
+    )
+    all_refused(opened, ValueError, table)
 
 
 def test_files_outside_of_an_indexed_folder_are_not_looked_at(meshes):
@@ -153,7 +154,7 @@ def test_a_share_of_the_views_goes_to_another_preset(caplog):
     assert len({free_set.settings_of(p).seed for p in free_set.plan(chosen, both)}) == 3
     (level,) = free_set.plan([small(views=3)], {"level": 1})
     assert free_set.settings_of(level).camera.elevation == (-8, 10)
-    with pytest.raises(ValueError, match="fractions: got "):
+    with refused(ValueError, "fractions"):
         free_set.plan(chosen, {"photo": 0.6, "angles": 0.5})
 
 
@@ -194,18 +195,14 @@ def test_the_table(write, tmp_path):
 
 def test_a_source_without_samples_is_not_made(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(free_set.job, "render_catalogue", lambda *_: Progress(40, (), True))
-    given = {"packages": "", "fraction": 1, "variants": 0, "check": False, "centre": "bounds"}
-    given |= {"workers": 0, "variant": "auto", "out": tmp_path}
-    made, problems = free_set._render(free_set.plan([small()]), types.SimpleNamespace(**given))
-    place = tmp_path / "chairs" / "models.jsonl"
-    assert (made, problems) == ([], [f"not made: chairs: no model has samples, see {place}"])
     monkeypatch.setattr(free_set, "exit_on_signals", lambda: None)
     arguments = [f"--packages={tmp_path}", f"--out={tmp_path}", "--sources=procedural"]
     assert free_set.main(arguments) == 2
     said = capsys.readouterr()
-    assert "not made: procedural" in said.out
+    assert f"procedural: no model has samples, see {tmp_path / 'procedural' / 'models.jsonl'}" in (
+        said.out
+    )
     assert "data.path" not in said.out  # which would name the default data set
-    assert said.err.endswith("error: no data set was made\n")
 
     def full(*_):
         raise OSError(errno.ENOSPC, "full")
@@ -217,15 +214,15 @@ def test_a_source_without_samples_is_not_made(tmp_path, monkeypatch, capsys):
 def test_what_is_wrong_is_said_before_the_work(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(free_set, "exit_on_signals", lambda: None)
-    for arguments, message in (
-        ([], "--packages is missing"),
+    for arguments, *names in (
+        ([], "--packages"),
         (["--packages=/nowhere", "--out=x"], "apt-get download sweethome3d-furniture"),
-        (["--packages=.", "--out=x", "--sources=cats"], "got 'cats'"),
-        (["--packages=.", "--out=/dev/null", "--sources=procedural"], "error: --out=/dev/null: it"),
+        (["--packages=.", "--out=x", "--sources=cats"], "'cats'"),
+        (["--packages=.", "--out=/dev/null", "--sources=procedural"], "--out=/dev/null"),
         (["--packages=.", "--out=x", "--fraction=2"], "fraction"),
-        (["--packages=.", "--out=x", "cats"], "unexpected argument 'cats'"),
+        (["--packages=.", "--out=x", "cats"], "'cats'"),
     ):
         assert free_set.main(arguments) == 2
         said = capsys.readouterr()
-        assert (said.out, message in said.err) == ("", True), said.err
+        assert (said.out, [name for name in names if name not in said.err]) == ("", []), said.err
     assert not (tmp_path / "x").exists()

@@ -83,22 +83,22 @@ def texture_coordinates(
     """
     # Relative to the bounding box, which does not depend on hidden parts.
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    placed = vertices - [*((low + high) / 2)[:2], low[2]]
-    placed /= np.linalg.norm(placed, axis=1).max()
-    low, high = (f.reduceat(placed, starts, axis=0)[part_of] for f in (np.minimum, np.maximum))
-    corners, rows = placed[faces], np.arange(len(faces))
+    scaled = vertices - [*((low + high) / 2)[:2], low[2]]
+    scaled /= np.linalg.norm(scaled, axis=1).max()
+    low, high = (f.reduceat(scaled, starts, axis=0)[part_of] for f in (np.minimum, np.maximum))
+    corners, rows = scaled[faces], np.arange(len(faces))
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     axis = np.argmax(np.abs(normals) * [1, 1.001, 1.002], axis=1)
     tile = np.array([getattr(material, "tile", 1.0) for material in materials])[owner[part_of]]
     covering = (tile == 0)[:, None, None]
     # Textures that cover a part have a margin, so that rounding does not reach the opposite edge.
     fitted = 0.99 * (corners - (low + high)[:, None] / 2) / np.maximum(high - low, 1e-9)[:, None]
-    place = np.where(covering, fitted, corners / np.where(covering, 1, tile[:, None, None]))
+    tiled = np.where(covering, fitted, corners / np.where(covering, 1, tile[:, None, None]))
     facing = np.sign(normals[rows, axis])
     u_axis, v_axis = np.array([1, 0, 1])[axis], np.array([2, 2, 0])[axis]
     sign = np.array([1, -1, 1])[axis] * np.where(axis < 2, facing, 1)
-    u = place[rows, :, u_axis] * sign[:, None]
-    v = place[rows, :, v_axis] * np.where(axis < 2, 1, -facing)[:, None]
+    u = tiled[rows, :, u_axis] * sign[:, None]
+    v = tiled[rows, :, v_axis] * np.where(axis < 2, 1, -facing)[:, None]
     grain = np.array([getattr(material, "along_grain", False) for material in materials])
     longest = np.argmax((high - low).round(6) * [1, 1, 0.999], axis=1)
     turned = (grain[owner[part_of]] & (v_axis == longest))[:, None]
