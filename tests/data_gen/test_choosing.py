@@ -1,6 +1,7 @@
 import collections
 
 import pytest
+from helpers.refusals import all_refused
 
 from data_gen.catalogues import choosing
 from data_gen.catalogues.choosing import Choice, choose
@@ -39,13 +40,12 @@ def test_include_and_exclude_and_patterns_that_fit_nothing():
     chosen = choose(listed(), Choice(include=("Boats", "Rare"), exclude=("Military", "m001.*")))
     assert folders_of(chosen) == {"Boats/Civilian": 39, "Rare": 1}
     assert names(chosen) == [name for name in names(listed()) if name in set(names(chosen))]
-    for choice, message in (
-        (Choice(exclude=("Cars", "Wether")), r"^exclude=Wether: .*; did you mean 'Weather'\?$"),
-        (Choice(include=("Cars", "xyz")), r"^include=xyz: no category and no name matches$"),
+    table = (
+        (Choice(exclude=("Cars", "Wether")), "exclude=Wether", "'Weather'"),
+        (Choice(include=("Cars", "xyz")), "include=xyz"),
         (Choice(include=("Cars",), exclude=("Cars",)), "none of the 182 models"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            choose(listed(), choice)
+    )
+    all_refused(lambda choice: choose(listed(), choice), ValueError, table)
 
 
 @pytest.mark.parametrize("sample", [10, 90, 1000])

@@ -2,6 +2,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from helpers.refusals import refused
 from helpers.solid_models import cube, joined, model_of
 
 from data_gen.catalogues import shapes
@@ -71,7 +72,7 @@ def test_normalize_ignores_sheets_that_exist_nowhere():
     np.testing.assert_allclose(normalize(model).vertices[:-4], want)
     materials = model.materials[1:]
     alone = build_model(SHEET.vertices, SHEET.faces, uv=model.uv[-2:], materials=materials)
-    with pytest.raises(UnusableModelError, match="the model is transparent"):
+    with pytest.raises(UnusableModelError):
         normalize(alone)
 
 
@@ -83,7 +84,7 @@ def test_normalize_refuses_what_overflows_and_strays_by_name():
     owner = (np.arange(len(faces)) >= 12).astype(int)
     materials = [Material(name="paint"), Material(name="marker")]
     model = build_model(vertices, faces, face_material=owner, materials=materials)
-    with pytest.raises(UnusableModelError, match=r"stray part .*marker.*\(.*20, 0\.5.*gap"):
+    with refused(UnusableModelError, "stray part", "marker", "20, 0.5"):
         normalize(model)
     # Two parts with a gap of half the extent are accepted.
     pair = joined(cube(), cube().at(2.5, 0, 0))

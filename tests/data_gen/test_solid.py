@@ -184,5 +184,5 @@ def test_occupancy_keeps_thin_parts_one_cell_thick():
 def test_occupancy_refuses_endless_surface():
     vertices = np.tile([[-0.7, -0.7, 0], [0.7, -0.7, 0], [0, 0.7, 0.6]], (20000, 1))
     model = build_model(vertices, np.arange(60000).reshape(-1, 3))
-    with pytest.raises(UnusableModelError, match="more than the limit"):
+    with pytest.raises(UnusableModelError):
         solid_occupancy(model, ALONG)

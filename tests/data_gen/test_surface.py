@@ -37,7 +37,7 @@ def test_holes_of_an_alpha_map_have_no_points_and_glass_has_some():
     glass = squares((0, 0.5, Material(texture=texture, opacity=0.3)))
     assert len(sample_surface(glass, 100, 0)) == 100
     texture[..., 3] = 0
-    with pytest.raises(UnusableModelError, match="almost all"):
+    with pytest.raises(UnusableModelError):
         sample_surface(squares((0, 0.5, Material(texture=texture))), 100, 0)
 
 

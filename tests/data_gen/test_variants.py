@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from free_set import Licence, Source, select
 from helpers.obj_text import CUBE, FACES
+from helpers.refusals import all_refused
 
 from data_gen.catalogues import proportions
 from data_gen.catalogues.entry import original_name
@@ -57,13 +58,12 @@ def test_variants_of_a_source_keep_its_families(write, tmp_path):
 
 def test_wrong_options_are_named(write, tmp_path):
     write("a.obj", CUBE + FACES)
-    for message, option in {
-        "variants: got -1, expected 0 or more": {"variants": -1},
-        "deviation: got 1.5, expected a number above 0": {"variants": 2, "deviation": 1.5},
-        "deviation: got 0.3, which has no effect without variants": {"deviation": 0.3},
-    }.items():
-        with pytest.raises(ValueError, match=message):
-            open_catalogue("folder", tmp_path, **option)
+    table = (
+        ({"variants": -1}, "variants", "-1"),
+        ({"variants": 2, "deviation": 1.5}, "deviation", "1.5"),
+        ({"deviation": 0.3}, "deviation", "0.3", "without variants"),
+    )
+    all_refused(lambda options: open_catalogue("folder", tmp_path, **options), ValueError, table)
 
 
 def test_proportions_keep_planes_and_symmetry():
