@@ -176,15 +176,6 @@ def make_library(path, properties=PROPERTIES, extra=()):
     return path
 
 
-def test_a_relative_source_is_found_from_another_folder(write, tmp_path, monkeypatch):
-    write("in/a.obj", BOX)
-    make_library(tmp_path / "in" / "lib.sh3f")
-    monkeypatch.chdir(tmp_path)
-    entries = [open_catalogue(name, "in").models[0] for name in ("folder", "sh3f")]
-    monkeypatch.chdir("/")
-    assert [len(entry.load().faces) for entry in entries] == [12, 12]
-
-
 def test_sweet_home_and_its_properties(tmp_path):
     catalogue = open_catalogue("sh3f", make_library(tmp_path / "lib.sh3f"))
     entries = catalogue.models
@@ -208,28 +199,26 @@ def test_sweet_home_and_its_properties(tmp_path):
 
 
 def test_bombs_and_damaged_members_are_refused_and_traversal_finds_nothing(tmp_path):
-    bomb = b"v 0 0 0\n" * (4 << 20)
-    properties = "name#1=b\nmodel#1=/bomb.obj\n"
-    path = make_library(tmp_path / "bomb.sh3f", properties, [("bomb.obj", bomb)])
-    assert path.stat().st_size < 200_000
-    (entry,) = open_catalogue("sh3f", path).models
-    with pytest.raises(UnusableModelError, match="zip bomb"):
+    vertices = b"v 0 0 0\n"
+    library = make_library(
+        tmp_path / "bomb.sh3f", "model#1=/b.obj\n", [("b.obj", vertices * (4 << 20))]
+    )
+    (entry,) = open_catalogue("sh3f", library).models
+    with refused(UnusableModelError, "zip bomb"):
         entry.load()
-    path = make_library(tmp_path / "lie.sh3f", extra=[("liar.obj", b"v 0 0 0\n" * 100_000)])
+    path = make_library(tmp_path / "lib.sh3f", extra=[("liar.obj", vertices * 100_000)])
     size, stated = (struct.pack("<I", number) for number in (800_000, 64))
     assert path.read_bytes().count(size) == 2  # in the header and in the table of contents
-    path.write_bytes(path.read_bytes().replace(size, stated))
-    with pytest.raises(UnusableModelError, match=r"damaged|more than the limit"):
-        ZipFiles(path).read("liar.obj", 1000)
-    path = make_library(tmp_path / "lib.sh3f")
-    data = bytearray(path.read_bytes())
+    data = bytearray(path.read_bytes().replace(size, stated))
     at = data.find(b"models/a/chair.obj") + 30
     data[at : at + 20] = b"\xff" * 20
     path.write_bytes(data)
-    entries = list(open_catalogue("sh3f", path).models)
-    with pytest.raises(UnusableModelError, match="damaged"):
-        entries[0].load()
-    assert len(entries[1].load().faces) == 12
+    with refused(UnusableModelError, "liar.obj"):
+        ZipFiles(path).read("liar.obj", 1000)
+    first, second, *_ = open_catalogue("sh3f", path).models
+    with refused(UnusableModelError, "chair.obj"):
+        first.load()
+    assert len(second.load().faces) == 12
     files = ZipFiles(make_library(tmp_path / "lib.sh3f", extra=[("../evil.png", b"x")]))
     for name in ("../evil.png", "../../lib.sh3f", "/etc/passwd", "models/../../evil.png"):
         with pytest.raises(FileNotFoundError):

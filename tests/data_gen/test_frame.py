@@ -65,17 +65,6 @@ def test_normalize_counts_only_what_is_drawn():
     assert got.vertices[-4, 2] * radius == pytest.approx(-1 - ground, abs=0.01)
 
 
-def test_normalize_ignores_sheets_that_exist_nowhere():
-    texture = np.zeros((16, 16, 4), np.uint8)
-    model = with_sheet(texture)
-    want = normalize(model_of(cube(0.5))).vertices
-    np.testing.assert_allclose(normalize(model).vertices[:-4], want)
-    materials = model.materials[1:]
-    alone = build_model(SHEET.vertices, SHEET.faces, uv=model.uv[-2:], materials=materials)
-    with pytest.raises(UnusableModelError):
-        normalize(alone)
-
-
 def test_normalize_refuses_what_overflows_and_strays_by_name():
     with pytest.raises(UnusableModelError):
         normalize(dataclasses.replace(model_of(cube()), vertices=cube().vertices * 1e200))

@@ -31,13 +31,6 @@ def photo_settings(**changes):
     return settings.parse(values)
 
 
-@pytest.mark.parametrize("kind", surroundings.GROUNDS)
-def test_grounds_are_reflectances(kind):
-    texture = surroundings.texture_of(kind, np.random.default_rng(3))
-    assert 0 < texture.min() < texture.max() < 1
-    assert texture.std() > 1e-4
-
-
 def test_mixed_light_takes_from_all_sources(started):
     maps = np.ones((1, *lights.DETAIL, 3), np.float32)
     chosen = lights.LightSettings(source="mixed", folder="given")

@@ -82,17 +82,6 @@ def test_holes_show_what_is_behind_and_glass_is_part_of_the_object(started):
     assert np.ptp(picture.depth[picture.mask]) < 0.3
 
 
-def test_soft_edges_blend_with_the_background(started):
-    black = squares((0, 0.37, Material(diffuse=(0, 0, 0))))
-    hard = shot(black, view())
-    assert (hard.image[~hard.mask] == 191).all()
-    assert (hard.image[hard.mask] == 0).all()
-    picture = shot(black, view(), soft_edges=True)
-    values = np.unique(picture.image)
-    assert {0, 191} <= set(values.tolist())
-    assert len(values) > 4
-
-
 @pytest.mark.parametrize("toward", [(0.9, 0.3), (0.0, -0.9)])
 def test_photos_have_the_light_where_local_shading_has_it(started, toward):
     arrays = scene.flatten(model_of(shapes.ball(0.8, 0.8, 0.8).at(z=0.4)))

@@ -11,7 +11,6 @@ from data_gen.catalogues import shapes
 from data_gen.frame import normalize
 from data_gen.mesh import UnusableModelError, build_model, face_normals
 from data_gen.solid import mark_surface, peel, solid_occupancy
-from data_gen.surface import sample_surface
 
 SIDE = 3  # points along the edge of a cell
 ANGLES = (0.0, 20.0)
@@ -167,18 +166,6 @@ def test_occupancy_fills_through_cracks_and_an_open_bottom_but_no_open_vessel():
     got = solid_occupancy(vessel, ALONG)
     assert not got[16, 16, 8]
     assert got[16, 16, 0]
-
-
-def test_occupancy_keeps_thin_parts_one_cell_thick():
-    model = build(*table(0.02, 0.008))
-    got = solid_occupancy(model, ALONG)
-    points = sample_surface(model, 5000, 0)
-    cell = np.clip(np.floor((points + np.array([1, 1, 0])) * 16).astype(int), 0, 31)
-    # A sheet on the border between two layers of cells is in one of them.
-    assert got[tuple(cell.T)].mean() > 0.85
-    assert scipy.ndimage.maximum_filter(got, size=3)[tuple(cell.T)].all()
-    assert got[16, 16].sum() <= 2
-    assert not got[16, 16, 3]
 
 
 def test_occupancy_refuses_endless_surface():
