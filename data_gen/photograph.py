@@ -12,8 +12,7 @@ from jaxtyping import Bool, Float, UInt8
 
 from data_gen import engine, lights
 from data_gen.cameras import Camera, turn_about_vertical
-from data_gen.picture import Mesh, Picture, render, sample_rays
-from data_gen.scene import BACKGROUND, Scene
+from data_gen.picture import BACKGROUND, Mesh, Picture, Scene, render, sample_rays
 from data_gen.settings import FilmSettings, Settings
 from data_gen.surroundings import TEXELS, Ground, Surroundings, draw_ground
 

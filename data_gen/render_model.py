@@ -14,13 +14,13 @@ import scipy.ndimage
 import scipy.spatial
 from jaxtyping import Float
 
-from data_gen import cameras, lights, scene, surroundings
+from data_gen import cameras, lights, surroundings
 from data_gen.catalogues.entry import Entry
 from data_gen.engine import Variant
 from data_gen.frame import outline, recentre
 from data_gen.mesh import Model, UnusableModelError, face_areas, face_normals
 from data_gen.photograph import photograph
-from data_gen.picture import Mesh, Picture, render
+from data_gen.picture import Mesh, Picture, Scene, flatten, render
 from data_gen.settings import Settings
 from data_gen.solid import solid_occupancy
 from data_gen.surface import sample_surface
@@ -90,7 +90,7 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
         # An unbalanced tree takes less time to build, and a view makes only a few hundred queries.
         tree = scipy.spatial.cKDTree(surface, compact_nodes=False, balanced_tree=False)
         drawn, settings = without_faces(model, settings, seed)
-        arrays = scene.flatten(drawn)
+        arrays = flatten(drawn)
         extremes = outline(model)
         mesh = Mesh(arrays.corners)
         parameters = _rounded(model.parameters)
@@ -101,7 +101,7 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
                 rng, settings.light, context.maps, camera, detail=settings.image.shading == "photo"
             )
             light = lights.draw(rng, settings.light, around.radiance)
-            shown = scene.Scene(arrays, camera, light)
+            shown = Scene(arrays, camera, light)
             if settings.image.shading == "local":
                 image = settings.image
                 picture = render(mesh, shown, side=image.samples, soft_edges=image.soft_edges)
