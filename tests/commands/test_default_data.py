@@ -67,5 +67,5 @@ def test_one_begun_otherwise_is_begun_anew(cache, monkeypatch):
     recipe.build(folder, options=TINY)
     splits = load_manifest(folder).splits()
     assert sum(len(RecordReader(folder, split)) for split in splits) == 3
-    with pytest.raises(shards.OtherSettingsError, match="complete data set"):
+    with pytest.raises(shards.OtherSettingsError, match="seed: 0 before, 1 now"):
         recipe.build(folder, options=other)
