@@ -267,8 +267,8 @@ def is_complete(folder: pathlib.Path, job: Job) -> bool:
         why = (isinstance(error, OSError) and error.strerror) or one_line(error)
         raise OtherSettingsError(
             f"folder {str(folder)!r}: contains a data set from {manifest.source!r} without a "
-            f"readable {JOB} and {REPORT} ({why}), made by another command or an earlier version; give "
-            "another folder, or remove it"
+            f"readable {JOB} and {REPORT} ({why}), made by another command or an earlier version; "
+            "give another folder, or remove it"
         ) from error
     _check_same(folder, statement, choice, there, job)
     kept = _kept(folder, job) if manifest.complete and there == job.tags() else {}
