@@ -72,8 +72,7 @@ def make(out, names, *, options=OPTIONS, stop_after=None, first=None, failing=No
             if line["status"] == "ok":
                 line |= {"reason": "", "samples": 1}
                 data = [record_of(entry.model_id, entry.category)]
-            warnings = ["degenerate faces dropped: 3"]
-            yield shards.Result(index, line | {"warnings": warnings}, {entry.split: data})
+            yield shards.Result(index, line, {entry.split: data})
 
     source = names if isinstance(names, Catalogue) else listed(names)
     summary = job.render_catalogue(source, out, options, render=render, **more)
@@ -93,12 +92,6 @@ def once(no_renderer, tmp_path_factory):
     out = tmp_path_factory.mktemp("growing") / "once"
     make(out, TEN)
     return out
-
-
-def test_each_kind_of_warning_is_logged_for_the_first_models_and_counted(tmp_path, caplog):
-    summary, _ = make(tmp_path / "out", [f"m{k}" for k in range(45)])
-    assert caplog.text.count("degenerate faces dropped") == 40
-    assert "45 models: degenerate faces dropped" in job.text_of(summary)
 
 
 DEEP = "[" * 200_000

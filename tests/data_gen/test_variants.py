@@ -2,7 +2,6 @@ import itertools
 
 import numpy as np
 import pytest
-from free_set import Licence, Source, select
 from helpers.obj_text import CUBE, FACES
 from helpers.refusals import all_refused
 
@@ -34,18 +33,6 @@ def test_meshes_have_variants_with_the_split_of_their_model(write, tmp_path):
         np.testing.assert_allclose(model.normals, np.broadcast_to(flat, (12, 3, 3)), atol=1e-6)
         np.testing.assert_array_equal(entry.load().vertices, model.vertices)
     assert len(extents) == 3
-
-
-def test_variants_of_a_source_keep_its_families(write, tmp_path):
-    for name in ("stool", "stool2", "table", "lamp", "sofa", "bed"):
-        write(f"{name}.obj", CUBE + FACES)
-    fields = {"views": 1, "licences": (Licence("MIT"),), "source": str(tmp_path)}
-    source = Source("boxes", "folder", families=True, **fields)
-    models = {e.model_id: e.split for e in select(source, "").models}
-    variants = list(select(source, "", variants=2).models)
-    assert len(variants) == 12
-    assert all(e.split == models[original_name(e.model_id)] for e in variants)
-    assert models["stool.obj"] == models["stool2.obj"]
 
 
 def test_wrong_options_are_named(write, tmp_path):
