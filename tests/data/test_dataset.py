@@ -91,6 +91,7 @@ def test_a_changed_manifest_is_refused_by_its_checksum(copied):
         (lambda c: c.update(shards=[{"file": "a"}]), "damaged .*missing 7 required .*'split'"),
         (lambda c: c["shards"].append(c["shards"][0]), "is listed twice"),
         (lambda c: c["shards"][0].update(count=10**30), "damaged .*count"),
+        (lambda c: c["shards"][0].update(count=0), "damaged .*count=0"),
         (lambda c: c["shards"][0].update(split="train\nfake"), "damaged .*split"),
         (lambda c: c["shards"][0].update(categories={"x" * 10**6: 1}), "damaged .*1000000 ch"),
         (lambda c: c["shards"][0].update(file="../train-00000.arrayrecord"), "damaged .*file"),
