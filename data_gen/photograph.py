@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, UInt8
 
 from data_gen import engine, lights
 from data_gen.cameras import Camera, turn_about_vertical
-from data_gen.picture import BACKGROUND, Mesh, Picture, Scene, render, sample_rays
+from data_gen.picture import BACKGROUND, Picture, Scene, render, sample_rays
 from data_gen.settings import FilmSettings, Settings
 from data_gen.surroundings import TEXELS, Ground, Surroundings, draw_ground
 
@@ -21,10 +21,10 @@ _DARKEST = 0.03  # smallest reflectance by which we divide colours
 
 
 def photograph(
-    mesh: Mesh, scene: Scene, around: Surroundings, settings: Settings, rng: np.random.Generator
+    scene: Scene, around: Surroundings, settings: Settings, rng: np.random.Generator
 ) -> Picture:
     """Renders a view of a scene, lit by its surroundings; see `picture.render`."""
-    image, picture, ground = settings.image, render(mesh, scene, side=0), None
+    image, picture, ground = settings.image, render(scene, side=0), None
     if image.ground != "none" and scene.camera.position[2] >= 0.03:  # the camera is above it
         ground = draw_ground(rng, image.ground, around)
     visible = image.background == "surroundings"
@@ -110,7 +110,7 @@ def trace(
     depth = position @ camera.extrinsics[2, :3] + camera.extrinsics[2, 3]
     ours = (np.linalg.norm(position, axis=-1) < 1.05) & (position[..., 2] > 1e-3)
     hole = ours & whole & (depth < np.where(view.mask, view.depth, np.inf) - 0.02)
-    hole &= not scene.arrays.opaque
+    hole &= not scene.mesh.arrays.opaque
     whole &= ~hole
     # We filter light in place of colours, so that textures stay sharp. The few paths that meet a
     # bright reflection would be white pixels.
@@ -138,7 +138,7 @@ def _object(scene: Scene) -> Any:
 
     For each number of meshes in a scene, Mitsuba compiles again.
     """
-    arrays = scene.arrays
+    arrays = scene.mesh.arrays
     uv = arrays.uv.copy()
     uv[..., 1] -= np.floor(uv[..., 1].min(axis=1, keepdims=True))
     used = np.unique(arrays.material)

@@ -57,15 +57,6 @@ class ModelArrays:
     opaque: bool
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Scene:
-    """The input of local shading."""
-
-    arrays: ModelArrays
-    camera: Camera
-    lights: Lights
-
-
 def flatten(model: Model) -> ModelArrays:
     """The arrays of a model."""
     # The white texel, and each texture once: materials may share a texture.
@@ -105,10 +96,11 @@ class RayHits(NamedTuple):
 
 
 class Mesh:
-    """A mesh for ray intersection."""
+    """The arrays of a model, and the search structure of its faces for ray intersection."""
 
-    def __init__(self, corners: Float[np.ndarray, "f 3 3"]) -> None:
-        """Builds the search structure of triangles with these corners."""
+    def __init__(self, model: Model) -> None:
+        self.arrays = flatten(model)
+        corners = self.arrays.corners
         # So the texture coordinates of a hit are its barycentric coordinates.
         uv = np.tile(np.array([[0, 0], [1, 0], [0, 1]], np.float32), (len(corners), 1, 1))
         self._scene = engine.mi.load_dict({"type": "scene", "model": engine.mesh(corners, uv)})
@@ -145,6 +137,15 @@ class Mesh:
             # Rays without a hit have arbitrary values.
             one, two = np.where(face >= 0, np.array(hits.prim_uv, np.float32).reshape(2, count), 0)
         return RayHits(face, np.stack([1 - one - two, one, two], axis=1), t)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Scene:
+    """The input of local shading."""
+
+    mesh: Mesh
+    camera: Camera
+    lights: Lights
 
 
 def window_of(arrays: ModelArrays, camera: Camera) -> Window:
@@ -277,9 +278,9 @@ class _Samples(NamedTuple):
     z: Float[np.ndarray, " n"]
 
 
-def _follow_rays(mesh: Mesh, scene: Scene, rays: np.ndarray) -> _Samples:
+def _follow_rays(scene: Scene, rays: np.ndarray) -> _Samples:
     """Casts rays from the camera, also through holes and glass."""
-    arrays, camera = scene.arrays, scene.camera
+    mesh, arrays, camera = scene.mesh, scene.mesh.arrays, scene.camera
     count = len(rays)
     colour, normals = np.zeros((2, count, 3), np.float32)
     through, z = np.ones(count, np.float32), np.zeros(count, np.float32)
@@ -335,24 +336,24 @@ class Picture(NamedTuple):
     depth: Float[np.ndarray, "h w"]
 
 
-def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False) -> Picture:
-    """Renders a view of `scene` with local shading; `mesh` has its `arrays.corners`.
+def render(scene: Scene, *, side: int = 4, soft_edges: bool = False) -> Picture:
+    """Renders a view of a scene with local shading.
 
     Mask and depth are those at the centres of the pixels. The colour is a mean over `side` x `side`
     samples, 0 = the centre. Without soft edges, as in the authors' images, we use samples with the
     material and orientation of the centre only. This smooths textures and leaves edges hard.
     """
-    camera = scene.camera
-    window = window_of(scene.arrays, camera)
-    centre = _follow_rays(mesh, scene, sample_rays(camera, window, 1))
+    arrays, camera = scene.mesh.arrays, scene.camera
+    window = window_of(arrays, camera)
+    centre = _follow_rays(scene, sample_rays(camera, window, 1))
     # Premultiplied colour, and opacity.
     total = np.concatenate([centre.colour, 1 - centre.through[:, None]], axis=1)
-    if side > 0 and (soft_edges or scene.arrays.texture_start.any()):
+    if side > 0 and (soft_edges or arrays.texture_start.any()):
         # Without soft edges, a pixel with a centre outside the object is background, and a pixel
         # on a surface without texture has the centre's colour.
-        textured = scene.arrays.texture_start[centre.owner] > 0
+        textured = arrays.texture_start[centre.owner] > 0
         chosen = np.flatnonzero(soft_edges | (centre.hit & textured))
-        seen = _follow_rays(mesh, scene, sample_rays(camera, window, side, chosen))
+        seen = _follow_rays(scene, sample_rays(camera, window, side, chosen))
         colour = np.concatenate([seen.colour, 1 - seen.through[:, None]], axis=1)
         colour = colour.reshape(-1, side * side, 4)
         if soft_edges:

@@ -20,7 +20,7 @@ from data_gen.engine import Variant
 from data_gen.frame import outline, recentre
 from data_gen.mesh import Model, UnusableModelError, face_areas, face_normals
 from data_gen.photograph import photograph
-from data_gen.picture import Mesh, Picture, Scene, flatten, render
+from data_gen.picture import Mesh, Picture, Scene, render
 from data_gen.settings import Settings
 from data_gen.solid import solid_occupancy
 from data_gen.surface import sample_surface
@@ -90,9 +90,8 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
         # An unbalanced tree takes less time to build, and a view makes only a few hundred queries.
         tree = scipy.spatial.cKDTree(surface, compact_nodes=False, balanced_tree=False)
         drawn, settings = without_faces(model, settings, seed)
-        arrays = flatten(drawn)
         extremes = outline(model)
-        mesh = Mesh(arrays.corners)
+        mesh = Mesh(drawn)
         parameters = _rounded(model.parameters)
         for view in range(settings.views):
             rng = np.random.default_rng([seed, view])
@@ -101,12 +100,12 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
                 rng, settings.light, context.maps, camera, detail=settings.image.shading == "photo"
             )
             light = lights.draw(rng, settings.light, around.radiance)
-            shown = Scene(arrays, camera, light)
+            shown = Scene(mesh, camera, light)
             if settings.image.shading == "local":
                 image = settings.image
-                picture = render(mesh, shown, side=image.samples, soft_edges=image.soft_edges)
+                picture = render(shown, side=image.samples, soft_edges=image.soft_edges)
             else:
-                picture = photograph(mesh, shown, around, settings, rng)
+                picture = photograph(shown, around, settings, rng)
             points = (surface @ camera.rotation.T).astype(np.float32)
             checks = check_view(picture, camera, points, tree)
             views.append({"view": view, **camera.parameters(), **checks})

@@ -11,7 +11,7 @@ from data_gen.catalogues.entry import Entry
 from data_gen.engine import Variant
 from data_gen.mesh import Material
 from data_gen.photograph import develop, trace
-from data_gen.picture import Mesh, Scene, flatten, render
+from data_gen.picture import Mesh, Scene, render
 from data_gen.render_model import Context
 from data_gen.settings import FilmSettings
 from data_gen.surroundings import Surroundings
@@ -56,12 +56,12 @@ def test_mixed_light_takes_from_all_sources(started):
 
 def test_contact_shadow_of_a_black_box(started):
     solid = shapes.box(0.8, 0.8, 0.8).at(z=0.4)
-    arrays = flatten(model_of(solid, materials=[Material(diffuse=(0, 0, 0))]))
+    mesh = Mesh(model_of(solid, materials=[Material(diffuse=(0, 0, 0))]))
     camera = view(elevation=40, distance=6, aim=0.2)
     around = Surroundings(np.ones((64, 128, 3)))
     light = lights.draw(np.random.default_rng(0), lights.LightSettings(), around.radiance)
-    shown = Scene(arrays, camera, light)
-    picture = render(Mesh(arrays.corners), shown)
+    shown = Scene(mesh, camera, light)
+    picture = render(shown)
     texture = np.full((4, 4, 3), 0.5, np.float32)
     ground = surroundings.Ground(texture, 1.0, 0.0, np.array([[-90.0, 0], [90, 0]]), 90.0, 30.0)
     radiance, opacity = trace(shown, picture, around, ground, rays=64, seed=0)

@@ -23,7 +23,7 @@ from data_gen.engine import Variant, choose_variant, has_mitsuba
 from data_gen.environment_maps import load_map, load_maps
 from data_gen.mesh import Material
 from data_gen.photograph import trace
-from data_gen.picture import Mesh, Scene, flatten, render
+from data_gen.picture import Mesh, Scene, render
 from data_gen.render_model import Context
 from data_gen.settings import Settings
 from data_gen.surroundings import Surroundings
@@ -45,8 +45,7 @@ def flat_light():
 
 
 def shot(model, camera, **options):
-    arrays = flatten(model)
-    return render(Mesh(arrays.corners), Scene(arrays, camera, flat_light()), **options)
+    return render(Scene(Mesh(model), camera, flat_light()), **options)
 
 
 def test_depth_and_mask_are_those_of_a_sphere(started):
@@ -84,14 +83,14 @@ def test_holes_show_what_is_behind_and_glass_is_part_of_the_object(started):
 
 @pytest.mark.parametrize("toward", [(0.9, 0.3), (0.0, -0.9)])
 def test_photos_have_the_light_where_local_shading_has_it(started, toward):
-    arrays = flatten(model_of(shapes.ball(0.8, 0.8, 0.8).at(z=0.4)))
+    mesh = Mesh(model_of(shapes.ball(0.8, 0.8, 0.8).at(z=0.4)))
     light = np.array([*toward, 0.3])
     light /= np.linalg.norm(light)
     radiance = np.exp(20 * (lights.directions_of(lights.MAP_SIZE) @ light - 1))
     radiance = np.repeat(radiance[..., None], 3, axis=-1)
     found = lights.reduce(radiance, lights.LightSettings(count=1), ambient=0.1, exposure=1.0)
-    shown = Scene(arrays, view(azimuth=40.0), found)
-    local = render(Mesh(arrays.corners), shown)
+    shown = Scene(mesh, view(azimuth=40.0), found)
+    local = render(shown)
     traced, _ = trace(shown, local, Surroundings(radiance), None, rays=4, seed=0)
     both = np.stack([local.image[local.mask].mean(axis=1), traced[local.mask].mean(axis=1)])
     assert np.corrcoef(both)[0, 1] > 0.8
@@ -102,9 +101,9 @@ def test_textures_are_upright_and_photos_have_the_same_holes(started):
     texture[..., :3] = (0, 0, 255)
     texture[:8, :, :3] = (255, 0, 0)  # red on top
     texture[:, :4, 3] = 0  # a hole on the left
-    arrays = flatten(squares((0, 0.5, Material(diffuse=(1, 1, 1), texture=texture))))
-    shown = Scene(arrays, view(elevation=0.0), flat_light())
-    local = render(Mesh(arrays.corners), shown)
+    mesh = Mesh(squares((0, 0.5, Material(diffuse=(1, 1, 1), texture=texture))))
+    shown = Scene(mesh, view(elevation=0.0), flat_light())
+    local = render(shown)
     around = Surroundings(np.ones((*lights.MAP_SIZE, 3)))
     traced, opacity = trace(shown, local, around, None, rays=4, seed=0)
     rows = np.flatnonzero(local.mask[:, 32])[1:-1]
