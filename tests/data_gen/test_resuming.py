@@ -99,6 +99,8 @@ DEEP = "[" * 200_000
 
 def test_what_is_damaged_is_refused_or_made_again(once, tmp_path):
     out = tmp_path / "out"
+    out.mkdir()
+    (out / shards.JOB).write_text(DEEP)  # of a call that was killed before it wrote a manifest
     with pytest.raises(KeyboardInterrupt):
         make(out, TEN, stop_after=7)  # blocks of 3 and 2, and 2 models of the next one
     (out / shards.WORK / "0.block").write_text(DEEP)
