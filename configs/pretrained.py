@@ -1,8 +1,8 @@
 """The recipe of the weights that come with the package: a sampler, trained on permissive data.
 
-Command: python recipes/free_set.py --packages FOLDER --out records/free
+Command: python scripts/free_set.py --packages FOLDER --out records/free
              --sources=furniture,procedural,procedural_incomplete,collections
-         python recipes/free_set.py --packages FOLDER --out records/others --photo=0.2
+         python scripts/free_set.py --packages FOLDER --out records/others --photo=0.2
              --angles=0.5 --level=0.3 --sources=furniture,collections
          python -m psgn_jax.main --config=configs/pretrained.py --workdir=runs/pretrained
          psgn weights export --workdir=runs/pretrained --out=pretrained.safetensors

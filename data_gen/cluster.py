@@ -97,7 +97,7 @@ def render_on(
                     result = future.result()
                 except KilledWorker as error:
                     line = failure(entry, "crashed", f"its Dask workers died: {error}")
-                    result = Result(number, line, [])
+                    result = Result(number, line, {})
                 except Exception as error:
                     if future.cancelled():
                         raise ConnectionError from error

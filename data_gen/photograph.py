@@ -12,8 +12,7 @@ from jaxtyping import Bool, Float, UInt8
 
 from data_gen import engine, lights
 from data_gen.cameras import Camera, turn_about_vertical
-from data_gen.picture import Mesh, Picture, render, sample_rays
-from data_gen.scene import BACKGROUND, Scene
+from data_gen.picture import BACKGROUND, Picture, Scene, render, sample_rays
 from data_gen.settings import FilmSettings, Settings
 from data_gen.surroundings import TEXELS, Ground, Surroundings, draw_ground
 
@@ -22,10 +21,10 @@ _DARKEST = 0.03  # smallest reflectance by which we divide colours
 
 
 def photograph(
-    mesh: Mesh, scene: Scene, around: Surroundings, settings: Settings, rng: np.random.Generator
+    scene: Scene, around: Surroundings, settings: Settings, rng: np.random.Generator
 ) -> Picture:
     """Renders a view of a scene, lit by its surroundings; see `picture.render`."""
-    image, picture, ground = settings.image, render(mesh, scene, side=0), None
+    image, picture, ground = settings.image, render(scene, side=0), None
     if image.ground != "none" and scene.camera.position[2] >= 0.03:  # the camera is above it
         ground = draw_ground(rng, image.ground, around)
     visible = image.background == "surroundings"
@@ -111,7 +110,7 @@ def trace(
     depth = position @ camera.extrinsics[2, :3] + camera.extrinsics[2, 3]
     ours = (np.linalg.norm(position, axis=-1) < 1.05) & (position[..., 2] > 1e-3)
     hole = ours & whole & (depth < np.where(view.mask, view.depth, np.inf) - 0.02)
-    hole &= not scene.surfaces.opaque
+    hole &= not scene.mesh.arrays.opaque
     whole &= ~hole
     # We filter light in place of colours, so that textures stay sharp. The few paths that meet a
     # bright reflection would be white pixels.
@@ -139,17 +138,17 @@ def _object(scene: Scene) -> Any:
 
     For each number of meshes in a scene, Mitsuba compiles again.
     """
-    surfaces = scene.surfaces
-    uv = surfaces.uv.copy()
+    arrays = scene.mesh.arrays
+    uv = arrays.uv.copy()
     uv[..., 1] -= np.floor(uv[..., 1].min(axis=1, keepdims=True))
-    used = np.unique(surfaces.material)
-    side = TEXELS if (surfaces.texture_start[used] > 0).sum() <= 4 else TEXELS // 2
-    metal, rough = np.zeros((2, len(surfaces.material)), np.float32)
+    used = np.unique(arrays.material)
+    side = TEXELS if (arrays.texture_start[used] > 0).sum() <= 4 else TEXELS // 2
+    metal, rough = np.zeros((2, len(arrays.material)), np.float32)
     stack, start = [], 0
     for number in used:
-        own = surfaces.material == number
-        size, begin = surfaces.texture_size[number], surfaces.texture_start[number]
-        texels = surfaces.texels[begin : begin + size.prod()].view(np.uint8)
+        own = arrays.material == number
+        size, begin = arrays.texture_size[number], arrays.texture_start[number]
+        texels = arrays.texels[begin : begin + size.prod()].view(np.uint8)
         height = side if begin else 1
         # Along columns, Mitsuba repeats the stack; along rows, the stack contains the repetitions.
         repeats = np.clip(np.ceil(uv[own, :, 1].max()), 1, 16)
@@ -160,15 +159,15 @@ def _object(scene: Scene) -> Any:
         uv[own, :, 1] = start + 0.01 + down * (height - 0.02)
         start += height
         # A material is metal if its specular colour is stronger than its diffuse colour.
-        specular = np.clip(surfaces.specular[number] * scene.lights.specular, 0, 1)
-        bright, diffuse = specular.mean(), surfaces.diffuse[number]
+        specular = np.clip(arrays.specular[number] * scene.lights.specular, 0, 1)
+        bright, diffuse = specular.mean(), arrays.diffuse[number]
         metal[own] = share = np.clip(2 * bright - 1.5 * diffuse.mean(), 0, 1)
-        width = (2 / (surfaces.shininess[number] + 2)) ** 0.25
+        width = (2 / (arrays.shininess[number] + 2)) ** 0.25
         rough[own] = np.clip(max(width, 1 - 2.5 * bright), 0.2, 1)
         # No material is black or white.
         colour = np.maximum(0.82 * (texture[..., :3] * diffuse) ** 2.2, 0.015)
         colour = (1 - share) * colour + share * 0.8 * specular
-        stack.append(np.dstack([colour, texture[..., 3] * surfaces.opacity[number]]))
+        stack.append(np.dstack([colour, texture[..., 3] * arrays.opacity[number]]))
     uv[..., 1] /= start
     values = np.concatenate(stack)
     bsdf = {"type": "twosided", "bsdf": {
@@ -176,10 +175,10 @@ def _object(scene: Scene) -> Any:
         "roughness": {"type": "mesh_attribute", "name": "face_roughness"},
         "metallic": {"type": "mesh_attribute", "name": "face_metallic"},
     }}  # fmt: skip
-    if not surfaces.opaque:
+    if not arrays.opaque:
         bsdf = {"type": "mask", "opacity": _bitmap(values[..., 3:]), "bsdf": bsdf}
     turn = scene.camera.rotation.T.astype(np.float32)
-    mesh = engine.mesh(surfaces.corners @ turn, uv, surfaces.normals @ turn, bsdf)
+    mesh = engine.mesh(arrays.corners @ turn, uv, arrays.normals @ turn, bsdf)
     mesh.add_attribute("face_roughness", 1, rough)
     mesh.add_attribute("face_metallic", 1, metal)
     return mesh

@@ -1,17 +1,25 @@
-"""Images of scenes with local shading.
+"""Images of scenes with local shading: Blinn-Phong under directional lights.
 
-Mitsuba intersects rays with a single mesh, so it compiles nothing for another model. `shading`
-computes the colours with numpy, equal for both variants of Mitsuba.
+As in the paper's images, there are no shadows and no interreflection. We compute with display
+values (sRGB), without a transfer curve. Mitsuba intersects rays with a single mesh, so it compiles
+nothing for another model. We compute the colours with numpy, equal for both variants of Mitsuba.
 """
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8, UInt32
 
-from data_gen import cameras, engine, shading
+from data_gen import cameras, engine
 from data_gen.cameras import Camera
-from data_gen.scene import BACKGROUND, RayHits, Scene, Surfaces
+from data_gen.lights import Lights
+from data_gen.mesh import EXISTS, Model, face_normals
+from psgn_jax.data import schema
+
+BACKGROUND = schema.BACKGROUND_GREY / 255
+"""Grey of the background, as in the authors' images."""
+
 
 _MAX_LAYERS = 8  # largest number of surfaces that a ray passes (holes and glass)
 _OPAQUE = 0.98  # a ray ends at this accumulated opacity
@@ -24,11 +32,75 @@ Window = tuple[slice, slice]
 """Rows and columns of a part of the image."""
 
 
-class Mesh:
-    """A mesh for ray intersection."""
+@dataclasses.dataclass(frozen=True, eq=False)
+class ModelArrays:
+    """The arrays of a model's v vertices, f faces and m materials, in the model's frame.
 
-    def __init__(self, corners: Float[np.ndarray, "f 3 3"]) -> None:
-        """Builds the search structure of triangles with these corners."""
+    `corners`, `normals` and `uv` belong to the corners of faces. `texels` are the RGBA values of
+    all textures in row-major order, four uint8 as a uint32. The first texel is white, for materials
+    without a texture. A material's texture starts at `texture_start`; its size is (height, width).
+    """
+
+    vertices: Float[np.ndarray, "v 3"]
+    corners: Float[np.ndarray, "f 3 3"]
+    normals: Float[np.ndarray, "f 3 3"]
+    face_normals: Float[np.ndarray, "f 3"]
+    uv: Float[np.ndarray, "f 3 2"]
+    material: Int[np.ndarray, " f"]
+    diffuse: Float[np.ndarray, "m 3"]
+    specular: Float[np.ndarray, "m 3"]
+    shininess: Float[np.ndarray, " m"]
+    opacity: Float[np.ndarray, " m"]
+    texels: UInt32[np.ndarray, " t"]
+    texture_start: Int[np.ndarray, " m"]
+    texture_size: Int[np.ndarray, "m 2"]
+    opaque: bool
+
+
+def flatten(model: Model) -> ModelArrays:
+    """The arrays of a model."""
+    # The white texel, and each texture once: materials may share a texture.
+    textures = {id(m.texture): m.texture for m in model.materials if m.texture is not None}
+    parts = [np.full((1, 4), 255, np.uint8), *(t.reshape(-1, 4) for t in textures.values())]
+    first = np.cumsum([len(part) for part in parts])[:-1]
+    start = dict(zip(textures, first.tolist(), strict=True))
+    starts = [start.get(id(m.texture), 0) for m in model.materials]
+    sizes = [(1, 1) if m.texture is None else m.texture.shape[:2] for m in model.materials]
+    opacity = np.array([m.opacity for m in model.materials], np.float32)
+    seen = [model.materials[i] for i in np.unique(model.face_material)]
+    opaque = all(np.float32(m.opacity) >= 0.99 and not m.has_alpha for m in seen)
+    return ModelArrays(
+        vertices=model.vertices.astype(np.float32),
+        corners=model.corners().astype(np.float32),
+        normals=np.ascontiguousarray(model.normals, np.float32),
+        face_normals=face_normals(model.vertices, model.faces).astype(np.float32),
+        uv=np.ascontiguousarray(model.uv, np.float32),
+        material=model.face_material.astype(np.int32),
+        diffuse=np.array([m.diffuse for m in model.materials], np.float32),
+        specular=np.array([m.specular for m in model.materials], np.float32),
+        shininess=np.array([m.shininess for m in model.materials], np.float32),
+        opacity=np.where(opacity < EXISTS, 0, opacity),
+        texels=np.concatenate(parts).view(np.uint32).reshape(-1),
+        texture_start=np.array(starts, np.int64),
+        texture_size=np.array(sizes, np.int32),
+        opaque=opaque,
+    )
+
+
+class RayHits(NamedTuple):
+    """Intersections of rays with the mesh: face (-1 = none), barycentric weights, parameter t."""
+
+    face: Int[np.ndarray, " n"]
+    weights: Float[np.ndarray, "n 3"]
+    t: Float[np.ndarray, " n"]
+
+
+class Mesh:
+    """The arrays of a model, and the search structure of its faces for ray intersection."""
+
+    def __init__(self, model: Model) -> None:
+        self.arrays = flatten(model)
+        corners = self.arrays.corners
         # So the texture coordinates of a hit are its barycentric coordinates.
         uv = np.tile(np.array([[0, 0], [1, 0], [0, 1]], np.float32), (len(corners), 1, 1))
         self._scene = engine.mi.load_dict({"type": "scene", "model": engine.mesh(corners, uv)})
@@ -67,9 +139,18 @@ class Mesh:
         return RayHits(face, np.stack([1 - one - two, one, two], axis=1), t)
 
 
-def window_of(surfaces: Surfaces, camera: Camera) -> Window:
+@dataclasses.dataclass(frozen=True, eq=False)
+class Scene:
+    """The input of local shading."""
+
+    mesh: Mesh
+    camera: Camera
+    lights: Lights
+
+
+def window_of(arrays: ModelArrays, camera: Camera) -> Window:
     """The window of all vertices and a border of a pixel."""
-    pixels, _ = cameras.project(surfaces.vertices @ camera.rotation.T, camera)
+    pixels, _ = cameras.project(arrays.vertices @ camera.rotation.T, camera)
     height, width = camera.image_size
     low = np.floor(np.nanmin(pixels, axis=0)).astype(int) - 1
     high = np.ceil(np.nanmax(pixels, axis=0)).astype(int) + 1
@@ -97,6 +178,95 @@ def sample_rays(
     return rays.astype(np.float32)
 
 
+def look_up(
+    arrays: ModelArrays, face: Int[np.ndarray, " n"], weights: Float[np.ndarray, "n 3"]
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
+    """Diffuse colour and opacity at points of faces; opacities below `EXISTS` become 0.
+
+    We read the nearest texel, because samples within a pixel antialias textures.
+    """
+    owner = arrays.material[face]
+    colour = arrays.diffuse[owner]
+    opacity = arrays.opacity[owner]
+    textured = np.flatnonzero(arrays.texture_start[owner])
+    if len(textured):
+        which = owner[textured]
+        uv = np.einsum("nk,nkd->nd", weights[textured], arrays.uv[face[textured]])
+        uv -= np.floor(uv)
+        height, width = arrays.texture_size[which].T
+        column = np.minimum((uv[:, 0] * width).astype(np.int64), width - 1)
+        row = np.minimum(((1 - uv[:, 1]) * height).astype(np.int64), height - 1)
+        index = arrays.texture_start[which] + row * width + column
+        texel = arrays.texels[index].view(np.uint8).reshape(-1, 4).astype(np.float32) / 255
+        colour[textured] *= texel[:, :3]
+        opacity[textured] *= texel[:, 3]
+    return colour, np.where(opacity < EXISTS, 0, opacity)
+
+
+def shading_normals(
+    arrays: ModelArrays,
+    face: Int[np.ndarray, " n"],
+    weights: Float[np.ndarray, "n 3"],
+    rotation: Float[np.ndarray, "3 3"],
+    rays: Float[np.ndarray, "n 3"],
+) -> Float[np.ndarray, "n 3"]:
+    """Unit normals of hits on the viewer's side, in the view-aligned frame.
+
+    `rotation` maps the model's frame to the view-aligned frame. `rays` point away from the camera.
+    """
+    turn = rotation.astype(np.float32).T
+    normal = np.einsum("nk,nkd->nd", weights, arrays.normals[face]) @ turn
+    flat = arrays.face_normals[face] @ turn
+    # We shade both sides of a face, with the normal of the visible side.
+    away = np.einsum("nd,nd->n", flat, rays) > 0
+    normal = np.where(away[:, None], -normal, normal)
+    length = np.sqrt(np.einsum("nd,nd->n", normal, normal))
+    bad = length < 1e-6
+    if bad.any():
+        normal[bad] = np.where(away[bad, None], -flat[bad], flat[bad])
+        length[bad] = 1
+    return normal / length[:, None]
+
+
+def blinn_phong(
+    arrays: ModelArrays,
+    lights: Lights,
+    owner: Int[np.ndarray, " n"],
+    colour: Float[np.ndarray, "n 3"],
+    normal: Float[np.ndarray, "n 3"],
+    view: Float[np.ndarray, "n 3"],
+) -> Float[np.ndarray, "n 3"]:
+    """Display colours in [0, 1] of points with materials `owner` and diffuse colours `colour`.
+
+    `c = d (a(n) + sum_i L_i max(n l_i, 0)) + s sum_i L_i max(n h_i, 0)^e [n l_i > 0]`, with the
+    diffuse colour d, the ambient light a interpolated between ground and sky, the specular colour
+    s with exponent e, and h_i halfway between the light l_i and the viewer (Blinn 1977).
+    """
+    rise = (normal[:, 2:3] + 1) / 2
+    light = lights.ground * (1 - rise) + lights.sky * rise
+    facing = np.maximum(normal @ lights.directions.T, 0)
+    result = np.maximum(colour, lights.darkest) * (light + facing @ lights.colours)
+    # Table look-ups and matrix products are faster than sums over axes of length 3.
+    lit = facing @ np.ones(len(lights.directions), np.float32) > 0
+    glossy: np.ndarray = np.any(arrays.specular > 1e-3, axis=1)
+    shiny = np.flatnonzero(glossy[owner] & lit)
+    if lights.specular > 0 and len(shiny):
+        which = owner[shiny]
+        exponent = arrays.shininess[which]
+        gloss = np.zeros((len(shiny), 3), np.float32)
+        for direction, strength, share in zip(
+            lights.directions, lights.colours, facing[shiny].T, strict=True
+        ):
+            half = view[shiny] + direction
+            cosine = np.einsum("nd,nd->n", normal[shiny], half) / np.sqrt(
+                np.maximum(np.einsum("nd,nd->n", half, half), 1e-12)
+            )
+            glint = np.where(share > 0, np.maximum(cosine, 0) ** exponent, 0)
+            gloss += glint[:, None] * strength
+        result[shiny] += lights.specular * arrays.specular[which] * gloss
+    return np.clip(result, 0, 1)
+
+
 class _Samples(NamedTuple):
     """Results of rays: colour, transmittance to the background, and the first surface."""
 
@@ -108,9 +278,9 @@ class _Samples(NamedTuple):
     z: Float[np.ndarray, " n"]
 
 
-def _follow_rays(mesh: Mesh, scene: Scene, rays: np.ndarray) -> _Samples:
+def _follow_rays(scene: Scene, rays: np.ndarray) -> _Samples:
     """Casts rays from the camera, also through holes and glass."""
-    surfaces, camera = scene.surfaces, scene.camera
+    mesh, arrays, camera = scene.mesh, scene.mesh.arrays, scene.camera
     count = len(rays)
     colour, normals = np.zeros((2, count, 3), np.float32)
     through, z = np.ones(count, np.float32), np.zeros(count, np.float32)
@@ -125,24 +295,20 @@ def _follow_rays(mesh: Mesh, scene: Scene, rays: np.ndarray) -> _Samples:
         if not len(index):
             break
         ray = rays[index]
-        diffuse, opacity = shading.look_up(surfaces, face, weights)
+        diffuse, opacity = look_up(arrays, face, weights)
         exists = np.flatnonzero(opacity > 0)
         at, one = index[exists], face[exists]
-        normal = shading.shading_normals(
-            surfaces, one, weights[exists], camera.rotation, ray[exists]
-        )
+        normal = shading_normals(arrays, one, weights[exists], camera.rotation, ray[exists])
         view = -ray[exists] / np.linalg.norm(ray[exists], axis=1, keepdims=True)
         fresh = ~hit[at]
-        lit = shading.blinn_phong(
-            surfaces, scene.lights, surfaces.material[one], diffuse[exists], normal, view
-        )
+        lit = blinn_phong(arrays, scene.lights, arrays.material[one], diffuse[exists], normal, view)
         colour[at] += (through[at] * opacity[exists])[:, None] * lit
         hit[at[fresh]] = True
-        owner[at[fresh]] = surfaces.material[one[fresh]]
+        owner[at[fresh]] = arrays.material[one[fresh]]
         normals[at[fresh]] = normal[fresh]
         z[at[fresh]] = t[exists[fresh]]
         through[index] *= 1 - opacity
-        if surfaces.opaque or layer == _MAX_LAYERS - 1:
+        if arrays.opaque or layer == _MAX_LAYERS - 1:
             break
         on = np.flatnonzero(through[index] > 1 - _OPAQUE)
         index, t = index[on], t[on] + _BEHIND
@@ -151,7 +317,7 @@ def _follow_rays(mesh: Mesh, scene: Scene, rays: np.ndarray) -> _Samples:
         met = np.flatnonzero(following.face >= 0)
         index, face, weights = index[met], following.face[met], following.weights[met]
         t = t[met] + following.t[met]
-    if surfaces.opaque:
+    if arrays.opaque:
         through[hit] = 0
     return _Samples(colour, through, hit, owner, normals, z)
 
@@ -170,24 +336,24 @@ class Picture(NamedTuple):
     depth: Float[np.ndarray, "h w"]
 
 
-def render(mesh: Mesh, scene: Scene, *, side: int = 4, soft_edges: bool = False) -> Picture:
-    """Renders a view of `scene` with local shading; `mesh` has its `surfaces.corners`.
+def render(scene: Scene, *, side: int = 4, soft_edges: bool = False) -> Picture:
+    """Renders a view of a scene with local shading.
 
     Mask and depth are those at the centres of the pixels. The colour is a mean over `side` x `side`
     samples, 0 = the centre. Without soft edges, as in the authors' images, we use samples with the
     material and orientation of the centre only. This smooths textures and leaves edges hard.
     """
-    camera = scene.camera
-    window = window_of(scene.surfaces, camera)
-    centre = _follow_rays(mesh, scene, sample_rays(camera, window, 1))
+    arrays, camera = scene.mesh.arrays, scene.camera
+    window = window_of(arrays, camera)
+    centre = _follow_rays(scene, sample_rays(camera, window, 1))
     # Premultiplied colour, and opacity.
     total = np.concatenate([centre.colour, 1 - centre.through[:, None]], axis=1)
-    if side > 0 and (soft_edges or scene.surfaces.texture_start.any()):
+    if side > 0 and (soft_edges or arrays.texture_start.any()):
         # Without soft edges, a pixel with a centre outside the object is background, and a pixel
         # on a surface without texture has the centre's colour.
-        textured = scene.surfaces.texture_start[centre.owner] > 0
+        textured = arrays.texture_start[centre.owner] > 0
         chosen = np.flatnonzero(soft_edges | (centre.hit & textured))
-        seen = _follow_rays(mesh, scene, sample_rays(camera, window, side, chosen))
+        seen = _follow_rays(scene, sample_rays(camera, window, side, chosen))
         colour = np.concatenate([seen.colour, 1 - seen.through[:, None]], axis=1)
         colour = colour.reshape(-1, side * side, 4)
         if soft_edges:

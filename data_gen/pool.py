@@ -64,7 +64,7 @@ class Renderer:
             line, records = self._render_once(entry)
             if line["status"] != "crashed":
                 break
-        return Result(number, line, records)
+        return Result(number, line, {entry.split: records})
 
     def _render_once(self, entry: Entry) -> tuple[dict[str, Any], list[bytes]]:
         # An idle process ends after `_SECONDS_IDLE`.

@@ -14,13 +14,13 @@ import scipy.ndimage
 import scipy.spatial
 from jaxtyping import Float
 
-from data_gen import cameras, lights, scene, surroundings
+from data_gen import cameras, lights, surroundings
 from data_gen.catalogues.entry import Entry
 from data_gen.engine import Variant
 from data_gen.frame import outline, recentre
 from data_gen.mesh import Model, UnusableModelError, face_areas, face_normals
 from data_gen.photograph import photograph
-from data_gen.picture import Mesh, Picture, render
+from data_gen.picture import Mesh, Picture, Scene, render
 from data_gen.settings import Settings
 from data_gen.solid import solid_occupancy
 from data_gen.surface import sample_surface
@@ -88,11 +88,10 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
         line |= {**counts, "warnings": list(model.warnings)}
         surface = sample_surface(model, settings.num_points, seed)
         # An unbalanced tree takes less time to build, and a view makes only a few hundred queries.
-        tree = scipy.spatial.cKDTree(surface.points, compact_nodes=False, balanced_tree=False)
+        tree = scipy.spatial.cKDTree(surface, compact_nodes=False, balanced_tree=False)
         drawn, settings = without_faces(model, settings, seed)
-        surfaces = scene.flatten(drawn)
         extremes = outline(model)
-        mesh = Mesh(surfaces.corners)
+        mesh = Mesh(drawn)
         parameters = _rounded(model.parameters)
         for view in range(settings.views):
             rng = np.random.default_rng([seed, view])
@@ -101,13 +100,13 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
                 rng, settings.light, context.maps, camera, detail=settings.image.shading == "photo"
             )
             light = lights.draw(rng, settings.light, around.radiance)
-            shown = scene.Scene(surfaces, camera, light)
+            shown = Scene(mesh, camera, light)
             if settings.image.shading == "local":
                 image = settings.image
-                picture = render(mesh, shown, side=image.samples, soft_edges=image.soft_edges)
+                picture = render(shown, side=image.samples, soft_edges=image.soft_edges)
             else:
-                picture = photograph(mesh, shown, around, settings, rng)
-            points = (surface.points @ camera.rotation.T).astype(np.float32)
+                picture = photograph(shown, around, settings, rng)
+            points = (surface @ camera.rotation.T).astype(np.float32)
             checks = check_view(picture, camera, points, tree)
             views.append({"view": view, **camera.parameters(), **checks})
             if objection := objection_to(checks, settings):
@@ -120,7 +119,6 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
             }  # fmt: skip
             sample = schema.Sample(
                 image=picture.image, mask=picture.mask, depth=picture.depth, points=points,
-                normals=(surface.normals @ camera.rotation.T).astype(np.float32),
                 occupancy=occupancy, intrinsics=camera.intrinsics.astype(np.float32),
                 extrinsics=camera.extrinsics.astype(np.float32), category=entry.category,
                 model_id=entry.model_id, view=view, source=context.source,

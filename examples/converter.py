@@ -39,7 +39,7 @@ def open_model(
     cloud, picture = input_files(source, synset, name)
     world = np.loadtxt(cloud, ndmin=2)[:num_points] @ shapenet.TO_WORLD.T
     origin, unit = shapenet.object_frame(world, cloud)
-    model = shapenet.ShapeNetModel("mine", synset, name, world, None, None, origin, unit)
+    model = shapenet.ShapeNetModel("mine", synset, name, world, None, origin, unit)
 
     def read(view: int) -> schema.Sample:
         rgba = shapenet.read_image(picture, "PNG", "RGBA")

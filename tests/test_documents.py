@@ -71,7 +71,7 @@ def test_commands_and_their_flags_exist():
 
 def test_files_and_modules_in_the_documents_exist():
     wrong = []
-    folders = "configs|data_gen|docs|notebooks|psgn_jax|recipes|tests"
+    folders = "configs|data_gen|docs|notebooks|psgn_jax|scripts|tests"
     for page in PAGES:
         modules = [*imports(page)]
         for name, file in re.findall(r"`(\w+)` in\s+`([\w/]+)\.py`", page.read_text()):

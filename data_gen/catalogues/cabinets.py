@@ -18,7 +18,7 @@ from data_gen.cameras import turn_about_vertical
 from data_gen.catalogues.entry import Catalogue, Entry
 from data_gen.catalogues.families.kit import Kit
 from data_gen.catalogues.families.materials import BLACK, lacquer, metal, wood
-from data_gen.catalogues.solids import ball, box
+from data_gen.catalogues.shapes import ball, box
 from data_gen.mesh import Model
 
 KINDS = ("front", "turned")

@@ -76,11 +76,11 @@ def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
 
 
 def _spread(entries: Sequence[Entry], seed: int) -> list[Entry]:
-    """All models in a random order. Each prefix is spread over categories and folders.
+    """All models in a random order, whose first k models are spread over categories and folders.
 
-    For m of n models with the same category and folder, we draw u uniformly in [0, 1). In a random
-    order of the m models, the model with rank r gets the position (r + u) / m. So about k m / n of
-    the first k models belong to this group.
+    A group has the models with the same category and folder. For each group of m models, we draw a
+    number u uniformly in [0, 1). We order the group randomly and give its model of rank r the
+    position (r + u) / m. If there are n models, about k m / n of the first k belong to the group.
     """
 
     def uniform(*words: str) -> float:
@@ -90,10 +90,10 @@ def _spread(entries: Sequence[Entry], seed: int) -> list[Entry]:
     for entry in entries:
         folder = entry.model_id.rpartition("/")[0]
         groups.setdefault((entry.category, folder), []).append(entry)
-    placed = []
+    positions = []
     for group, members in groups.items():
         first = uniform("group", *group)
         ranked = sorted(members, key=lambda entry: uniform("model", entry.model_id))
-        placed += [((r + first) / len(members), entry.model_id, entry)
-                   for r, entry in enumerate(ranked)]  # fmt: skip
-    return [entry for _, _, entry in sorted(placed, key=lambda item: item[:2])]
+        positions += [((r + first) / len(members), entry.model_id, entry)
+                      for r, entry in enumerate(ranked)]  # fmt: skip
+    return [entry for _, _, entry in sorted(positions, key=lambda item: item[:2])]

@@ -33,7 +33,6 @@ class Entry:
       split: in `SPLITS`.
       load: reads the model, with this name and category, and normalises it to the project's frame.
         `mesh.UnusableModelError` if no sample can be made from the model.
-      variant_loader: returns a variant from its name and the deviation; None = `proportions.vary`.
       find_file: returns the path of the mesh file. If the file changes, we try a refused model
         again.
     """
@@ -42,7 +41,6 @@ class Entry:
     category: str
     split: str
     load: Callable[[], Model]
-    variant_loader: Callable[[str, float], Model] | None = None
     find_file: Callable[[], pathlib.Path | None] | None = None
 
     def __post_init__(self) -> None:
@@ -56,8 +54,7 @@ class Entry:
         See `proportions.random_proportions` for the deviation.
         """
         name = f"{self.model_id}{_VARIANT}{number}"
-        load = self.variant_loader or functools.partial(_load_variant, self.load)
-        load = functools.partial(load, name, deviation)
+        load = functools.partial(_load_variant, self.load, name, deviation)
         return Entry(name, self.category, self.split, load, find_file=self.find_file)
 
 

@@ -14,7 +14,6 @@ from data_gen.catalogues.indexed import indexed
 from data_gen.catalogues.mesh_folder import folder
 from data_gen.catalogues.procedural import procedural
 from data_gen.catalogues.proportions import DEVIATION
-from data_gen.catalogues.records import records
 from data_gen.catalogues.sh3f import sweet_home
 from data_gen.catalogues.shapenet_meshes import shapenet
 
@@ -24,7 +23,6 @@ CATALOGUES: dict[str, Callable[..., Catalogue]] = {
     "indexed": indexed,
     "shapenet": shapenet,
     "sh3f": sweet_home,
-    "records": records,
 }
 
 

@@ -10,11 +10,10 @@ depth      16-bit codes of the pixels with a depth, z = offset + scale * code. E
 points     Unsigned integers, sorted, as deflated differences, and the affine map [3, 4] to the
            project's frame. Exact for `QuantisedPoints`; otherwise the error is at most half a
            step, extent / 8190 on each axis at 12 bits.
-normals    Octahedral, 2 x 8 bits, in the order of the points; the error is below 1 degree.
 occupancy  Bits, deflated, exact.
 extra      Text, absent if empty.
 
-Duplicate points are kept, their order is not.
+Duplicate points are kept, their order is not. Other keys are ignored: older records have normals.
 """
 
 import dataclasses
@@ -31,7 +30,6 @@ from psgn_jax.data import schema
 from psgn_jax.data.schema import Sample
 
 DEFAULT_POINT_BITS = 12
-_NORMAL_BITS = 8
 
 # Half a percent more bytes than level 9, in a third of the time.
 _DEFLATE_LEVEL = 5
@@ -194,8 +192,8 @@ def _point_keys(codes: np.ndarray) -> np.ndarray:
     return (wide[:, 0] << (2 * bits)) | (wide[:, 1] << bits) | wide[:, 2]
 
 
-def _encode_points(points: QuantisedPoints, order: np.ndarray) -> dict[str, Any]:
-    keys = _point_keys(points.codes)[order]
+def _encode_points(points: QuantisedPoints) -> dict[str, Any]:
+    keys = np.sort(_point_keys(points.codes))
     steps = np.diff(keys, prepend=np.uint64(0))
     planes = max(1, -(-int(steps.max()).bit_length() // 8))
     return {
@@ -207,12 +205,9 @@ def _encode_points(points: QuantisedPoints, order: np.ndarray) -> dict[str, Any]
     }
 
 
-def _num_points(stored: Mapping[str, Any]) -> int:
-    return _integer(stored["points"]["count"], 1, schema.MAX_POINTS, "number of points")
-
-
 def _decode_points(stored: Mapping[str, Any]) -> QuantisedPoints:
-    field, count = stored["points"], _num_points(stored)
+    field = stored["points"]
+    count = _integer(field["count"], 1, schema.MAX_POINTS, "number of points")
     bits, planes = field["bits"], _integer(field["planes"], 1, 6, "planes of the points")
     if bits not in (8, 16) or isinstance(bits, float):
         raise ValueError(f"points of {repr(bits)[:40]} bits, expected 8 or 16")
@@ -224,36 +219,14 @@ def _decode_points(stored: Mapping[str, Any]) -> QuantisedPoints:
     fields = keys.astype("<u4" if small else "<u8").view(np.uint8 if bits == 8 else "<u2")
     codes = np.ascontiguousarray(fields.reshape(count, -1)[:, 2::-1])
     matrix = np.frombuffer(field["matrix"], "<f8").reshape(3, 4).astype(np.float64)
-    if not np.isfinite(matrix).all() or np.abs(matrix).max() > schema.MAX_COORDINATE:
-        got, most = f"{matrix.min():g} to {matrix.max():g}", f"{schema.MAX_COORDINATE:g}"
-        raise ValueError(f"points: the matrix has {got}, expected at most {most}")
+    with np.errstate(over="ignore", invalid="ignore"):
+        reach = matrix[:, :3] * float(codes.max())
+        ends = matrix[:, 3] + [np.minimum(reach, 0).sum(axis=1), np.maximum(reach, 0).sum(axis=1)]
+        farthest = np.abs(ends).max()
+    if not farthest <= schema.MAX_COORDINATE:  # NaN, too
+        most = f"{schema.MAX_COORDINATE:g}"
+        raise ValueError(f"points up to {farthest:g}, expected coordinates up to {most}")
     return QuantisedPoints(codes, matrix)
-
-
-def _encode_normals(normals: np.ndarray, order: np.ndarray) -> dict[str, Any]:
-    """Octahedral map: projects the sphere to |x| + |y| + |z| = 1, unfolded to a square.
-
-    Source: Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors",
-    Journal of Computer Graphics Techniques 2014.
-    """
-    n = normals[order].astype(np.float64)
-    n /= np.abs(n).sum(axis=1, keepdims=True)
-    sign = np.where(n[:, :2] >= 0, 1.0, -1.0)
-    square = np.where(n[:, 2:] >= 0, n[:, :2], (1 - np.abs(n[:, 1::-1])) * sign)
-    codes = np.rint((square + 1) / 2 * 255).astype(np.uint8)
-    return {"bits": _NORMAL_BITS, "codes": _deflate(codes.T)}
-
-
-def _decode_normals(stored: Mapping[str, Any]) -> np.ndarray:
-    field, count = stored["normals"], _num_points(stored)
-    _integer(field["bits"], _NORMAL_BITS, _NORMAL_BITS, "bits of the normals")
-    codes = np.frombuffer(_inflate(field["codes"], 2 * count, "normals"), np.uint8)
-    square = codes.reshape(2, count).T / 255 * 2 - 1
-    z = 1 - np.abs(square).sum(axis=1)
-    fold = np.maximum(-z, 0)[:, None]
-    xy = square - np.where(square >= 0, 1.0, -1.0) * fold
-    n = np.concatenate([xy, z[:, None]], axis=1)
-    return (n / np.linalg.norm(n, axis=1, keepdims=True)).astype(np.float32)
 
 
 def encode(
@@ -273,11 +246,10 @@ def encode(
     except ValueError as error:
         raise ValueError(f"model {sample.model_id!r}, view {sample.view}: {error}") from None
     points = points or quantised(sample.points, point_bits)
-    order = np.argsort(_point_keys(points.codes), kind="stable")
     stored: dict[str, Any] = {
         "image": _encode_image(sample.image),
         "mask": _deflate(np.packbits(sample.mask)),
-        "points": _encode_points(points, order),
+        "points": _encode_points(points),
         "intrinsics": sample.intrinsics.astype("<f4").tobytes(),
         "extrinsics": sample.extrinsics.astype("<f4").tobytes(),
         "category": sample.category,
@@ -289,8 +261,6 @@ def encode(
         stored["extra"] = sample.extra
     if sample.depth is not None:
         stored["depth"] = _encode_depth(depth or depth_codes_of(sample.depth), sample.mask)
-    if sample.normals is not None:
-        stored["normals"] = _encode_normals(sample.normals, order)
     if sample.occupancy is not None:
         stored["occupancy"] = _deflate(np.packbits(sample.occupancy))
     body = msgpack.packb(stored)
@@ -331,8 +301,6 @@ def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Any:
             values["depth"] = _decode_depth(stored, values["mask"])
         if "points" in present:
             values["points"] = _decode_points(stored)
-        if "normals" in present:
-            values["normals"] = _decode_normals(stored)
         if "occupancy" in present:
             shape = (schema.OCCUPANCY_SIZE,) * 3
             values["occupancy"] = _decode_bits(stored["occupancy"], shape, "occupancy")

@@ -5,7 +5,6 @@
 
 import contextlib
 import functools
-import itertools
 import pathlib
 import re
 import zlib
@@ -154,20 +153,30 @@ def convert(
         for number, read in todo:
             records: dict[str, list[bytes]] = {}
             tag, messages = inputs[number][0], []
-            for result in _readable(read):
-                if isinstance(result, str):
-                    named = tag.model_id in result
-                    messages.append(result if named else f"{tag.model_id}: {result}")
-                else:
-                    records.setdefault(result[0], []).append(result[1])
+            try:
+                for result in read():
+                    if isinstance(result, str):
+                        messages.append(result)
+                        continue
+                    split, record, sample = result
+                    try:
+                        schema.check_content(sample)
+                        records.setdefault(split, []).append(record)
+                    except ValueError as error:
+                        messages.append(f"{sample.model_id}, view {sample.view}: {error}")
+            except (ValueError, OSError) as error:
+                if is_disk_full(error):
+                    raise
+                messages.append(message_line(error))
+            named = [m if tag.model_id in m else f"{tag.model_id}: {m}" for m in messages]
             line = {
                 **tag._asdict(),
                 "status": _INCOMPLETE if messages else "ok",
-                "reason": "\n".join(messages),
+                "reason": "\n".join(named),
                 "samples": sum(map(len, records.values())),
                 "splits": {split: len(found) for split, found in records.items()},
             }
-            yield shards.Result(number, line, list(itertools.chain(*records.values())))
+            yield shards.Result(number, line, records)
 
     def incomplete(line: shards.Line) -> bool:
         return bool(line["status"] == _INCOMPLETE)
@@ -180,23 +189,3 @@ def convert(
         first = (left_out or ["none"])[0]
         raise ValueError(f"SRC {str(source)!r}: no file could be read; first message: {first}")
     return load_manifest(destination), left_out
-
-
-def _readable(read: Callable[[], Iterator[ConvertedRecord]]) -> Iterator[ConvertedRecord]:
-    """The records of an input that show an object, and messages about the others."""
-    try:
-        for result in read():
-            if isinstance(result, str):
-                yield result
-                continue
-            sample = result[2]
-            try:
-                schema.check_content(sample)
-            except ValueError as error:
-                yield f"{sample.model_id}, view {sample.view}: {error}"
-            else:
-                yield result
-    except (ValueError, OSError) as error:
-        if is_disk_full(error):
-            raise
-        yield message_line(error)

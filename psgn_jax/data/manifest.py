@@ -38,7 +38,7 @@ class Shard:
 
     file: str  # name in the folder of the data set
     split: str
-    count: _Count  # number of records
+    count: Annotated[int, Bounds(1, (1 << 40) - 1)]  # number of records
     size: _Size  # in bytes
     crc32: _Crc32  # of the whole file
     categories: Mapping[str, _Count]  # category -> number of records

@@ -39,12 +39,12 @@ _LAST_VIEW = 2**31 - 1
 SMALLEST_EXTENT = 1e-3  # in units; with a smaller extent, points are all in one place
 
 FIELDS = (
-    "image", "mask", "depth", "points", "normals", "occupancy",
+    "image", "mask", "depth", "points", "occupancy",
     "intrinsics", "extrinsics", "category", "model_id", "view", "source",
 )  # fmt: skip
 """Names of a sample's fields, in order."""
 
-OPTIONAL_FIELDS = ("depth", "normals", "occupancy")
+OPTIONAL_FIELDS = ("depth", "occupancy")
 
 
 class RecordError(UserError):
@@ -61,7 +61,6 @@ class Sample:
       depth: float32 [H, W] along the optical axis; 0 = background, or a hole of the sensor (where
         the mask is True). None if there is no depth map.
       points: float32 [M, 3] on the complete surface. Their order has no meaning.
-      normals: float32 [M, 3], outward unit normals of `points`, or None.
       occupancy: bool [32, 32, 32] indexed [x, y, z], or None. The grid covers
         [-1, 1] x [-1, 1] x [0, 2]; a cell is a cube with an edge of 1/16.
       intrinsics: float32 [3, 3], in pixels.
@@ -80,7 +79,6 @@ class Sample:
     intrinsics: np.ndarray
     extrinsics: np.ndarray
     depth: np.ndarray | None = None
-    normals: np.ndarray | None = None
     occupancy: np.ndarray | None = None
     category: str = ""
     model_id: str = ""
@@ -127,11 +125,6 @@ def validate(sample: Sample) -> Sample:
         low, high = sample.depth.min(), sample.depth.max()
         if low < 0 or high > MAX_COORDINATE:
             _fail("depth", f"{low:g} to {high:g}", f"0 (not measured) to {MAX_COORDINATE:g}")
-    if sample.normals is not None:
-        _check_array("normals", sample.normals, np.float32, sample.points.shape)
-        length = np.linalg.norm(sample.normals, axis=1)
-        if not (np.abs(length - 1) < 1e-2).all():
-            _fail("normals", f"lengths {length.min():g} to {length.max():g}", "unit vectors")
     if sample.occupancy is not None:
         _check_array("occupancy", sample.occupancy, np.bool_, (OCCUPANCY_SIZE,) * 3)
     check_labels(sample)

@@ -10,9 +10,8 @@ The folder of a job:
     <split>-<number>-<CRC-32>.arrayrecord   shard: samples of a block
     manifest.json                           the shards that readers see
     models.jsonl                            a line for each input, in the order of the inputs
-    job.json                                what determines the samples besides the inputs
-    .work/job.json                          the same for the current job, with its inputs
-    .work/<digest>.block                    lines and shards of a block
+    job.json                                the statement of the job and its inputs
+    .work/<digest>.block                    lines and shards of a block, until all are made
 
 A block's digest hashes the statement of the job and the tags of the block's inputs. If blocks of a
 complete data set are made again, we write new shards beside the old ones and then replace the
@@ -22,7 +21,6 @@ manifest, so readers see either the old or the new state.
 import contextlib
 import dataclasses
 import hashlib
-import itertools
 import json
 import pathlib
 import re
@@ -51,8 +49,8 @@ _SECONDS_BETWEEN_REPORTS = 10
 
 Line = Mapping[str, Any]
 """A line of `models.jsonl`: the fields of the input's `Tag`, `status` ("ok" if nothing is missing),
-`reason`, and `samples`, their number. If the samples are in other splits than the input, `splits`
-maps each split to their number, in the order of the records."""
+`reason`, and `samples`, the number of its samples. If they are in other splits than the input,
+`splits` maps each split to its number of samples."""
 
 
 class OtherSettingsError(ValueError):
@@ -72,11 +70,11 @@ class Tag(NamedTuple):
 
 
 class Result(NamedTuple):
-    """The result of an input: its number in the job, its line, and its records."""
+    """The result of an input: its number in the job, its line, and its records by split."""
 
     number: int
     line: dict[str, Any]
-    records: list[bytes]
+    records: Mapping[str, Sequence[bytes]]
 
 
 Make = Callable[[Sequence[tuple[int, Any]]], Generator[Result]]
@@ -204,7 +202,7 @@ def _make_part(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int]
     with contextlib.closing(make([(i, job.inputs[i][1]) for i in owner])) as all_results:
         for number, result in enumerate(all_results if owner else (), 1):
             block, line = owner[result.number], result.line
-            made += len(result.records)
+            made += line["samples"]
             if line["status"] != "ok":
                 refused += 1
                 for what in line["reason"].split("\n"):
@@ -226,18 +224,13 @@ def _make_part(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int]
 
 def _write_block(folder: pathlib.Path, block: _Block, results: Mapping[int, Result]) -> None:
     """Writes the shards of a block, then its lines."""
-    writers: dict[str, ShardWriter] = {}
-    ordered = [results[i] for i in block.indices]
-    with contextlib.ExitStack() as stack:
-        for result in ordered:
-            left = iter(result.records)
-            for split, count in _counts(result.line).items():
-                if split not in writers:
-                    writer = ShardWriter(folder, split, block.number, block.digest)
-                    writers[split] = stack.enter_context(writer)
-                for record in itertools.islice(left, count):
-                    writers[split].write(record)
-    shards = [dataclasses.asdict(writers[split].shard) for split in sorted(writers)]
+    ordered, shards = [results[i] for i in block.indices], []
+    for split in sorted({split for result in ordered for split in _counts(result.line)}):
+        with ShardWriter(folder, split, block.number, block.digest) as writer:
+            for result in ordered:
+                for record in result.records.get(split, ()):
+                    writer.write(record)
+        shards.append(dataclasses.asdict(writer.shard))
     stated = {"lines": [result.line for result in ordered], "shards": shards}
     write_atomic(folder / WORK / f"{block.digest}.block", json.dumps(stated))
 
@@ -256,59 +249,51 @@ def is_complete(folder: pathlib.Path, job: Job) -> bool:
     if not folder.exists():
         return False
     if not (folder / MANIFEST).exists():
-        if not all(path.name.startswith(".") for path in folder.iterdir()):
+        if not all(path.name.startswith(".") or path.name == JOB for path in folder.iterdir()):
             raise ValueError(
                 f"folder {str(folder)!r}: not empty and not a data set, expected an empty or new "
                 "folder or a data set"
             )
-    elif (manifest := load_manifest(folder, allow_incomplete=True)).complete:
-        stated = specification(folder / JOB)
-        if stated is None or not (folder / REPORT).exists():
-            raise OtherSettingsError(
-                f"folder {str(folder)!r}: contains a complete data set from {manifest.source!r} "
-                f"without {REPORT if stated else JOB}, made by another command or an earlier "
-                "version; give another folder, or remove it"
-            )
-        there = list(map(tag_of, read_report(folder)))
-        _check_same(folder, stated[0], there, job, "contains a complete data set made with")
-        kept = _kept(folder, job)
-        if there == job.tags() and all(block.digest in kept for block in job.blocks()):
-            return True
-    unfinished = specification(folder / WORK / JOB)
-    if unfinished is not None:
-        _check_same(folder, *unfinished, job, "was started with")
-    return False
-
-
-def specification(path: pathlib.Path) -> tuple[dict[str, Any], list[Tag]] | None:
-    """The content of a `job.json`, and the tags in it; None if it is missing or damaged."""
+        return False
+    manifest = load_manifest(folder, allow_incomplete=True)
     try:
-        stated = read_json(path)
-        tags = [Tag(*map(str, tag)) for tag in stated.get("inputs", [])]
-        sections = (stated["job"], stated.get("choice", {}))
-        return (stated, tags) if all(isinstance(s, dict) for s in sections) else None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return None
+        stated = read_json(folder / JOB)
+        statement, choice = dict(stated["job"]), dict(stated.get("choice", {}))
+        # Earlier versions do not state the inputs of a complete data set.
+        there = [Tag(*map(str, tag)) for tag in stated.get("inputs", [])]
+        if manifest.complete:
+            there = list(map(tag_of, read_report(folder)))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        why = (isinstance(error, OSError) and error.strerror) or one_line(error)
+        raise OtherSettingsError(
+            f"folder {str(folder)!r}: contains a data set from {manifest.source!r} without a "
+            f"readable {JOB} and {REPORT} ({why}), made by another command or an earlier version; "
+            "give another folder, or remove it"
+        ) from error
+    _check_same(folder, statement, choice, there, job)
+    kept = _kept(folder, job) if manifest.complete and there == job.tags() else {}
+    return bool(kept) and all(block.digest in kept for block in job.blocks())
 
 
 def _check_same(
-    folder: pathlib.Path, stated: Mapping[str, Any], there: Sequence[Tag], job: Job, what: str
+    folder: pathlib.Path, statement: Any, choice: Any, there: Sequence[Tag], job: Job
 ) -> None:
     """Raises `OtherSettingsError` if a folder's data set belongs to another job."""
-    difference = _difference(stated["job"], job.statement).removeprefix("settings.")
+    difference = _difference(statement, job.statement).removeprefix("settings.")
     if difference:
         raise OtherSettingsError(
-            f"folder {str(folder)!r}: {what} other settings ({difference}); give another folder, "
-            "or remove it"
+            f"folder {str(folder)!r}: contains a data set made with other settings ({difference}); "
+            "give another folder, or remove it"
         )
     if not job.converts and there != job.tags():
         lost = sorted(set(there).difference(job.tags()), key=there.index)
         more = sorted(set(job.tags()).difference(there), key=job.tags().index)
-        choice = _difference(stated.get("choice", {}), job.about.get("choice", {}))
+        choice = _difference(choice, job.about.get("choice", {}))
         raise OtherSettingsError(
-            f"folder {str(folder)!r}: {what} other models: {len(lost)} of its {len(there)} models "
-            f"are not among the {len(job.inputs)} of this command, with the same category and "
-            f"split, and {len(more)} are new ({'; '.join(map(str, [*lost, *more][:3]))})"
+            f"folder {str(folder)!r}: contains a data set made with other models: {len(lost)} of "
+            f"its {len(there)} models are not among the {len(job.inputs)} of this command, with "
+            "the same category and split, and "
+            f"{len(more)} are new ({'; '.join(map(str, [*lost, *more][:3]))})"
             f"{choice and f'; --{choice}'}; give another folder: data.path=a,b reads two"
         )
 
@@ -326,7 +311,7 @@ def _difference(one: Any, two: Any, name: str = "") -> str:
 def _begin(folder: pathlib.Path, job: Job) -> None:
     """Writes the specification of a job, and an empty manifest if there is none."""
     stated = {"job": job.statement, **job.about, "inputs": job.tags()}
-    write_atomic(folder / WORK / JOB, json.dumps(stated) + "\n")
+    write_atomic(folder / JOB, json.dumps(stated) + "\n")
     if not (folder / MANIFEST).exists():
         save_manifest(folder, Manifest(job.statement["source"], False, ()))
 
@@ -340,7 +325,6 @@ def _complete(folder: pathlib.Path, job: Job) -> bool:
     text = "".join(f"{line}\n" for line in lines)
     # Characters that UTF-8 cannot encode are written as escapes of JSON.
     write_atomic(folder / REPORT, text.encode("utf-8", "backslashreplace"))
-    write_atomic(folder / JOB, json.dumps({"job": job.statement, **job.about}, indent=1) + "\n")
     shards = [shard for block in blocks for shard in finished[block.digest].shards]
     shards.sort(key=lambda shard: shard.file)
     save_manifest(folder, Manifest(job.statement["source"], True, tuple(shards)))  # readers switch
@@ -355,9 +339,8 @@ def _tidy_up(folder: pathlib.Path) -> None:
         if _SHARD.fullmatch(path.name) and path.name not in kept:
             path.unlink(missing_ok=True)
     for path in (folder / WORK).glob("*"):
-        if path.name != JOB and path.suffix != ".lock":  # `lock_part` removes its own
+        if path.suffix != ".lock":  # `lock_part` removes its own
             path.unlink(missing_ok=True)
-    (folder / WORK / JOB).unlink(missing_ok=True)  # last, so that cleaning resumes after a kill
 
 
 def _kept(folder: pathlib.Path, job: Job) -> dict[str, _Done]:

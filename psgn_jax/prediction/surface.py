@@ -61,12 +61,10 @@ class SurfaceError(UserError):
 
 
 class Surface(NamedTuple):
-    """A closed mesh: vertices float32 [v, 3] in the frame of the points, faces int32 [f, 3],
-    counter-clockwise seen from outside.
-    """
+    """A closed mesh."""
 
-    vertices: np.ndarray
-    faces: np.ndarray
+    vertices: np.ndarray  # float32 [v, 3], in the frame of the points
+    faces: np.ndarray  # int32 [f, 3], counter-clockwise seen from outside
 
 
 def surface_of(
@@ -93,16 +91,15 @@ def surface_of(
     points = np.asarray(points, np.float64)
     if points.ndim != 2 or points.shape[1:] != (3,) or not np.isfinite(points).all():
         raise SurfaceError(f"points {list(points.shape)}: expected finite numbers [n, 3]")
-    if mask is None or not _sees(points, mask, intrinsics, extrinsics):
-        view = _View(np.eye(3, 4), None)
-    else:
-        view = _View(np.asarray(extrinsics, np.float64), 1.0)
-        view = view._replace(depth=float(view.of(points)[:, 2].mean()))
+    seen = None if mask is None else _seen_mask(points, mask, intrinsics, extrinsics)
+    view = _View(np.eye(3, 4), None)
+    if seen:
+        depth = camera.to_camera(points, seen.extrinsics)[:, 2].mean()
+        view = _View(seen.extrinsics, float(depth))
     grid = _Grid.around(view.of(points), None if draws is None else view.of(draws))
     field = _field(grid)
-    if view.depth:
-        assert mask is not None and intrinsics is not None
-        field = _cut(field, grid, *_pixels(mask, intrinsics, view.depth, grid))
+    if seen and view.depth:
+        field = _cut(field, grid, _inside(seen, view.depth, grid))
     field = _without_small_parts(np.clip(field, -_FAR, _FAR))
     vertices, faces = _mesh(field)
     return Surface(view.back(vertices * grid.step + grid.low).astype(np.float32), faces)
@@ -219,32 +216,43 @@ def _field(grid: _Grid) -> np.ndarray:
     return through(_smooth(np.maximum(fine, coarse), 1.5), 1.2)
 
 
-def _sees(points: np.ndarray, mask: np.ndarray, intrinsics: Any, extrinsics: Any) -> bool:
-    pixels, depth = camera.project(points, np.asarray(intrinsics), np.asarray(extrinsics))
-    seen = camera.inside_mask(pixels, mask) & (depth > 0)
-    return bool(seen.mean() >= 1 - MOST_OUTSIDE and depth.min() > 1e-3)
+class _Seen(NamedTuple):
+    """A mask, reduced to at most `_MASK` pixels a side, with a border of two, and its camera."""
+
+    mask: np.ndarray
+    intrinsics: np.ndarray
+    extrinsics: np.ndarray
 
 
-def _pixels(
-    mask: np.ndarray, intrinsics: np.ndarray, depth: float, grid: _Grid
-) -> tuple[np.ndarray, float]:
-    """Distance of each column of voxels to the mask's border in voxels; voxels per pixel."""
-    factor = -(-max(mask.shape) // _MASK)  # a larger mask is reduced
+def _seen_mask(points: np.ndarray, mask: np.ndarray, intrinsics: Any, extrinsics: Any) -> Any:
+    """The mask as `_Seen`; None if it shows too few of the points."""
+    intrinsics, extrinsics = (np.asarray(a, np.float64) for a in (intrinsics, extrinsics))
+    pixels, depth = camera.project(points, intrinsics, extrinsics)
+    if depth.min() < 1e-3 or camera.inside_mask(pixels, mask).mean() < 1 - MOST_OUTSIDE:
+        return None
+    factor = -(-max(mask.shape) // _MASK)
     padded = np.pad(mask, [(2 * factor, 2 * factor + -n % factor) for n in mask.shape])
     rows, columns = (n // factor for n in padded.shape)
     reduced = padded.reshape(rows, factor, columns, factor).mean(axis=(1, 3)) > 0.5
-    u, v = (
-        ((np.arange(grid.shape[i]) * grid.step + grid.low[i]) / depth * intrinsics[i, i]
-         + intrinsics[i, 2]) / factor + 1.5
-        for i in (0, 1)
-    )  # fmt: skip
-    pixel = grid.step / depth * intrinsics[0, 0] / factor
-    distance = _smooth(_distance(reduced), 0.5 * max(1.0, pixel))
-    at = np.meshgrid(u, v, indexing="ij")
-    return ndimage.map_coordinates(distance, at[::-1], order=1, mode="nearest") / pixel, 1 / pixel
+    moved = np.array([[1 / factor, 0, 2], [0, 1 / factor, 2], [0, 0, 1]]) @ intrinsics
+    return _Seen(reduced, moved, extrinsics)
 
 
-def _cut(field: np.ndarray, grid: _Grid, inside: np.ndarray, voxels: float) -> np.ndarray:
+def _inside(seen: _Seen, depth: float, grid: _Grid) -> np.ndarray:
+    """The signed distance of each column of voxels to the mask's border, in voxels."""
+    pixel = grid.step / depth * seen.intrinsics[0, 0]
+    distance = _smooth(_distance(seen.mask), 0.5 * max(1.0, pixel))
+    column, row = (
+        (grid.low[k] + grid.step * np.arange(grid.shape[k])) / depth * seen.intrinsics[k, k]
+        + seen.intrinsics[k, 2]
+        - 0.5
+        for k in (0, 1)
+    )
+    at = np.meshgrid(column, row, indexing="ij")[::-1]
+    return ndimage.map_coordinates(distance, at, order=1, mode="nearest") / pixel
+
+
+def _cut(field: np.ndarray, grid: _Grid, inside: np.ndarray) -> np.ndarray:
     """Steps 4 to 6: the field, with the outline of a mask."""
     most = ASIDE * grid.spacing
     outline = _smooth(_distance(field.max(axis=2) > 0), 0.7)

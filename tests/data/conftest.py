@@ -17,14 +17,12 @@ from psgn_jax.data.dataset import write_dataset
 def random_sample(rng, *, num_points=200, **changes):
     size = 24, 32
     mask = rng.random(size) < 0.4
-    normals = rng.normal(size=(num_points, 3))
     intrinsics, extrinsics = camera.default_camera(size)
     fields = {
         "image": rng.integers(0, 256, (*size, 3), np.uint8),
         "mask": mask,
         "depth": np.where(mask, rng.uniform(2, 5, size), 0).astype(np.float32),
         "points": rng.uniform(-1, 1, (num_points, 3)).astype(np.float32),
-        "normals": (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
         "occupancy": rng.random((32, 32, 32)) < 0.3, "intrinsics": intrinsics,
         "extrinsics": extrinsics, "category": "chair", "model_id": "m1", "view": 3,
         "source": "test",
@@ -64,7 +62,7 @@ def authors_content(seed=0, validation=False):
     rotation = Rotation.from_euler("x", 0.3 + seed) * Rotation.from_euler("y", -np.deg2rad(20))
     rotation = rotation.as_matrix().astype(np.float32)
     # In the model's frame axis 0 points down. Its value is 0 on the ground (points / 255 = 0.7).
-    points, _ = solids.torus(0.7, 0.3 if validation else 0.2).sample(rng, 16384)
+    points = solids.torus(0.7, 0.3 if validation else 0.2).sample(rng, 16384)
     model = np.stack([-0.2 - points[:, 2], points[:, 0], points[:, 1]], axis=1)
     codes = np.clip(np.rint((model * 0.4 + [0.7, 0.5, 0.5]) * 255), 0, 255).astype(np.uint8)
     # Draw the exact points, by the formulas of the reference instead of the package's functions.

@@ -13,7 +13,7 @@ import pytest
 
 from psgn_jax.commands import inspect_records as inspect
 from psgn_jax.data import codec, schema
-from psgn_jax.data.codec import QuantisedPoints, decode, decode_stored, encode
+from psgn_jax.data.codec import decode, decode_stored, encode
 from psgn_jax.data.dataset import RecordReader, ShardWriter, doubts_of, shard_name, write_dataset
 from psgn_jax.data.manifest import MANIFEST, load_manifest
 from psgn_jax.data.schema import RecordError
@@ -49,18 +49,6 @@ def test_point_error_is_half_a_step(make, rng, bits):
     np.testing.assert_array_equal(sorted_rows(stored.codes), sorted_rows(points.codes))
 
 
-def test_normal_error_is_under_a_degree(make, rng):
-    normals = np.concatenate([np.eye(3), -np.eye(3), rng.normal(size=(20000, 3))])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    number = np.arange(len(normals))
-    codes = np.stack([0 * number, 0 * number, number], axis=1)  # they keep the order
-    exact = QuantisedPoints(codes.astype(np.uint16), np.eye(3, 4))
-    sample = make.sample(rng, points=exact.points(), normals=normals.astype(np.float32))
-    back = decode(encode(sample, points=exact))
-    cosine = np.clip((back.normals * normals).sum(1), -1, 1)
-    assert np.rad2deg(np.arccos(cosine)).max() < 1
-
-
 def test_data_set_round_trip(dataset):
     train = RecordReader(dataset, "train")
     assert len(train) == 37
@@ -73,7 +61,7 @@ def test_data_set_round_trip(dataset):
     copy = pickle.loads(pickle.dumps(train))
     assert copy.read(20) == train.read(20)
     manifest = load_manifest(dataset)
-    assert "normals" in manifest.fields()
+    assert "depth" in manifest.fields()
     assert "occupancy" not in manifest.fields()
 
 
@@ -103,6 +91,7 @@ def test_a_changed_manifest_is_refused_by_its_checksum(copied):
         (lambda c: c.update(shards=[{"file": "a"}]), "damaged .*missing 7 required .*'split'"),
         (lambda c: c["shards"].append(c["shards"][0]), "is listed twice"),
         (lambda c: c["shards"][0].update(count=10**30), "damaged .*count"),
+        (lambda c: c["shards"][0].update(count=0), "damaged .*count=0"),
         (lambda c: c["shards"][0].update(split="train\nfake"), "damaged .*split"),
         (lambda c: c["shards"][0].update(categories={"x" * 10**6: 1}), "damaged .*1000000 ch"),
         (lambda c: c["shards"][0].update(file="../train-00000.arrayrecord"), "damaged .*file"),
@@ -279,7 +268,7 @@ def test_probable_mistakes_are_told_by_writing_and_inspecting(tmp_path, make, rn
         if points is None:
             points = rng.uniform([-0.5, -0.5, 0], [0.5, 0.5, 1], (50, 3))
         points = points.astype(np.float32)
-        return make.sample(rng, points=points, normals=None, model_id=name, **changes)
+        return make.sample(rng, points=points, model_id=name, **changes)
 
     points = rng.uniform([-0.5, -0.5, 0], [0.5, 0.5, 1], (50, 3))
     assert not told(train=[one("a"), one("a"), one("")], validation=[one("b"), one("")])
@@ -336,13 +325,18 @@ def webp(width, height):
 def test_fields_out_of_range_are_refused_before_they_take_memory(sample):
     content = msgpack.unpackb(encode(sample)[4:])
     points, depth, image = (content[name] for name in ("points", "depth", "image"))
-    huge = np.full(12, 1e300, "<f8").tobytes()
+    # Points of the second matrix are too far, though it is within the limit.
+    huge, far, near = (size * np.eye(3, 4, dtype="<f8") for size in (1e306, 1e8, 1e9 / 65535))
+    nan = np.full((3, 4), np.nan)
     bomb = zlib.compress(bytes(50_000_000))
     for changes, expected in (
         ({"mask": bomb}, "'mask' does not inflate to its"),
         ({"points": points | {"steps": bomb}}, "'points' does not inflate to its"),
         ({"points": points | {"count": 1 << 40}}, "number of points"),
-        ({"points": points | {"matrix": huge}}, "points: the matrix"),
+        *(
+            ({"points": points | {"matrix": m.tobytes()}}, "points up to")
+            for m in (huge, -far, nan)
+        ),
         ({"points": points | {"bits": "a\nb"}}, r"points of 'a\\nb' bits"),
         ({"points": 5}, "not as expected"),
         ({"depth": depth | {"offset": -100.0}}, "depth from"),
@@ -355,3 +349,7 @@ def test_fields_out_of_range_are_refused_before_they_take_memory(sample):
     ):
         with pytest.raises(ValueError, match=expected):
             decode(crafted(content, **changes))
+    # The normals of older records are skipped.
+    changes = {"points": points | {"matrix": near.tobytes()}, "normals": {"bits": 8, "codes": b"x"}}
+    largest = decode(crafted(content, **changes))
+    assert np.abs(largest.points).max() <= schema.MAX_COORDINATE

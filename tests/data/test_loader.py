@@ -118,7 +118,7 @@ def test_subsets(tmp_path):
     """Fewer points than the record has are distinct; more are equally frequent."""
     points = np.stack([np.arange(10), np.zeros(10), np.zeros(10)], axis=1).astype(np.float32)
     (sample,) = solids.samples(1, seed=0, image_size=(24, 32))
-    sample = dataclasses.replace(sample, points=points, normals=None, occupancy=None)
+    sample = dataclasses.replace(sample, points=points, occupancy=None)
     write_dataset(tmp_path, {"train": [sample]}, source="test")
     for wanted, frequent in ((6, {0, 1}), (10, {1}), (34, {3, 4})):
         cfg = DataConfig(path=str(tmp_path), image_size=(24, 32), num_points=wanted)

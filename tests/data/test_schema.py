@@ -18,7 +18,6 @@ from psgn_jax.data import schema
         ("points", np.full((200, 3), -2e9, np.float32)),
         ("points", np.zeros((0, 3), np.float32)),
         ("points", np.full((200, 3), np.inf, np.float32)),
-        ("normals", np.zeros((200, 3), np.float32)),
         ("occupancy", np.zeros((16, 16, 16), np.bool_)),
         ("intrinsics", np.diag([-1, 1, 1]).astype(np.float32)),
         ("extrinsics", np.eye(3, 4, dtype=np.float32) * np.float32([[-1], [1], [1]])),

@@ -38,6 +38,6 @@ def here(started):
     def render(tasks, context):
         for number, entry in tasks:
             records, line = render_model(entry, context)
-            yield Result(number, line, records)
+            yield Result(number, line, {entry.split: records})
 
     return render

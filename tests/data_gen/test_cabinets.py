@@ -31,12 +31,3 @@ def test_the_depth_moves_only_what_is_behind_the_panel():
             behind, _ = cameras.project(cloud[moved], camera)
             assert (behind > panel.min(axis=0)).all()
             assert (behind < panel.max(axis=0)).all()
-
-
-def test_catalogue_keeps_seeds_in_one_split():
-    entries = cabinets.cabinets((3, 2), (2, 4)).models
-    assert len(entries) == 2 * (3 * 2 + 2 * 4)
-    assert len({e.model_id for e in entries}) == len(entries)
-    seeds = {(e.model_id.split("-")[1], e.split) for e in entries}
-    assert len({seed for seed, _ in seeds}) == len(seeds)
-    assert entries[0].load().model_id == entries[0].model_id

@@ -1,13 +1,14 @@
 import collections
 import gzip
+import itertools
 import pickle
-import re
 import struct
 import zipfile
 
 import numpy as np
 import pytest
 from helpers.obj_text import CUBE, FACES
+from helpers.refusals import all_refused, refused
 
 from data_gen.catalogues import sh3f
 from data_gen.catalogues.entry import SPLITS, split_of
@@ -26,21 +27,18 @@ def test_splits_are_stable_and_of_the_sizes_asked_for():
     # The splits must never change, because existing data sets depend on them.
     assert "".join(split_of(n)[1] for n in names[:12]) == "errrrraarrrr"
     assert {split_of(n, (0.0, 0.0, 1.0)) for n in names[:50]} == {"test"}
-    with pytest.raises(ValueError, match="split fractions"):
+    with refused(ValueError, "0.5, 0.1, 0.1"):
         split_of("a", (0.5, 0.1, 0.1))
 
 
 def test_a_wrong_source_is_told(write, tmp_path):
     (tmp_path / "empty").mkdir()
-    for name in ("folder", "shapenet", "sh3f"):
-        for place in ("nowhere", "empty"):
-            with pytest.raises(ValueError, match="source"):
-                open_catalogue(name, tmp_path / place)
-    for content in (b"", b"PK\x03\x04 nonsense", b"x" * 5000):
-        with pytest.raises(ValueError, match=r"bad\.sh3f"):
-            open_catalogue("sh3f", write("bad.sh3f", content))
-    with pytest.raises(ValueError, match=r"contains no mesh, .*; catalogue sh3f reads"):
-        open_catalogue("folder", tmp_path)
+    bad = [write(f"{k}/bad.sh3f", c) for k, c in enumerate((b"", b"PK\x03\x04 nonsense"))]
+    kinds = itertools.product(("folder", "shapenet", "sh3f"), ("nowhere", "empty"))
+    table = [((kind, tmp_path / place), "source", place) for kind, place in kinds]
+    table += [(("sh3f", path), path.name) for path in bad]
+    table += [(("folder", bad[0].parent), "source", "sh3f")]
+    all_refused(lambda arguments: open_catalogue(*arguments), ValueError, table)
 
 
 def checked(catalogue):
@@ -62,25 +60,26 @@ def proportions(entry):
     return pytest.approx(extent / extent.min(), rel=1e-5)
 
 
-def test_folder(trimesh, write, tmp_path):
+def test_folder(trimesh, write, tmp_path, caplog):
     for name in ("chairs/red/model.obj", "chairs/red/notes.txt", ".hidden/a.obj"):
         write(name, BOX)
+    for name in ("c.zip", "d.tar.gz", "f.fbx"):
+        write(name, b"")
+    write("a.obj.gz", gzip.compress(BOX.encode()))
     trimesh.creation.box((1, 2, 3)).export(tmp_path / "top.STL")
     trimesh.creation.box((1, 2, 3)).export(tmp_path / "top.glb")
     entries = {e.model_id: e for e in checked(open_catalogue("folder", tmp_path))}
     categories = {name: e.category for name, e in entries.items()}
-    assert categories == {"chairs/red/model.obj": "chairs", "top.STL": "", "top.glb": ""}
+    others = dict.fromkeys(("a.obj.gz", "top.STL", "top.glb"), "")
+    assert categories == {"chairs/red/model.obj": "chairs", **others}
+    assert "f.fbx; 2 archives, such as c.zip" in caplog.text
     # In STL files, up is +z and the front is -y. In glTF files, up is +y and the front is +z.
     assert proportions(entries["top.STL"]) == [2, 1, 3]
     assert proportions(entries["top.glb"]) == [3, 1, 2]
     turned = open_catalogue("folder", tmp_path, up="+z", front="+x").models
     assert proportions(next(e for e in turned if e.model_id == "top.glb")) == [1, 2, 3]
-    for axes, message in (
-        ({"up": "up"}, "axis 'up'"),
-        ({"up": "-x", "front": "+x"}, r"front '\+x': expected .* perpendicular to up '-x'"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            open_catalogue("folder", tmp_path, **axes)
+    table = (({"up": "up"}, "'up'", "+z"), ({"up": "-x", "front": "+x"}, "front '+x'", "up '-x'"))
+    all_refused(lambda axes: open_catalogue("folder", tmp_path, **axes), ValueError, table)
 
 
 def test_folders_that_are_links_are_entered_once(write, tmp_path):
@@ -111,16 +110,6 @@ def test_files_of_a_hub_are_links_to_its_blobs(write, tmp_path):
         second.load()
     (snapshot / "c.obj").symlink_to("c.obj")
     assert FolderFiles(snapshot).find("c.obj") is None
-
-
-def test_compressed_models_are_read_and_archives_are_counted(write, tmp_path, caplog):
-    write("a.obj.gz", gzip.compress(BOX.encode()))
-    write("b.stl.gz", b"")
-    for name in ("c.zip", "d.tar.gz", "e.ply.bz2", "f.fbx"):
-        write(name, b"")
-    first, _ = open_catalogue("folder", tmp_path).models
-    assert len(first.load().faces) == 12
-    assert "1 that look like models, such as f.fbx; 3 archives, such as c.zip" in caplog.text
 
 
 @pytest.mark.parametrize(
@@ -182,15 +171,6 @@ def make_library(path, properties=PROPERTIES, extra=()):
     return path
 
 
-def test_a_relative_source_is_found_from_another_folder(write, tmp_path, monkeypatch):
-    write("in/a.obj", BOX)
-    make_library(tmp_path / "in" / "lib.sh3f")
-    monkeypatch.chdir(tmp_path)
-    entries = [open_catalogue(name, "in").models[0] for name in ("folder", "sh3f")]
-    monkeypatch.chdir("/")
-    assert [len(entry.load().faces) for entry in entries] == [12, 12]
-
-
 def test_sweet_home_and_its_properties(tmp_path):
     catalogue = open_catalogue("sh3f", make_library(tmp_path / "lib.sh3f"))
     entries = catalogue.models
@@ -214,28 +194,26 @@ def test_sweet_home_and_its_properties(tmp_path):
 
 
 def test_bombs_and_damaged_members_are_refused_and_traversal_finds_nothing(tmp_path):
-    bomb = b"v 0 0 0\n" * (4 << 20)
-    properties = "name#1=b\nmodel#1=/bomb.obj\n"
-    path = make_library(tmp_path / "bomb.sh3f", properties, [("bomb.obj", bomb)])
-    assert path.stat().st_size < 200_000
-    (entry,) = open_catalogue("sh3f", path).models
-    with pytest.raises(UnusableModelError, match="zip bomb"):
+    vertices = b"v 0 0 0\n"
+    library = make_library(
+        tmp_path / "bomb.sh3f", "model#1=/b.obj\n", [("b.obj", vertices * (4 << 20))]
+    )
+    (entry,) = open_catalogue("sh3f", library).models
+    with refused(UnusableModelError, "zip bomb"):
         entry.load()
-    path = make_library(tmp_path / "lie.sh3f", extra=[("liar.obj", b"v 0 0 0\n" * 100_000)])
+    path = make_library(tmp_path / "lib.sh3f", extra=[("liar.obj", vertices * 100_000)])
     size, stated = (struct.pack("<I", number) for number in (800_000, 64))
     assert path.read_bytes().count(size) == 2  # in the header and in the table of contents
-    path.write_bytes(path.read_bytes().replace(size, stated))
-    with pytest.raises(UnusableModelError, match=r"damaged|more than the limit"):
-        ZipFiles(path).read("liar.obj", 1000)
-    path = make_library(tmp_path / "lib.sh3f")
-    data = bytearray(path.read_bytes())
+    data = bytearray(path.read_bytes().replace(size, stated))
     at = data.find(b"models/a/chair.obj") + 30
     data[at : at + 20] = b"\xff" * 20
     path.write_bytes(data)
-    entries = list(open_catalogue("sh3f", path).models)
-    with pytest.raises(UnusableModelError, match="damaged"):
-        entries[0].load()
-    assert len(entries[1].load().faces) == 12
+    with refused(UnusableModelError, "liar.obj"):
+        ZipFiles(path).read("liar.obj", 1000)
+    first, second, *_ = open_catalogue("sh3f", path).models
+    with refused(UnusableModelError, "chair.obj"):
+        first.load()
+    assert len(second.load().faces) == 12
     files = ZipFiles(make_library(tmp_path / "lib.sh3f", extra=[("../evil.png", b"x")]))
     for name in ("../evil.png", "../../lib.sh3f", "/etc/passwd", "models/../../evil.png"):
         with pytest.raises(FileNotFoundError):
@@ -247,8 +225,6 @@ def test_options_from_texts():
     assert parse_options("folder", ["up=+z", "max_faces=50", "fractions=0.5,0.5,0"]) == {
         "up": "+z", "max_faces": 50, "fractions": (0.5, 0.5, 0.0),
     }  # fmt: skip
-    for wrong in ("max_faces=many", "fractions=half", "upp=+z", "up"):
-        with pytest.raises(ValueError, match=re.escape(f"option={wrong}: expected")):
-            parse_options("folder", [wrong])
-    with pytest.raises(ValueError, match="up is given twice"):
-        parse_options("folder", ["up=+z", "up=+y"])
+    wrong = (["max_faces=many"], ["fractions=half"], ["upp=+z"], ["up"], ["up=+z", "up=+y"])
+    table = ((pairs, f"option={pairs[-1]}") for pairs in wrong)
+    all_refused(lambda pairs: parse_options("folder", pairs), ValueError, table)

@@ -2,14 +2,15 @@ import dataclasses
 
 import numpy as np
 import pytest
+from helpers.refusals import refused
 from helpers.solid_models import cube, joined, model_of
 
-from data_gen.catalogues import solids
+from data_gen.catalogues import shapes
 from data_gen.frame import axis_vector, normalize, orient, recentre
 from data_gen.mesh import Material, UnusableModelError, build_model
 from data_gen.surface import sample_surface
 
-SHEET = solids.Solid(
+SHEET = shapes.Solid(
     np.array([[-2, 0, -1], [2, 0, -1], [2, 0, 3], [-2, 0, 3.0]]), np.array([[0, 1, 2], [0, 2, 3]])
 )
 
@@ -34,7 +35,7 @@ def test_orient_turns_up_to_z_and_front_to_x(up, front):
 
 def test_normalize(rng):
     shift = rng.normal(size=3) * 100
-    model = normalize(model_of(solids.box(3, 2, 1).at(*shift)))
+    model = normalize(model_of(shapes.box(3, 2, 1).at(*shift)))
     np.testing.assert_allclose(np.linalg.norm(model.vertices, axis=1).max(), 1)
     assert model.vertices[:, 2].min() == 0
     np.testing.assert_allclose(model.vertices[:, :2].min(0), -model.vertices[:, :2].max(0))
@@ -51,7 +52,7 @@ def test_normalize_counts_only_what_is_drawn():
     texture[: size[0] // 2, : size[1] // 2, 3] = 0  # v > 1/2, u < 1/2
     model = with_sheet(texture)
     exists = texture[..., 3] > 0
-    sample = sample_surface(model, 50_000, 0).points
+    sample = sample_surface(model, 50_000, 0)
     low, high = sample.min(axis=0), sample.max(axis=0)
     origin = np.array([*(low + high)[:2] / 2, low[2]])
     radius = np.linalg.norm(sample - origin, axis=1).max()
@@ -64,26 +65,15 @@ def test_normalize_counts_only_what_is_drawn():
     assert got.vertices[-4, 2] * radius == pytest.approx(-1 - ground, abs=0.01)
 
 
-def test_normalize_ignores_sheets_that_exist_nowhere():
-    texture = np.zeros((16, 16, 4), np.uint8)
-    model = with_sheet(texture)
-    want = normalize(model_of(cube(0.5))).vertices
-    np.testing.assert_allclose(normalize(model).vertices[:-4], want)
-    materials = model.materials[1:]
-    alone = build_model(SHEET.vertices, SHEET.faces, uv=model.uv[-2:], materials=materials)
-    with pytest.raises(UnusableModelError, match="the model is transparent"):
-        normalize(alone)
-
-
 def test_normalize_refuses_what_overflows_and_strays_by_name():
     with pytest.raises(UnusableModelError):
         normalize(dataclasses.replace(model_of(cube()), vertices=cube().vertices * 1e200))
-    far = solids.ball(0.1, 0.1, 0.1, 8).at(0, 20, 0.5)
+    far = shapes.ball(0.1, 0.1, 0.1, 8).at(0, 20, 0.5)
     vertices, faces = joined(cube(), far)
     owner = (np.arange(len(faces)) >= 12).astype(int)
     materials = [Material(name="paint"), Material(name="marker")]
     model = build_model(vertices, faces, face_material=owner, materials=materials)
-    with pytest.raises(UnusableModelError, match=r"stray part .*marker.*\(.*20, 0\.5.*gap"):
+    with refused(UnusableModelError, "stray part", "marker", "20, 0.5"):
         normalize(model)
     # Two parts with a gap of half the extent are accepted.
     pair = joined(cube(), cube().at(2.5, 0, 0))
@@ -92,7 +82,7 @@ def test_normalize_refuses_what_overflows_and_strays_by_name():
 
 def test_recentre_brings_the_mean_of_the_vertices_over_the_origin():
     # A cube next to a ball of the same size with many vertices.
-    model = normalize(build_model(*joined(cube(), solids.ball(1, 1, 1).at(2.5, 0, 0))))
+    model = normalize(build_model(*joined(cube(), shapes.ball(1, 1, 1).at(2.5, 0, 0))))
     moved = recentre(model, "vertices")
     used = np.unique(moved.vertices[np.unique(moved.faces)], axis=0)
     np.testing.assert_allclose(used[:, :2].mean(axis=0), 0, atol=1e-12)

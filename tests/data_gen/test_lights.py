@@ -25,11 +25,3 @@ def test_exposure_is_the_brightness_of_white_in_full_light(rng):
         np.testing.assert_allclose(direct.mean(axis=1).max(), 1.2 * 0.7, rtol=1e-3)
         np.testing.assert_allclose(found.sky.mean(), 1.2 * 0.3, rtol=1e-3)
         assert (found.ground > 0).all()
-
-
-def test_a_map_is_turned_about_the_vertical(rng):
-    radiance = rng.random((*lights.MAP_SIZE, 3))
-    one, two, other = (lights.turned(np.random.default_rng(seed), radiance) for seed in (3, 3, 4))
-    np.testing.assert_array_equal(one, two)
-    assert not np.array_equal(one, other)
-    np.testing.assert_allclose(one.sum(axis=1), radiance.sum(axis=1))

@@ -20,10 +20,9 @@ def test_build_drops_what_is_no_surface_and_refuses_what_it_cannot_use():
     assert len(model.vertices) == 3
     assert any(w == "degenerate faces dropped: 2" for w in model.warnings)
     assert any("missing vertices" in w for w in model.warnings)
-    with pytest.raises(UnusableModelError, match="not finite"):
-        build_model(cube().vertices * np.inf, cube().faces)
-    with pytest.raises(UnusableModelError, match="empty"):
-        build_model(np.zeros((3, 3)), [[0, 1, 2]])
+    for wrong in ((cube().vertices * np.inf, cube().faces), (np.zeros((3, 3)), [[0, 1, 2]])):
+        with pytest.raises(UnusableModelError):
+            build_model(*wrong)
 
 
 def test_crease_normals_of_a_cube_are_flat_and_of_a_sphere_round():

@@ -11,18 +11,19 @@ import pytest
 from helpers import processes
 from helpers.commands import ROOT, psgn_each
 from helpers.obj_text import CUBE, FACES
+from helpers.refusals import check_message, refused
 from helpers.small_renders import SMALL, contents
 from helpers.solid_models import model_of, squares, view
 
-from data_gen import cameras, engine, job, lights, pool, scene, settings
-from data_gen.catalogues import solids
+from data_gen import cameras, engine, job, lights, pool, settings
+from data_gen.catalogues import shapes
 from data_gen.catalogues.entry import Catalogue, Entry
 from data_gen.catalogues.open_catalogue import open_catalogue
 from data_gen.engine import Variant, choose_variant, has_mitsuba
 from data_gen.environment_maps import load_map, load_maps
 from data_gen.mesh import Material
 from data_gen.photograph import trace
-from data_gen.picture import Mesh, render
+from data_gen.picture import Mesh, Scene, render
 from data_gen.render_model import Context
 from data_gen.settings import Settings
 from data_gen.surroundings import Surroundings
@@ -44,12 +45,11 @@ def flat_light():
 
 
 def shot(model, camera, **options):
-    surfaces = scene.flatten(model)
-    return render(Mesh(surfaces.corners), scene.Scene(surfaces, camera, flat_light()), **options)
+    return render(Scene(Mesh(model), camera, flat_light()), **options)
 
 
 def test_depth_and_mask_are_those_of_a_sphere(started):
-    model = model_of(solids.ball(0.8, 0.8, 0.8, 96).at(z=0.4))
+    model = model_of(shapes.ball(0.8, 0.8, 0.8, 96).at(z=0.4))
     camera = view(70.0, roll=10.0)
     picture = shot(model, camera)
     seen = project_camera.back_project(picture.depth, camera.intrinsics, camera.extrinsics)
@@ -81,27 +81,16 @@ def test_holes_show_what_is_behind_and_glass_is_part_of_the_object(started):
     assert np.ptp(picture.depth[picture.mask]) < 0.3
 
 
-def test_soft_edges_blend_with_the_background(started):
-    black = squares((0, 0.37, Material(diffuse=(0, 0, 0))))
-    hard = shot(black, view())
-    assert (hard.image[~hard.mask] == 191).all()
-    assert (hard.image[hard.mask] == 0).all()
-    picture = shot(black, view(), soft_edges=True)
-    values = np.unique(picture.image)
-    assert {0, 191} <= set(values.tolist())
-    assert len(values) > 4
-
-
 @pytest.mark.parametrize("toward", [(0.9, 0.3), (0.0, -0.9)])
 def test_photos_have_the_light_where_local_shading_has_it(started, toward):
-    surfaces = scene.flatten(model_of(solids.ball(0.8, 0.8, 0.8).at(z=0.4)))
+    mesh = Mesh(model_of(shapes.ball(0.8, 0.8, 0.8).at(z=0.4)))
     light = np.array([*toward, 0.3])
     light /= np.linalg.norm(light)
     radiance = np.exp(20 * (lights.directions_of(lights.MAP_SIZE) @ light - 1))
     radiance = np.repeat(radiance[..., None], 3, axis=-1)
     found = lights.reduce(radiance, lights.LightSettings(count=1), ambient=0.1, exposure=1.0)
-    shown = scene.Scene(surfaces, view(azimuth=40.0), found)
-    local = render(Mesh(surfaces.corners), shown)
+    shown = Scene(mesh, view(azimuth=40.0), found)
+    local = render(shown)
     traced, _ = trace(shown, local, Surroundings(radiance), None, rays=4, seed=0)
     both = np.stack([local.image[local.mask].mean(axis=1), traced[local.mask].mean(axis=1)])
     assert np.corrcoef(both)[0, 1] > 0.8
@@ -112,9 +101,9 @@ def test_textures_are_upright_and_photos_have_the_same_holes(started):
     texture[..., :3] = (0, 0, 255)
     texture[:8, :, :3] = (255, 0, 0)  # red on top
     texture[:, :4, 3] = 0  # a hole on the left
-    surfaces = scene.flatten(squares((0, 0.5, Material(diffuse=(1, 1, 1), texture=texture))))
-    shown = scene.Scene(surfaces, view(elevation=0.0), flat_light())
-    local = render(Mesh(surfaces.corners), shown)
+    mesh = Mesh(squares((0, 0.5, Material(diffuse=(1, 1, 1), texture=texture))))
+    shown = Scene(mesh, view(elevation=0.0), flat_light())
+    local = render(shown)
     around = Surroundings(np.ones((*lights.MAP_SIZE, 3)))
     traced, opacity = trace(shown, local, around, None, rays=4, seed=0)
     rows = np.flatnonzero(local.mask[:, 32])[1:-1]
@@ -137,7 +126,7 @@ def test_environment_maps_of_a_folder(started, tmp_path):
     np.testing.assert_allclose(found[4:6, 16:20], 256)
     np.testing.assert_allclose(np.median(found), 1)
     engine.mi.Bitmap(values[:, :64]).write(str(tmp_path / "ball.hdr"))
-    with pytest.raises(ValueError, match=r"ball\.hdr.*expected a width of twice the height"):
+    with refused(ValueError, "ball.hdr"):
         load_map(str(tmp_path / "ball.hdr"), lights.MAP_SIZE)
 
 
@@ -204,40 +193,21 @@ def test_killed_and_parted_gives_the_same_bytes(whole, here, tmp_path):
 
 def test_refused_models_have_reasons_and_do_not_stop_the_job(here, write, tmp_path):
     cube, latin = CUBE + FACES, os.fsdecode(b"latin\xe9")  # the latter is no UTF-8
-    texts = {"café": cube, "empty": "", "nan": cube.replace("v 1", "v nan"), latin: cube}
-    for name, text in texts.items():
+    for name, text in {"café": cube, "empty": "", latin: cube}.items():
         write(f"meshes/good/{name}.obj", text)
     source = open_catalogue("folder", tmp_path / "meshes")
     summary = job.render_catalogue(source, tmp_path / "out", options(), render=here)
     assert summary.exit_code == 1
-    assert summary.statuses == {"ok": 2, "refused": 2}
-    again = job.render_catalogue(source, tmp_path / "out", options(), render=here)
-    assert again.lines == summary.lines
     reasons = {line["model_id"]: line["reason"] for line in summary.lines}
-    assert reasons["good/café.obj"] == reasons["good/latin\\xe9.obj"] == ""
-    assert "empty" in reasons["good/empty.obj"]
-    assert "not finite" in reasons["good/nan.obj"]
-
-
-def test_a_mended_mesh_is_rendered(here, write, tmp_path):
-    def rendered(out):
-        source = open_catalogue("folder", tmp_path / "meshes", variants=2)
-        return job.render_catalogue(source, tmp_path / out, options(), render=here)
-
-    write("meshes/good.obj", CUBE + FACES)
-    write("meshes/bad.obj", "")
-    assert rendered("out").statuses == {"ok": 2, "refused": 2}
-    write("meshes/bad.obj", CUBE + FACES)
-    assert rendered("out").statuses == {"ok": 4}
-    rendered("whole")
-    assert contents(tmp_path / "out") == contents(tmp_path / "whole")
+    assert reasons.pop("good/empty.obj")
+    assert reasons == {"good/café.obj": "", "good/latin\\xe9.obj": ""}
 
 
 def test_a_wrong_light_marks_no_folder_and_a_wrong_library_is_no_variant(tmp_path, monkeypatch):
     source = open_catalogue("procedural", "chair=1")
     (tmp_path / "torn.hdr").write_bytes(b"#?RADIANCE\ntorn")
     wrong = {"source": "folder", "folder": str(tmp_path)}
-    with pytest.raises(ValueError, match=r"environment map .*torn\.hdr"):
+    with refused(ValueError, "torn.hdr"):
         job.render_catalogue(source, tmp_path / "out", options(light=wrong))
     assert not (tmp_path / "out").exists()
     bogus = tmp_path / "libLLVM-19.so"
@@ -248,7 +218,7 @@ def test_a_wrong_light_marks_no_folder_and_a_wrong_library_is_no_variant(tmp_pat
     variant, message = choose_variant("auto")
     assert variant == Variant("scalar_rgb")
     assert "libllvm19" in message
-    with pytest.raises(RuntimeError, match="libllvm19"):
+    with refused(RuntimeError, "libllvm19"):
         choose_variant("llvm")
 
 
@@ -293,47 +263,32 @@ def test_crash_timeout_and_memory_end_with_their_model(tmp_path):
 def test_processes_that_cannot_start_are_told_apart_from_models(monkeypatch):
     monkeypatch.setattr(pool, "_FAILED_STARTS", 1)
     context = Context(options(), "procedural", Variant("no such variant"), None)
-    with pytest.raises(RuntimeError, match="before they were ready"):
+    with refused(RuntimeError, "worker processes"):
         list(pool.render_local([(0, open_catalogue("procedural", "table=1").models[0])], context))
 
 
 def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
     command = ["--catalogue=procedural", "--source=1", f"--out={tmp_path / 'out'}"]
     cases = (
-        ("--shard=2/2", "--shard=2/2: expected i/n"),
-        ("--config.vews=3", "--config.vews=3: did you mean 'views'?"),
+        ("--shard=2/2", "--shard=2/2", "i/n"),
+        ("--config.vews=3", "--config.vews=3", "'views'"),
         ("--config.views=abc", "abc"),
-        ("--config=nowhere.py", "--config=nowhere.py: no such file and no such name; expected"),
-        ("--config=fotos", "did you mean 'photo'? expected the path of a configuration or one of"),
-        (f"--config={CONFIG}:nobody", "preset 'nobody': expected one of"),
-        ("--config.image.rays=9", "image.rays=9: accepted: 16"),
+        ("--config=fotos", "--config=fotos", "'photo'"),
+        (f"--config={CONFIG}:nobody", "'nobody'"),
+        ("--config.image.rays=9", "image.rays=9"),
         # The preset sets image.shading=photo, so that only the seed is wrong.
-        (
-            "--config=photo --config.image.rays=9 --seed=3",
-            "--seed=3: it has no effect without --sample",
-        ),
-        ("--exclude=lmap", "--exclude=lmap: no category and no name matches; did you mean 'lamp'?"),
+        ("--config=photo --config.image.rays=9 --seed=3", "--seed=3", "--sample"),
+        ("--exclude=lmap", "--exclude=lmap", "'lamp'"),
         # Fields may precede --config.
-        ("--config.camera.aim=(7.,1.) --config=r2n2", "camera.aim=(7.0, 1.0): accepted"),
+        ("--config.camera.aim=(7.,1.) --config=r2n2", "camera.aim=(7.0, 1.0)"),
     )
-    arguments = [["render", *command, *wrong.split(" ")] for wrong, _ in cases]
+    arguments = [["render", *command, *wrong.split(" ")] for wrong, *_ in cases]
     imports = ["data_gen.catalogues.open_catalogue"]
     first, *found = psgn_each(["render", "--help"], *arguments, cwd=tmp_path, imports=imports)
-    for done, (_, message) in zip(found, cases, strict=True):
-        said = done.stderr
-        assert (done.returncode, message in said) == (2, True), said
-        assert said.startswith("error: "), said
-        assert said.count("\n") == 1, said
+    for done, (_, *names) in zip(found, cases, strict=True):
+        assert done.returncode == 2
+        check_message(done.stderr, "error: ", *names)
     assert not (tmp_path / "out").exists()
     assert first.returncode == 0
-    assert str(CONFIG) in first.stdout
-    text = " ".join(first.stdout.split())
-    for part in (
-        "source: a folder of records.",
-        "--option=first_seed=0",
-        "deviation: standard deviation of the logarithm of the stretch",
-        "views: number of images of each model.",
-        "--config.camera.roll='(0.0, 0.0)'",
-        "--sample: Number of models, spread over categories and folders",
-    ):
-        assert part in text
+    for part in (str(CONFIG), "--option=first_seed=0", "--config.camera.roll='(0.0, 0.0)'"):
+        assert part in first.stdout

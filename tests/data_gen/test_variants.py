@@ -2,8 +2,8 @@ import itertools
 
 import numpy as np
 import pytest
-from free_set import Licence, Source, select
 from helpers.obj_text import CUBE, FACES
+from helpers.refusals import all_refused
 
 from data_gen.catalogues import proportions
 from data_gen.catalogues.entry import original_name
@@ -35,35 +35,14 @@ def test_meshes_have_variants_with_the_split_of_their_model(write, tmp_path):
     assert len(extents) == 3
 
 
-def test_normals_of_a_stretched_ball_are_those_of_an_ellipsoid(trimesh, tmp_path):
-    trimesh.creation.icosphere(4).export(tmp_path / "ball.ply", vertex_normal=True)
-    (entry,) = open_catalogue("folder", tmp_path, variants=1, deviation=0.4).models
-    model = entry.load()
-    flat = face_normals(model.vertices, model.faces)
-    assert (flat * model.normals.mean(axis=1)).sum(axis=1).min() > 0.9
-
-
-def test_variants_of_a_source_keep_its_families(write, tmp_path):
-    for name in ("stool", "stool2", "table", "lamp", "sofa", "bed"):
-        write(f"{name}.obj", CUBE + FACES)
-    fields = {"views": 1, "licences": (Licence("MIT"),), "source": str(tmp_path)}
-    source = Source("boxes", "folder", families=True, **fields)
-    models = {e.model_id: e.split for e in select(source, "").models}
-    variants = list(select(source, "", variants=2).models)
-    assert len(variants) == 12
-    assert all(e.split == models[original_name(e.model_id)] for e in variants)
-    assert models["stool.obj"] == models["stool2.obj"]
-
-
 def test_wrong_options_are_named(write, tmp_path):
     write("a.obj", CUBE + FACES)
-    for message, option in {
-        "variants: got -1, expected 0 or more": {"variants": -1},
-        "deviation: got 1.5, expected a number above 0": {"variants": 2, "deviation": 1.5},
-        "deviation: got 0.3, which has no effect without variants": {"deviation": 0.3},
-    }.items():
-        with pytest.raises(ValueError, match=message):
-            open_catalogue("folder", tmp_path, **option)
+    table = (
+        ({"variants": -1}, "variants", "-1"),
+        ({"variants": 2, "deviation": 1.5}, "deviation", "1.5"),
+        ({"deviation": 0.3}, "deviation", "0.3", "without variants"),
+    )
+    all_refused(lambda options: open_catalogue("folder", tmp_path, **options), ValueError, table)
 
 
 def test_proportions_keep_planes_and_symmetry():

@@ -23,7 +23,7 @@ class Solid(NamedTuple):
 
     category: str
     height: float  # along z
-    sample: Callable  # (rng, n) -> points [n, 3] uniform on the surface, outward normals [n, 3]
+    sample: Callable  # (rng, n) -> points [n, 3] uniform on the surface
     # (origin [3], directions [n, 3]) -> parameter t [n] of the first hit at origin + t * direction
     # (inf = none), and outward normals [n, 3] there. The origin is outside.
     cast: Callable
@@ -49,15 +49,13 @@ def _disc(rng: np.random.Generator, n: int) -> np.ndarray:
 def box(half: np.ndarray) -> Solid:
     """A box of half extents `half` [3]."""
 
-    def sample(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+    def sample(rng: np.random.Generator, n: int) -> np.ndarray:
         areas = np.array([half[1] * half[2], half[0] * half[2], half[0] * half[1]])
         axis = rng.choice(3, n, p=areas / areas.sum())
         sign = rng.choice([-1.0, 1.0], n)
         points = rng.uniform(-1, 1, (n, 3)) * half
-        normals = np.zeros((n, 3))
-        normals[np.arange(n), axis] = sign
         points[np.arange(n), axis] = sign * half[axis]
-        return points, normals
+        return points
 
     def cast(origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         safe = np.where(np.abs(directions) < 1e-12, 1e-12, directions)
@@ -77,7 +75,7 @@ def box(half: np.ndarray) -> Solid:
 def ellipsoid(half: np.ndarray) -> Solid:
     """An ellipsoid of half axes `half` [3]."""
 
-    def sample(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+    def sample(rng: np.random.Generator, n: int) -> np.ndarray:
         # The map from the unit sphere scales the area around u by abc |u / half|. Points are
         # accepted with a probability proportional to this factor.
         kept: list[np.ndarray] = []
@@ -86,7 +84,7 @@ def ellipsoid(half: np.ndarray) -> Solid:
             accept = rng.random(2 * n) < np.linalg.norm(u / half, axis=1) * half.min()
             kept.append(u[accept])
         u = np.concatenate(kept)[:n]
-        return u * half, _unit(u / half)
+        return u * half
 
     def cast(origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         o, d = origin / half, directions / half
@@ -110,18 +108,14 @@ def cylinder(radius: float, height: float) -> Solid:
     """A closed cylinder."""
     up = np.array([0.0, 0, 1])
 
-    def sample(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+    def sample(rng: np.random.Generator, n: int) -> np.ndarray:
         on_side = rng.random(n) < height / (height + radius)
         angle = rng.uniform(0, 2 * np.pi, n)
         ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         top = rng.choice([-1.0, 1.0], n)
         side = np.concatenate([radius * ring, rng.uniform(-0.5, 0.5, (n, 1)) * height], axis=1)
         cap = np.concatenate([radius * _disc(rng, n), top[:, None] * height / 2], axis=1)
-        outward = np.concatenate([ring, np.zeros((n, 1))], axis=1)
-        return (
-            np.where(on_side[:, None], side, cap),
-            np.where(on_side[:, None], outward, top[:, None] * up),
-        )
+        return np.where(on_side[:, None], side, cap)
 
     def cast(origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         o, d = origin[:2], directions[:, :2]
@@ -146,14 +140,12 @@ def cone(radius: float, height: float) -> Solid:
     slope = radius / height
     slant = np.hypot(radius, height)
 
-    def sample(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+    def sample(rng: np.random.Generator, n: int) -> np.ndarray:
         on_side = rng.random(n) < slant / (slant + radius)
         disc = _disc(rng, n)  # uniform points of the side are uniform on the ground as well
         reach = np.linalg.norm(disc, axis=1)
         z = np.where(on_side, height / 2 - reach * height, -height / 2)
-        outward = _unit(np.concatenate([_unit(disc), np.full((n, 1), slope)], axis=1))
-        normals = np.where(on_side[:, None], outward, [0.0, 0, -1])
-        return np.concatenate([radius * disc, z[:, None]], axis=1), normals
+        return np.concatenate([radius * disc, z[:, None]], axis=1)
 
     def cast(origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         # x^2 + y^2 = slope^2 (z - tip)^2 is a double cone; only its lower half counts.
@@ -187,15 +179,15 @@ def torus(ring: float, tube: float) -> Solid:
         offset = p - p * [1, 1, 0] * (ring / np.maximum(across, 1e-12))[:, None]
         return offset, np.linalg.norm(offset, axis=1)
 
-    def sample(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+    def sample(rng: np.random.Generator, n: int) -> np.ndarray:
         around = rng.uniform(0, 2 * np.pi, 4 * n)
         accept = rng.random(4 * n) < (ring + tube * np.cos(around)) / (ring + tube)
         around = around[accept][:n]
         along = rng.uniform(0, 2 * np.pi, n)
         out, up = np.cos(around), np.sin(around)
-        normals = np.stack([out * np.cos(along), out * np.sin(along), up], axis=1)
+        outward = np.stack([out * np.cos(along), out * np.sin(along), up], axis=1)
         centre = np.stack([np.cos(along), np.sin(along), np.zeros(n)], axis=1)
-        return ring * centre + tube * normals, normals
+        return ring * centre + tube * outward
 
     def cast(origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         # Sphere tracing: each step is as long as the exact distance to the surface.
@@ -260,7 +252,7 @@ def draw(
     turn = rng.uniform(0, 2 * np.pi)
     cosine, sine = np.cos(turn), np.sin(turn)
     rotation = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
-    points, normals = solid.sample(rng, num_points)
+    points = solid.sample(rng, num_points)
     # A lying cone would have to be tilted to rest on its side.
     if solid.category != "cone" and rng.random() < 0.3:
         rotation = rotation @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
@@ -298,7 +290,6 @@ def draw(
         mask=depth > 0,
         depth=depth,
         points=(world * scale).astype(np.float32),
-        normals=(normals @ rotation.T).astype(np.float32),
         intrinsics=intrinsics,
         extrinsics=extrinsics,
         category=solid.category,

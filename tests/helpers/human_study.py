@@ -33,7 +33,7 @@ def table_points(count, seed=0):
     numbers = np.ceil(1.1 * count * np.array(areas) / sum(areas)).astype(int)
     drawn = [drawn_solids.box(np.array(size) / 2) for _, size in boxes]
     parts = zip(drawn, numbers, boxes, strict=True)
-    points = np.concatenate([draw.sample(rng, n)[0] + middle for draw, n, (middle, _) in parts])
+    points = np.concatenate([draw.sample(rng, n) + middle for draw, n, (middle, _) in parts])
     bottom = TOP[0][2] - TOP[1][2] / 2
     under = np.abs(points[:, 2] - bottom) < 1e-9
     near = np.abs(np.abs(points[:, :2]) - LEG[0][:2]).max(axis=1) < LEG[1][0] / 2

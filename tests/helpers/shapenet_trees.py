@@ -35,15 +35,13 @@ def voxels(size=32):
 
 
 def surface(rng, count):
-    """Points on the faces of the boxes, and outward normals."""
+    """Points on the faces of the boxes."""
     box = BOXES[rng.integers(len(BOXES), size=count)]
     face = rng.integers(6, size=count)
     points = box[:, 0] + rng.random((count, 3)) * (box[:, 1] - box[:, 0])
     rows = np.arange(count)
     points[rows, face % 3] = box[rows, face // 3, face % 3]
-    normals = np.zeros((count, 3))
-    normals[rows, face % 3] = np.where(face < 3, -1, 1)
-    return points, normals
+    return points
 
 
 def published_camera(azimuth, elevation, ratio):
@@ -63,7 +61,7 @@ BLENDER_FROM_SHAPENET = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 
 def silhouette(view):
     k, rt = published_camera(*view)
-    points, _ = surface(np.random.default_rng(5), 200_000)
+    points = surface(np.random.default_rng(5), 200_000)
     seen = k @ (rt[:, :3] @ BLENDER_FROM_SHAPENET @ points.T + rt[:, 3:])
     column, row = np.floor(seen[:2] / seen[2]).astype(int)
     mask = np.zeros((137, 137), bool)
@@ -91,10 +89,9 @@ def write_r2n2(root, names=("a", "b", "c", "d", "e"), synset="03001627"):
 
 def write_occnet(root, splits=None, synset="03001627"):
     splits = splits or {"train": ["a", "b"], "val": ["c"], "test": ["d"]}
-    points, normals = surface(np.random.default_rng(1), 60_000)
+    points = surface(np.random.default_rng(1), 60_000)
     cloud = {
         "points": ((points - CENTRE) / LONGEST).astype(np.float16),
-        "normals": normals.astype(np.float16),
         "loc": CENTRE,
         "scale": np.float64(LONGEST),
     }

@@ -3,7 +3,7 @@
 import numpy as np
 
 from data_gen import cameras
-from data_gen.catalogues import solids
+from data_gen.catalogues import shapes
 from data_gen.mesh import build_model
 
 
@@ -12,11 +12,11 @@ def model_of(solid, **kwargs):
 
 
 def cube(size=1.0):
-    return solids.box(size, size, size)
+    return shapes.box(size, size, size)
 
 
 def sphere(sides=32):
-    return solids.ball(2, 2, 2, sides)
+    return shapes.ball(2, 2, 2, sides)
 
 
 def squares(*parts):

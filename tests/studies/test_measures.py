@@ -89,7 +89,7 @@ def test_depth_is_read_off_the_true_points():
     assert ambiguity.DEPTH_RANGE == cabinets.DEPTH
     for seed in range(4):
         model = cabinets.generate("front", seed, seed + 1)
-        points = sample_surface(model, 4096, 0).points.astype(np.float32)
+        points = sample_surface(model, 4096, 0).astype(np.float32)
         found = ambiguity.measured_depth(points, model.parameters["scale"])
         assert found == pytest.approx(model.parameters["hidden"]["depth"], abs=0.02)
 

@@ -67,5 +67,5 @@ def test_render_executes_no_file_of_the_current_folder(hostile):
 
 
 def test_free_set_executes_no_file_of_the_current_folder(hostile):
-    done = run(hostile, "recipes/free_set.py", "--packages=.", "--sources=procedural", "--check")
+    done = run(hostile, "scripts/free_set.py", "--packages=.", "--sources=procedural", "--check")
     assert done.returncode == 0, done.stderr

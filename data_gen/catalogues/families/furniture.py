@@ -6,7 +6,7 @@ import numpy as np
 
 from data_gen.catalogues.families import materials as m
 from data_gen.catalogues.families.kit import Kit, column, four_legs, fronts
-from data_gen.catalogues.solids import (
+from data_gen.catalogues.shapes import (
     ball,
     block,
     box,

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from data_gen.catalogues import solids
+from data_gen.catalogues import shapes
 from data_gen.catalogues.families import materials as m
-from data_gen.catalogues.solids import Solid, ball, block, box, cylinder, lathe, rod, tube
+from data_gen.catalogues.shapes import Solid, ball, block, box, cylinder, lathe, rod, tube
 from data_gen.frame import normalize
 from data_gen.mesh import Material, Model, build_model
 
@@ -83,22 +83,22 @@ def texture_coordinates(
     """
     # Relative to the bounding box, which does not depend on hidden parts.
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    placed = vertices - [*((low + high) / 2)[:2], low[2]]
-    placed /= np.linalg.norm(placed, axis=1).max()
-    low, high = (f.reduceat(placed, starts, axis=0)[part_of] for f in (np.minimum, np.maximum))
-    corners, rows = placed[faces], np.arange(len(faces))
+    scaled = vertices - [*((low + high) / 2)[:2], low[2]]
+    scaled /= np.linalg.norm(scaled, axis=1).max()
+    low, high = (f.reduceat(scaled, starts, axis=0)[part_of] for f in (np.minimum, np.maximum))
+    corners, rows = scaled[faces], np.arange(len(faces))
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     axis = np.argmax(np.abs(normals) * [1, 1.001, 1.002], axis=1)
     tile = np.array([getattr(material, "tile", 1.0) for material in materials])[owner[part_of]]
     covering = (tile == 0)[:, None, None]
     # Textures that cover a part have a margin, so that rounding does not reach the opposite edge.
     fitted = 0.99 * (corners - (low + high)[:, None] / 2) / np.maximum(high - low, 1e-9)[:, None]
-    place = np.where(covering, fitted, corners / np.where(covering, 1, tile[:, None, None]))
+    tiled = np.where(covering, fitted, corners / np.where(covering, 1, tile[:, None, None]))
     facing = np.sign(normals[rows, axis])
     u_axis, v_axis = np.array([1, 0, 1])[axis], np.array([2, 2, 0])[axis]
     sign = np.array([1, -1, 1])[axis] * np.where(axis < 2, facing, 1)
-    u = place[rows, :, u_axis] * sign[:, None]
-    v = place[rows, :, v_axis] * np.where(axis < 2, 1, -facing)[:, None]
+    u = tiled[rows, :, u_axis] * sign[:, None]
+    v = tiled[rows, :, v_axis] * np.where(axis < 2, 1, -facing)[:, None]
     grain = np.array([getattr(material, "along_grain", False) for material in materials])
     longest = np.argmax((high - low).round(6) * [1, 1, 0.999], axis=1)
     turned = (grain[owner[part_of]] & (v_axis == longest))[:, None]
@@ -124,15 +124,15 @@ def four_legs(kit: Kit, material: Material, x: float, y: float, top: float, thic
         kit.four(material, lathe([(r * thick * 0.8, z * top) for r, z in _TURNED], 14).at(x, y))
     elif style == "sabre":
         bend = foot * [0.7, 0.7, 1] + head * [0.3, 0.3, 0.45]
-        kit.four(material, tube(solids.smooth_path([foot, bend, head], 4),
+        kit.four(material, tube(shapes.smooth_path([foot, bend, head], 4),
                                 np.linspace(0.35, 0.6, 9) * thick))
     elif style == "hairpin":
         kit.four(material, rod(foot, head, 0.25 * thick))
     else:
-        outline = solids.superellipse(thick, thick, 2 if style == "round" else 12, 12)
+        outline = shapes.superellipse(thick, thick, 2 if style == "round" else 12, 12)
         rings = [np.column_stack([size * outline, 0 * outline[:, 0]]) + end
                  for size, end in ((0.6 if style == "tapered" else 1.0, foot), (1.0, head))]
-        kit.four(material, solids.loft(rings))
+        kit.four(material, shapes.loft(rings))
     if style != "hairpin" and kit.chance(0.3):
         share = kit.uniform(0.15, 0.4)
         a, b, z = foot * (1 - share) + head * share

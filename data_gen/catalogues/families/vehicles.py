@@ -6,7 +6,7 @@ import numpy as np
 
 from data_gen.catalogues.families import materials as m
 from data_gen.catalogues.families.kit import Kit, wheels
-from data_gen.catalogues.solids import (
+from data_gen.catalogues.shapes import (
     Solid,
     ball,
     block,

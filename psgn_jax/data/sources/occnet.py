@@ -3,7 +3,7 @@
 The published layout (github.com/autonomousvision/occupancy_networks, `im2mesh/data`):
 
     <synset>/train.lst, val.lst, test.lst            names of models, one per line
-    <synset>/<model>/pointcloud.npz                  points [N, 3], normals [N, 3], loc [3], scale
+    <synset>/<model>/pointcloud.npz                  points [N, 3], loc [3], scale
     <synset>/<model>/model.binvox                    3D-R2N2's voxels of the model (optional here)
     <synset>/<model>/img_choy2016/000.jpg .. 023.jpg 137x137 on white, no alpha
     <synset>/<model>/img_choy2016/cameras.npz        camera_mat_<i> [3, 3], world_mat_<i> [3, 4]
@@ -90,7 +90,7 @@ def open_model(
     ValueError or OSError, which names the file.
     """
     cloud_path, voxel_path, camera_path, images = input_files(source, synset, name)
-    points, normals, loc, scale = _read_cloud(cloud_path)
+    points, loc, scale = _read_cloud(cloud_path)
     world = (points * scale + loc) @ shapenet.TO_WORLD.T
     solid = None
     if voxel_path.is_file():
@@ -101,10 +101,7 @@ def open_model(
     cameras = _arrays(camera_path, dict.fromkeys(keys, 16))
     rng = np.random.default_rng(zlib.crc32(f"{synset}/{name}".encode()))
     chosen = rng.permutation(len(world))[:num_points]
-    turned = normals[chosen] @ shapenet.TO_WORLD.T
-    model = shapenet.ShapeNetModel(
-        "occnet", synset, name, world[chosen], turned, solid, origin, unit
-    )
+    model = shapenet.ShapeNetModel("occnet", synset, name, world[chosen], solid, origin, unit)
 
     def read(view: int) -> schema.Sample:
         path = images / f"{view:03d}.jpg"
@@ -124,24 +121,23 @@ def _arrays(path: pathlib.Path, limits: dict[str, int]) -> dict[str, np.ndarray]
         raise ValueError(f"{path}: damaged, or not a file of arrays ({error})") from None
 
 
-def _read_cloud(path: pathlib.Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    limits = {"points": 3 * _MAX_POINTS, "normals": 3 * _MAX_POINTS, "loc": 3, "scale": 1}
+def _read_cloud(path: pathlib.Path) -> tuple[np.ndarray, np.ndarray, float]:
+    limits = {"points": 3 * _MAX_POINTS, "loc": 3, "scale": 1}
     arrays = _arrays(path, limits)
     for key in limits:
         if key not in arrays:
             raise ValueError(f"{path}: no array {key!r}, it has {sorted(arrays)}")
-    points, normals = (arrays[key].astype(np.float64) for key in ("points", "normals"))
-    if points.ndim != 2 or points.shape[1] != 3 or not len(points) or normals.shape != points.shape:
-        raise ValueError(f"{path}: points {points.shape}, normals {normals.shape}, expected [n, 3]")
+    points = arrays["points"].astype(np.float64)
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        raise ValueError(f"{path}: points {points.shape}, expected [n, 3]")
     loc, scale = (arrays[key].astype(np.float64).reshape(-1) for key in ("loc", "scale"))
     usual = loc.shape == (3,) and scale.shape == (1,) and scale[0] > 0
     if not (usual and np.isfinite(loc).all() and np.isfinite(scale).all()):
         got = f"loc {loc.tolist()}, scale {scale.tolist()}"
         raise ValueError(f"{path}: {got}, expected finite numbers and scale > 0")
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    if not (np.isfinite(points).all() and np.isfinite(length).all() and length.min() > 0.1):
-        raise ValueError(f"{path}: expected finite points, and finite normals of length > 0")
-    return points, normals / length, loc, float(scale[0])
+    if not np.isfinite(points).all():
+        raise ValueError(f"{path}: expected finite points")
+    return points, loc, float(scale[0])
 
 
 def _camera(

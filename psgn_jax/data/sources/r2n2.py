@@ -14,8 +14,8 @@ others `test`. This is the rule of 3D-R2N2 (`lib/data_io.py`), applied to the mo
 
 The data set has no surface points. We sample `points` uniformly on the outer faces of the voxels,
 whose position is in the header of the binvox file. So the points are as coarse as the voxels (1/32
-of the longest edge), and there are no `normals`. `occupancy` is the volume resampled to the frame
-of the view; the original volume is in `extra`.
+of the longest edge). `occupancy` is the volume resampled to the frame of the view; the original
+volume is in `extra`.
 """
 
 import pathlib
@@ -103,7 +103,7 @@ def open_model(
     origin, unit = shapenet.object_frame(shapenet.corners(solid), voxels)
     rng = np.random.default_rng(zlib.crc32(f"{synset}/{name}".encode()))
     points = shapenet.surface_points(solid, num_points, rng)
-    model = shapenet.ShapeNetModel("r2n2", synset, name, points, None, solid, origin, unit)
+    model = shapenet.ShapeNetModel("r2n2", synset, name, points, solid, origin, unit)
     rows = _read_metadata(metadata)
     pictures = sum((rendering / f"{view:02d}.png").exists() for view in range(shapenet.NUM_VIEWS))
     if len(rows) < pictures:

@@ -227,7 +227,6 @@ class ShapeNetModel:
     synset: str
     name: str
     points: np.ndarray  # [n, 3]
-    normals: np.ndarray | None  # [n, 3]
     solid: WorldGrid | None
     origin: np.ndarray  # [3]
     unit: float
@@ -246,7 +245,6 @@ class ShapeNetModel:
             image=image,
             mask=mask,
             points=((self.points - origin) @ turn.T / unit).astype(np.float32),
-            normals=None if self.normals is None else (self.normals @ turn.T).astype(np.float32),
             occupancy=turned_occupancy(solid, origin, unit, turn) if solid else None,
             intrinsics=inner.astype(np.float32),
             extrinsics=np.column_stack([eye[:, :3] @ turn.T, moved]).astype(np.float32),

@@ -135,7 +135,7 @@ def test_conversion_refuses_wrong_folders(dataset, tmp_path, authors_file, capsy
     for source, target, message in (
         (tmp_path / "none", new, "no such folder"),
         (tmp_path, new, "no *.gz"),
-        (good, dataset, "contains a complete data set from 'solids'"),
+        (good, dataset, "contains a data set from 'solids'"),
         (good, tmp_path, "not empty and not a data set"),
     ):
         assert convert.main(["authors", str(source), str(target)]) == 2

@@ -18,25 +18,16 @@ def samples(tmp_path_factory):
     return list(map(occnet.open_model(root, CHAIR, "a", 16384), range(NUM_VIEWS)))
 
 
-def test_silhouettes_frame_and_normals(samples):
+def test_silhouettes_and_frame(samples):
     for sample, view in zip(samples, trees.VIEWS, strict=True):
         truth = trees.silhouette(view)
         assert (sample.mask & truth).sum() / (sample.mask | truth).sum() > 0.97
         pixels, _ = camera.project(sample.points, sample.intrinsics, sample.extrinsics)
         assert camera.inside_mask(pixels, truth, 1).mean() > 0.995
         assert (sample.image[~sample.mask] == 191).all()
-    for sample, view in zip(samples, trees.VIEWS, strict=True):
         right = sample.extrinsics[0, :3]
         np.testing.assert_allclose(right, [0, 1, 0], atol=1e-6)
-        assert sample.points.shape == sample.normals.shape == (16384, 3)
-        _, rt = trees.published_camera(*view)
-        to_shapenet = (rt[:, :3] @ trees.BLENDER_FROM_SHAPENET).T @ sample.extrinsics[:, :3]
-        normals = sample.normals @ to_shapenet.T
-        axis = np.abs(normals).argmax(axis=1)
-        assert np.abs(normals)[np.arange(len(axis)), axis].min() > 0.999
-        # Normals point outward: at the top of the object they point up.
-        top = sample.points[:, 2] > sample.points[:, 2].max() - 1e-4
-        assert (sample.normals[top, 2] > 0.99).mean() > 0.9
+        assert sample.points.shape == (16384, 3)
 
 
 def test_volume_fits_the_points(samples):

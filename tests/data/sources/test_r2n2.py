@@ -153,7 +153,7 @@ def test_a_layout_may_have_other_categories_views_and_sizes_of_pictures(tmp_path
     image = np.full((64, 80, 3), 9, np.uint8)
     Image.fromarray(image).save(tmp_path / "a.png")
     eye, points = shapenet.orbit_camera(30, 20, 2), np.eye(3)
-    of_a_layout = shapenet.ShapeNetModel("mine", "cat0", "a", points, None, None, np.zeros(3), 1.0)
+    of_a_layout = shapenet.ShapeNetModel("mine", "cat0", "a", points, None, np.zeros(3), 1.0)
 
     def view_of(view):
         picture = shapenet.read_image(tmp_path / "a.png", "PNG", "RGB", (80, 64))

@@ -11,7 +11,6 @@ from data_gen.readers import textures
 from data_gen.readers.load import load_model
 from data_gen.readers.model_files import FolderFiles
 from data_gen.readers.obj import _blocks, read_obj
-from data_gen.surface import sample_surface
 
 
 @pytest.mark.parametrize("line", ["v {} 0 0", "vt {} 0", "vn {} 0 0"])
@@ -152,9 +151,6 @@ map_Kd gone.jpg
     assert f"textures missing, the plain colour is used: {missing}" in model.warnings
     assert "texture coordinates missing, 0 is used: 'picture', 'leaf'" in model.warnings
     assert len(model.warnings) == len({kind_of_warning(w) for w in model.warnings}) == 4
-    sample = sample_surface(model, 500, 0)
-    names_of_points = {model.materials[i].name for i in model.face_material[sample.face]}
-    assert names_of_points == set(names) - {"leaf"}
 
 
 @pytest.mark.parametrize("name", ["looks/c.mtl", r".\my chair.mtl", r"looks\my chair.mtl"])

@@ -1,6 +1,6 @@
 """Renders a training set from free packages.
 
-    python recipes/free_set.py --packages FOLDER --out records/free
+    python scripts/free_set.py --packages FOLDER --out records/free
 
 FOLDER contains Debian packages, each unpacked in a folder with its name, and a folder `meshes` with
 a file `index.csv` (`data_gen.catalogues.indexed`). The source `collections` has the models of the
@@ -394,7 +394,7 @@ def write_table(
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command and returns its exit code."""
-    flags = Flags("python recipes/free_set.py --packages=FOLDER", __doc__)
+    flags = Flags("python scripts/free_set.py --packages=FOLDER", __doc__)
     flags.string("packages", None, "Folder of the unpacked packages.")
     flags.string("out", None, "Folder of the training set.")
     flags.list("sources", [], f"Names of sources, of {', '.join(SOURCES)}; empty = all.")

@@ -1,7 +1,7 @@
 """Writes the figures and pictures of docs/model_card.md for a network.
 
-    python recipes/model_card.py --out docs --photos
-    python recipes/model_card.py --out docs --data records/authors --data FOLDER:test ...
+    python scripts/model_card.py --out docs --photos
+    python scripts/model_card.py --out docs --data records/authors --data FOLDER:test ...
 
 `--photos`: `photos.png` has a row for each photo of docs/photos: the photo; the mask that `psgn
 predict` finds, with the cloud of this mask from the camera of the photo and turned by 75 degrees

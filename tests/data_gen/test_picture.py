@@ -1,6 +1,6 @@
 import numpy as np
 
-from data_gen import scene, shading
+from data_gen import picture
 from data_gen.lights import Lights
 from data_gen.mesh import Material, build_model
 
@@ -16,8 +16,8 @@ def shade(material, normal, view, colour, *, light=0.8, darkest=0.0):
     values = (np.full((1, 3), colour), np.array([normal]), np.array([view]))
     row = np.zeros(1, np.int64)
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
-    surfaces = scene.flatten(build_model(corners, np.array([[0, 1, 2]]), materials=[material]))
-    return shading.blinn_phong(surfaces, lights, row, *(v.astype(np.float32) for v in values))[0]
+    arrays = picture.flatten(build_model(corners, np.array([[0, 1, 2]]), materials=[material]))
+    return picture.blinn_phong(arrays, lights, row, *(v.astype(np.float32) for v in values))[0]
 
 
 def test_blinn_phong_by_hand():
