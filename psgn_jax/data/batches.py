@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from psgn_jax.config.data import DataConfig
-from psgn_jax.data import augment, camera, resample, visibility
+from psgn_jax.data import augment, camera, framing, resample, schema, visibility
 from psgn_jax.data.augment import View
 from psgn_jax.data.codec import DepthCodes, QuantisedPoints
 from psgn_jax.data.dataset import RecordReader
@@ -96,15 +96,23 @@ class Items:
             if getattr(stored, field) is None:
                 path, position = self._reader.locate(index)
                 raise RecordError(f"record {position} of {path} has no {field}")
-        mask = resample.resize_mask(stored.mask, self._size)
-        depth = stored.depth
-        size = stored.image.shape[:2]
+        size, depth = stored.image.shape[:2], stored.depth
+        inner, low, high = framing.padding(size, self._size)
+        intrinsics = camera.scale_intrinsics(stored.intrinsics, size, inner)
+        intrinsics[:2, 2] += np.float32(low[::-1])
+        mask = resample.resize_mask(stored.mask, inner)
+        small = resample.resize_depth(depth.depth(), mask) if depth and self._depth else None
+        around = tuple(zip(low, high, strict=True))
+
+        def padded(plane: np.ndarray, value: int) -> np.ndarray:
+            return np.pad(plane, (*around, (0, 0))[: plane.ndim], constant_values=value)
+
         view = View(
-            image=resample.resize_image(stored.image, self._size),
-            mask=mask,
-            depth=resample.resize_depth(depth.depth(), mask) if depth and self._depth else None,
+            image=padded(resample.resize_image(stored.image, inner), schema.BACKGROUND_GREY),
+            mask=padded(mask, 0),
+            depth=None if small is None else padded(small, 0),
             points=np.zeros((0, 3), np.float32),
-            intrinsics=camera.scale_intrinsics(stored.intrinsics, size, self._size),
+            intrinsics=intrinsics,
             extrinsics=stored.extrinsics,
             occupancy=stored.occupancy,
         )

@@ -99,6 +99,25 @@ def is_framed(image: np.ndarray) -> bool:
     return bool(near.mean() > 0.97)
 
 
+def padding(
+    size: tuple[int, int], target: tuple[int, int]
+) -> tuple[tuple[int, int], tuple[int, int], tuple[int, int]]:
+    """How an image of `size` (H, W) fills the `target` size (H, W) of a network.
+
+    Returns the size to which it is resized, and the numbers of rows and columns to add before and
+    after. An image that has neither the proportions of the view nor of the target is padded to
+    those of the view, so that its object is not squeezed, as in a prediction.
+    """
+    height, width = target
+    if not any(same_proportions(size, other) for other in (VIEW_SIZE, target)):
+        relative = size[0] * VIEW_SIZE[1] / (size[1] * VIEW_SIZE[0])
+        height, width = round(height * min(1, relative)), round(width * min(1, 1 / relative))
+    inner = max(1, height), max(1, width)
+    free = target[0] - inner[0], target[1] - inner[1]
+    low = free[0] // 2, free[1] // 2
+    return inner, low, (free[0] - low[0], free[1] - low[1])
+
+
 def rule_move(box: tuple[float, float, float, float]) -> Move:
     """The move that places a box (top, bottom, left, right) by the rule, in 192x256 pixels."""
     top, bottom, left, right = box

@@ -118,7 +118,7 @@ def _summary(checks: Sequence[Check]) -> list[str]:
 
 
 def report(path: str | pathlib.Path, num_checked: int = 256) -> tuple[list[str], bool]:
-    """Describes and checks a data set: lines of text, and whether it is undamaged.
+    """Describes and checks a data set: lines of text, and whether there is nothing to complain.
 
     Raises:
       RecordError: there is no readable manifest.
@@ -137,7 +137,9 @@ def report(path: str | pathlib.Path, num_checked: int = 256) -> tuple[list[str],
             lines.append(f"DAMAGED {error}")
     whole = not any(line.startswith("DAMAGED") for line in lines)
     if whole:
-        lines += [f"DOUBTFUL {line}" for line in doubts_of(readers, most=1_000_000)]
+        doubts = doubts_of(readers, most=1_000_000, compared=num_checked)
+        lines += [f"DOUBTFUL {line}" for line in doubts]
+        whole = not doubts
     return lines, whole
 
 
