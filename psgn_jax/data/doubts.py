@@ -58,6 +58,10 @@ class Silhouette:
         ends = zip(self._low, mask.shape[::-1], strict=True)
         columns, rows = (np.clip(np.floor(low + along), -1, end) for low, end in ends)
         self._mask = np.pad(mask, 1)[np.ix_(rows.astype(int) + 1, columns.astype(int) + 1)]
+        shown = (np.stack(np.nonzero(mask))[::-1].T + 0.5 - self._low) / self._cell
+        self._mask[tuple(shown.astype(int).T[::-1])] = (
+            True  # thin parts, between the cells' centres
+        )
         self._distance = ndimage.distance_transform_edt(~self._mask)
         self._gap = max(_NEAR, 2.5 * np.sqrt(self._mask.sum() / num_points))
 

@@ -3,7 +3,6 @@ import json
 import os
 import pickle
 import random
-import re
 import resource
 import zlib
 
@@ -11,10 +10,9 @@ import msgpack
 import numpy as np
 import pytest
 
-from psgn_jax.commands import inspect_records as inspect
 from psgn_jax.data import codec, schema
 from psgn_jax.data.codec import QuantisedPoints, decode, decode_stored, encode
-from psgn_jax.data.dataset import RecordReader, ShardWriter, doubts_of, shard_name, write_dataset
+from psgn_jax.data.dataset import RecordReader, ShardWriter, shard_name, write_dataset
 from psgn_jax.data.manifest import MANIFEST, load_manifest
 from psgn_jax.data.schema import RecordError
 
@@ -261,46 +259,6 @@ def test_a_failed_call_leaves_no_shard_for_the_next_one(tmp_path, sample):
     (tmp_path / "train-00007.arrayrecord").unlink()
     write_dataset(tmp_path, {"train": iter([sample])}, source="test")
     assert {path.name for path in tmp_path.iterdir()} == {"train-00000.arrayrecord", MANIFEST}
-
-
-def test_probable_mistakes_are_told_by_writing_and_inspecting(tmp_path, make, rng, caplog, capsys):
-    def told(**splits):
-        caplog.clear()
-        folder = tmp_path / str(len(list(tmp_path.iterdir())))
-        write_dataset(folder, splits, source="test")
-        inspect.main([str(folder), "--samples=1"])
-        lines = [line[9:] for line in capsys.readouterr().out.splitlines() if "DOUBT" in line]
-        assert [r.getMessage().partition(": ")[2] for r in caplog.records] == lines
-        readers = {name: RecordReader(folder, name) for name in splits}
-        assert doubts_of(readers) == lines
-        return lines
-
-    def one(name, points=None, **changes):
-        if points is None:
-            points = rng.uniform([-0.5, -0.5, 0], [0.5, 0.5, 1], (50, 3))
-        points = points.astype(np.float32)
-        return make.sample(rng, points=points, normals=None, model_id=name, **changes)
-
-    points = rng.uniform([-0.5, -0.5, 0], [0.5, 0.5, 1], (50, 3))
-    assert not told(train=[one("a"), one("a"), one("")], validation=[one("b"), one("")])
-    assert not told(train=[one("a", points)], duplicate=[one("a", points)])
-    assert not told(train=[one("1")], validation=[one("1", category="table")])
-    (line,) = told(train=[one("a", 1000 * points), one("b")])
-    assert line.startswith("1 of 2 samples have their farthest point ")
-    assert "expected about 1: divide points" in line
-    (line,) = told(train=[one("a", 1e-3 * points)])  # kilometres
-    assert line.startswith("1 of 1 samples have their farthest point 0.001")
-    (line,) = told(train=[one("a", points - [0, 0, 0.5])])
-    low = r"1 of 1 samples have their lowest point at z = -0\.\d+.*expected 0: move"
-    assert re.match(low, line)
-    (line,) = told(train=[one("a", np.ones((5, 3)))])
-    assert line == "1 of 1 samples have all points in one place: leave them out"
-    (line,) = told(train=[one("a", mask=np.zeros((24, 32), bool), depth=None), one("b")])
-    assert line == "1 of 2 samples have an empty mask: leave them out"
-    (line,) = told(train=[one("a")], validation=[one("a"), one("b")], test=[one("b")])
-    assert line.startswith("2 models are in two splits, such as 'a' (chair) in 'train' and 'val")
-    (line,) = told(train=[one("a", points)], validation=[one("b", points[::-1])])
-    assert line.startswith("1 models have a cloud that is in two splits, such as 'b' (chair)")
 
 
 def crafted(content, **changes):
