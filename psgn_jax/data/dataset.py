@@ -154,7 +154,7 @@ def write_dataset(
             "folder, or remove such files"
         )
     remove_temporaries(folder)
-    doubts, shards = Doubts(every=16), []
+    doubts, shards = Doubts(), []
     try:
         for split, samples in splits.items():
             remaining, number = iter(samples), 0
@@ -277,17 +277,15 @@ class RecordReader:
                 )
 
 
-def doubts_of(
-    splits: Mapping[str, RecordReader], most: int = 4096, compared: int = 32
-) -> list[str]:
+def doubts_of(splits: Mapping[str, RecordReader]) -> list[str]:
     """Probable mistakes in named splits (`data.doubts`), a line each.
 
-    We read at most `most` evenly spaced records of each split, and the arrays of `compared`.
+    We read at most 4,096 evenly spaced records of each split, and the arrays of 32.
     """
     doubts = Doubts()
     for name, reader in splits.items():
-        chosen = spread(len(reader), most)
-        shown = set(spread(len(chosen), compared))
+        chosen = spread(len(reader), 4096)
+        shown = set(spread(len(chosen), 32))
         for number, index in enumerate(chosen):
             record, sample = reader.unpacked(index), None
             if number in shown:

@@ -99,23 +99,17 @@ def is_framed(image: np.ndarray) -> bool:
     return bool(near.mean() > 0.97)
 
 
-def padding(
-    size: tuple[int, int], target: tuple[int, int]
-) -> tuple[tuple[int, int], tuple[int, int], tuple[int, int]]:
-    """How an image of `size` (H, W) fills the `target` size (H, W) of a network.
+def padding(size: tuple[int, int], target: tuple[int, int]) -> tuple[tuple[int, int], ...]:
+    """Rows (above, below) and columns (left, right) to add to an image of `size` (H, W).
 
-    Returns the size to which it is resized, and the numbers of rows and columns to add before and
-    after. An image that has neither the proportions of the view nor of the target is padded to
-    those of the view, so that its object is not squeezed, as in a prediction.
+    An image that has neither the proportions of the view nor of the network's input, `target`, gets
+    those of the view: its object is not squeezed, as in a prediction.
     """
-    height, width = target
-    if not any(same_proportions(size, other) for other in (VIEW_SIZE, target)):
-        relative = size[0] * VIEW_SIZE[1] / (size[1] * VIEW_SIZE[0])
-        height, width = round(height * min(1, relative)), round(width * min(1, 1 / relative))
-    inner = max(1, height), max(1, width)
-    free = target[0] - inner[0], target[1] - inner[1]
-    low = free[0] // 2, free[1] // 2
-    return inner, low, (free[0] - low[0], free[1] - low[1])
+    if any(same_proportions(size, other) for other in (VIEW_SIZE, target)):
+        return (0, 0), (0, 0)
+    rows = max(0, round(size[1] * VIEW_SIZE[0] / VIEW_SIZE[1]) - size[0])
+    columns = max(0, round(size[0] * VIEW_SIZE[1] / VIEW_SIZE[0]) - size[1])
+    return (rows // 2, rows - rows // 2), (columns // 2, columns - columns // 2)
 
 
 def rule_move(box: tuple[float, float, float, float]) -> Move:

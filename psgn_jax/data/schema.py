@@ -70,8 +70,8 @@ class Sample:
       model_id: name of the object in its source.
       view: number of the view of this object.
       source: the data set or program from which the sample comes, such as "authors".
-      extra: further information as the text of a JSON object, "" = none. Training does not read
-        it, so it is not in `FIELDS`.
+      extra: the text of a JSON object with further information, "" = none. Training does not read
+        this text, so `FIELDS` does not list `extra`.
     """
 
     image: np.ndarray
