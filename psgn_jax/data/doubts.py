@@ -4,8 +4,7 @@
 the mask, and of the mask that is near a projected point. Near is 5 % of the longer side of the
 mask's box. If more than `_SHARE` of the samples have a fit below `FLAG_BELOW`, we try the usual
 other conventions and name the one that fits. If none does, as many must be below `_OFF`. (Of the
-authors' 1,759 samples, .5 % are below `FLAG_BELOW` and .2 % below `_OFF`: their images show a part
-of the object, or a thin one.)
+authors' 1,759 samples, .2 % are below both: their images show a part of the object.)
 
 **Frame.** Points and cameras can agree in a frame with another axis up, or in the object's own.
 In the image of a level camera, the right is a horizontal axis of the frame. It must be +y.
@@ -100,7 +99,9 @@ class _Silhouette:
             return "inverse depth: use 1 / depth, in the unit of the points"
         if spread <= np.log(_RATIO):
             return f"depth in another unit, such as {np.exp(off):.4g} times the points': divide it"
-        return "depth that is not that of the points: expected the distance along the optical axis"
+        return (
+            "depth unlike the points': expected the same unit, and distances along the optical axis"
+        )
 
 
 def _conventions(

@@ -114,6 +114,29 @@ def test_evaluation_sees_every_sample_once(cfg, dataset):
     assert last["model_id"][:3] == names[8:]
 
 
+@pytest.mark.parametrize(("rows", "columns"), [(32, 0), (0, 60)])
+def test_images_that_are_not_4_to_3_are_padded_and_the_camera_follows(rows, columns, tmp_path):
+    """The object is not squeezed, as in a prediction."""
+    (sample,) = solids.samples(1, seed=1, image_size=(96, 128))
+    around, more = ((rows // 2,) * 2, (columns // 2,) * 2), {"intrinsics": sample.intrinsics.copy()}
+    more["intrinsics"][:2, 2] += [columns // 2, rows // 2]
+    for name in ("image", "mask", "depth"):
+        plane = getattr(sample, name)
+        more[name] = np.pad(plane, (*around, (0, 0))[: plane.ndim], mode="edge")
+    write_dataset(tmp_path, {"train": [dataclasses.replace(sample, **more)]}, source="test")
+    fields = {"image_size": (72, 96), "inputs": ("rgb", "depth"), "num_points": 900}
+    (batch,) = take(1, DataConfig(path=str(tmp_path), **fields), batch_size=1)
+    image, mask, k = (batch[name][0] for name in ("image", "mask", "intrinsics"))
+    assert k[0, 0] == pytest.approx(k[1, 1], rel=0.01)
+    assert k[0, 0] == pytest.approx(
+        sample.intrinsics[0, 0] * min(72 / (96 + rows), 96 / (128 + columns)), rel=0.01
+    )
+    pixels, _ = camera.project(batch["points"][0], k, batch["extrinsics"][0])
+    assert camera.inside_mask(pixels, mask, 1).mean() > 0.99
+    assert ((batch["depth"][0] > 0) == mask).all()
+    assert (image[~mask] == 191).all()
+
+
 def test_subsets(tmp_path):
     """Fewer points than the record has are distinct; more are equally frequent."""
     points = np.stack([np.arange(10), np.zeros(10), np.zeros(10)], axis=1).astype(np.float32)
