@@ -29,7 +29,7 @@ def samples(count=6):
 def moved(sample, down, right):
     """The image is moved, and its camera."""
     shifted = of(lambda plane: np.roll(plane, (down, right), (0, 1)), *IMAGES)(sample)
-    return inner(lambda k: k + [[0, 0, right], [0, 0, down], [0, 0, 0]])(shifted)
+    return inner(lambda k: k + np.array([[0, 0, right], [0, 0, down], [0, 0, 0]]))(shifted)
 
 
 def of(change, *fields):
