@@ -3,8 +3,8 @@ import resource
 import zlib
 
 import numpy as np
-import pytest
 from helpers.disk import without_room
+from helpers.refusals import all_refused, check_message
 
 from psgn_jax.commands import convert
 from psgn_jax.data import camera, schema
@@ -45,20 +45,22 @@ def test_hostile_files_are_refused_in_bounded_memory(make, tmp_path):
     turned = make.content() | {"rotation": np.ones((32, 3, 3), np.float32)}
     files = (
         (packed[: len(packed) // 2], "truncated"),
-        (b"hello world" * 100, "not a zlib stream"),
-        (packed + b"x", "bytes after the end"),
-        (zlib.compress(good[:-20000], 1), "inflates to"),
-        (zlib.compress(bytes(400_000_000), 1), "inflates to more"),
-        (zlib.compress(good[:-200], 1), "names of models"),
-        (zlib.compress(good[:-2] + b"\xff\xff", 1), "not ASCII"),
-        (zlib.compress(make.content_bytes(turned), 1), "a matrix is not a rotation"),
+        (b"hello world" * 100, "zlib"),
+        (packed + b"x", "after the end"),
+        (zlib.compress(good[:-20000], 1), "inflates"),
+        (zlib.compress(bytes(400_000_000), 1), "inflates"),
+        (zlib.compress(good[:-200], 1), "names"),
+        (zlib.compress(good[:-2] + b"\xff\xff", 1), "ASCII"),
+        (zlib.compress(make.content_bytes(turned), 1), "rotation"),
     )
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     path = tmp_path / "0.gz"
-    for data, message in files:
+
+    def read(data):
         path.write_bytes(data)
-        with pytest.raises(ValueError, match=f"{path}.*{message}"):
-            next(authors.read_batch(path))
+        next(authors.read_batch(path))
+
+    all_refused(read, ValueError, [(data, path, what) for data, what in files])
     grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory
     assert grown < 100_000  # kB; the bomb inflates to 400 MB
 
@@ -135,14 +137,14 @@ def test_another_conversion_or_a_full_disk_ends_one_that_goes_on(authors_file, t
 def test_conversion_refuses_wrong_folders(dataset, tmp_path, authors_file, capsys):
     (tmp_path / "other.txt").write_text("mine")
     good, new = authors_file.parent, tmp_path / "dst"
-    for source, target, message in (
-        (tmp_path / "none", new, "no such folder"),
-        (tmp_path, new, "no *.gz"),
-        (good, dataset, "contains a complete data set from 'solids'"),
-        (good, tmp_path, "not empty and not a data set"),
+    for source, target, *names in (
+        (tmp_path / "none", new, tmp_path / "none"),
+        (tmp_path, new, tmp_path, "*.gz"),
+        (good, dataset, dataset, "'solids'"),
+        (good, tmp_path, tmp_path, "not empty"),
     ):
         assert convert.main(["authors", str(source), str(target)]) == 2
-        assert message in capsys.readouterr().err
+        check_message(capsys.readouterr().err, *names)
 
 
 def test_real_batches(authors_batches):
