@@ -158,16 +158,6 @@ def test_missing_data_fail_at_the_call(cfg, make, rng, tmp_path):
         take(1, dataclasses.replace(cfg, path=str(tmp_path)))
 
 
-def test_a_damaged_record_is_named_while_iterating(make, cfg, copied):
-    shard = copied / "validation-00000.arrayrecord"
-    make.damage(shard, RecordReader(copied, "validation").read(5))
-    cfg = dataclasses.replace(cfg, path=str(copied))
-    batches = loader.eval_batches(cfg, split="validation", batch_size=4)
-    next(batches)
-    with refused(ValueError, "record 5", shard.name):
-        list(batches)
-
-
 def test_visibility_is_that_of_the_records_own_depth(cfg, dataset):
     plain = dataclasses.replace(cfg, inputs=("rgb", "mask"))
     options = {"split": "validation", "batch_size": 12}

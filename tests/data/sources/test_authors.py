@@ -8,9 +8,9 @@ from helpers.refusals import all_refused, check_message
 
 from psgn_jax.commands import convert
 from psgn_jax.data import camera, schema
-from psgn_jax.data.codec import _point_keys, decode_stored
+from psgn_jax.data.codec import _point_keys, decode_stored, unpack
 from psgn_jax.data.dataset import RecordReader
-from psgn_jax.data.doubts import fit
+from psgn_jax.data.doubts import Doubts, fit
 from psgn_jax.data.sources import authors, duplicates
 from psgn_jax.system.locks import lock_part
 
@@ -27,10 +27,10 @@ def test_own_batch_file(authors_file, make):
     points, *cameras = (getattr(entry.sample, n) for n in ("points", "intrinsics", "extrinsics"))
     pixels, _ = camera.project(points, *cameras)
     assert camera.inside_mask(pixels, entry.sample.mask).all()  # each point was drawn as a pixel
-    surface = camera.back_project(entry.sample.depth, *cameras)[::53]
-    nearest = np.linalg.norm(surface[:, None] - points, axis=2).min(axis=1)
-    assert np.median(nearest) < 0.02  # a pixel's centre is up to half a pixel from its point
     assert abs(points[:, 2].min()) < 0.006  # stands on the ground, up to the 8-bit lattice
+    doubts = Doubts()
+    doubts.add("train", unpack(entry.encode()), entry.sample)
+    assert not list(doubts.lines())
     # Nothing is lost in a record.
     stored = decode_stored(entry.encode())
     keys = [np.sort(_point_keys(x)) for x in (stored.points.codes, content["points"][3])]

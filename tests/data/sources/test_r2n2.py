@@ -43,14 +43,6 @@ def test_points_project_onto_the_published_pictures_in_the_projects_frame(sample
         assert 0.97 < np.linalg.norm(sample.points, axis=1).max() <= 1 + 1e-6
 
 
-def test_camera_is_the_published_one(rng):
-    for azimuth, elevation, ratio in [*trees.VIEWS, (0, 90, 1), (10, -40, 0.3)]:
-        k, rt = trees.published_camera(azimuth, elevation, ratio)
-        np.testing.assert_allclose(shapenet.intrinsics(), k)
-        got = shapenet.orbit_camera(azimuth, elevation, 1.75 * ratio)
-        np.testing.assert_allclose(got, rt, atol=1e-12)
-
-
 def test_volumes_agree(samples):
     original = trees.voxels().solid
     for sample in samples:
