@@ -50,9 +50,11 @@ class _Silhouette:
     """A mask on a small grid around its box, with which projected points are compared."""
 
     def __init__(self, mask: np.ndarray, num_points: int) -> None:
-        shown = np.argwhere(mask)[:, ::-1]
-        low, high = shown.min(axis=0), shown.max(axis=0) + 1
-        self._cell = max(1.0, (high - low).max() / _GRID)
+        step = max(1, max(mask.shape) // 512)  # bounds memory and time for large images
+        shown = np.argwhere(mask[::step, ::step])[:, ::-1] * step
+        shown = shown if len(shown) else np.argwhere(mask)[:, ::-1]
+        low, high = shown.min(axis=0), shown.max(axis=0) + step
+        self._cell = max(float(step), (high - low).max() / _GRID)
         self._low = low - _MARGIN * self._cell
         self._mask = np.zeros((_GRID + 2 * _MARGIN,) * 2, np.bool_)
         self._mask[tuple(((shown + 0.5 - self._low) / self._cell).astype(int).T)] = True
@@ -61,9 +63,8 @@ class _Silhouette:
 
     def _cells(self, pixels: np.ndarray, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Which projected points [n, 2] with depths [n] are on the grid, and their cells [m, 2]."""
-        with np.errstate(invalid="ignore"):
-            cells = (pixels - self._low) / self._cell
-            shown = (depth > 0) & ((cells >= 0) & (cells < len(self._mask))).all(axis=1)
+        cells = (pixels - self._low) / self._cell
+        shown = (depth > 0) & ((cells >= 0) & (cells < len(self._mask))).all(axis=1)
         return shown, cells[shown].astype(int)
 
     def fit(self, pixels: np.ndarray, depth: np.ndarray) -> float:
@@ -177,6 +178,7 @@ class _Seen(NamedTuple):
         return float((self.ends[:, columns[2]] * signs[2]).min())
 
 
+@np.errstate(all="ignore")
 def fit(sample: Any) -> float:
     """The fit of the module of a `Sample`, 0 to 1."""
     points = sample.points[:: max(1, len(sample.points) // _POINTS)]
@@ -184,6 +186,7 @@ def fit(sample: Any) -> float:
     return _Silhouette(sample.mask, len(points)).fit(*projected) if sample.mask.any() else 0.0
 
 
+@np.errstate(all="ignore")
 def _compared(sample: Any, *, closely: bool, try_others: bool) -> _Seen:
     points, mask, inner, outer = sample.points, sample.mask, sample.intrinsics, sample.extrinsics
     axes = np.ascontiguousarray(points.T)  # reductions of its rows are fast
