@@ -1,5 +1,4 @@
 import dataclasses
-import types
 
 import numpy as np
 import pytest
@@ -8,7 +7,7 @@ from helpers.refusals import all_refused, check_message, refused
 from PIL import Image
 
 from psgn_jax.commands import convert
-from psgn_jax.data import camera, conversion
+from psgn_jax.data import camera
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.doubts import fit
 from psgn_jax.data.sources import r2n2, shapenet
@@ -134,31 +133,3 @@ def test_absurd_numbers_are_refused_before_anything_is_read(tmp_path, capsys):
         assert convert.main(["r2n2", str(tmp_path), str(tmp_path / "out"), option]) == 2
         check_message(capsys.readouterr().err, option, accepted)
     assert not (tmp_path / "out").exists()
-
-
-def test_a_layout_may_have_other_categories_views_and_sizes_of_pictures(tmp_path, monkeypatch):
-    image = np.full((64, 80, 3), 9, np.uint8)
-    Image.fromarray(image).save(tmp_path / "a.png")
-    eye, points = shapenet.orbit_camera(30, 20, 2), np.eye(3)
-    of_a_layout = shapenet.ShapeNetModel("mine", "cat0", "a", points, None, None, np.zeros(3), 1.0)
-
-    def view_of(view):
-        picture = shapenet.read_image(tmp_path / "a.png", "PNG", "RGB", (80, 64))
-        return of_a_layout.sample(view, eye, shapenet.intrinsics(), picture, picture[..., 0] == 9)
-
-    layout = types.SimpleNamespace(
-        NUM_VIEWS=30,
-        models=lambda source: ([("train", "cat0", "a")], []),
-        input_files=lambda source, *_: [source / "a.png"],
-        open_model=lambda *_: view_of,
-    )
-    monkeypatch.setitem(conversion.LAYOUTS, "mine", layout)
-    conversion.convert_models("mine", tmp_path, tmp_path / "out")
-    samples = list(RecordReader(tmp_path / "out", "train"))
-    assert {(s.category, s.model_id) for s in samples} == {("cat0", "cat0/a")}
-    assert [s.view for s in samples] == list(range(30))
-    np.testing.assert_array_equal(samples[0].image, image)
-    with refused(ValueError, "a.png", (80, 64), (137, 137)):
-        shapenet.read_image(tmp_path / "a.png", "PNG", "RGB")
-    with refused(ValueError, "views=31", "1 to 30"):
-        conversion.convert_models("mine", tmp_path, tmp_path / "more", views=31)
