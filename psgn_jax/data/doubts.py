@@ -89,20 +89,16 @@ class _Silhouette:
         if chosen.sum() < _FEWEST:
             return ""
         mapped, depth = np.log(mapped[chosen]), np.log(depth[chosen])
-        off = float(np.median(mapped - depth))
-        spread, of_inverse = (
-            float(np.subtract(*np.quantile(values, (0.75, 0.25))))
-            for values in (mapped - depth, mapped + depth)
+        (low, off, high), of_inverse = (
+            np.quantile(values, (0.25, 0.5, 0.75)) for values in (mapped - depth, mapped + depth)
         )
         if abs(off) <= np.log(_RATIO):
             return ""
-        if of_inverse < spread / 2:
+        if of_inverse[2] - of_inverse[0] < (high - low) / 2:
             return "inverse depth: use 1 / depth, in the unit of the points"
-        if spread <= np.log(_RATIO):
+        if high - low <= np.log(_RATIO):
             return f"depth in another unit, such as {np.exp(off):.4g} times the points': divide it"
-        return (
-            "depth unlike the points': expected the same unit, and distances along the optical axis"
-        )
+        return "another depth than the points: expected their unit, and along the optical axis"
 
 
 def _conventions(
@@ -138,8 +134,9 @@ def _conventions(
                 what = "; then ".join(filter(None, (of_pixels, of_pose, of_axes)))
                 extrinsics = np.array(signs)[:, None] * np.hstack([turned, moved])
                 yield what, extrinsics, *camera.project(points, matrix, extrinsics)
-    (column, row), depth = camera.project(points, inner, outer)[0].T, points @ outer[2, :3]
-    for what, moved in (
+    pixels, depth = camera.project(points, inner, outer)
+    column, row = pixels.T
+    for what, mapped in (
         ("mirrored left to right: flip their columns", (width - column, row)),
         ("upside down and mirrored: flip their rows", (column, height - row)),
         ("turned by 180 degrees: turn them back", (width - column, height - row)),
@@ -147,7 +144,7 @@ def _conventions(
         ("turned by -90 degrees: turn them back", (width - row, column)),
         ("with rows and columns swapped: transpose them", (row, column)),
     ):
-        yield f"image, mask and depth {what}", outer, np.stack(moved, axis=1), depth + outer[2, 3]
+        yield f"image, mask and depth {what}", outer, np.stack(mapped, axis=1), depth
     for columns, flips in _UP.values():
         what = f"points with other axes: use points[:, {columns}] * {flips}"
         yield what, outer, *camera.project(points[:, columns] * flips, inner, outer)
