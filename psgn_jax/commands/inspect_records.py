@@ -5,7 +5,7 @@
 The command prints splits, counts, fields, sizes and categories. It verifies the checksums of all
 shards, and checks the records, cameras and depths of some samples. A contact sheet shows the image
 of each sample, the cloud seen by its camera, and the cloud from another direction. Exit codes: 0
-the data set is intact; 1 something is damaged; 2 another error.
+the data set is intact; 1 something is damaged or doubtful; 2 another error.
 """
 
 import pathlib

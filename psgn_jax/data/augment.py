@@ -144,9 +144,10 @@ def reframe(
     deviations. They are reduced if the object would leave the image.
 
     A view without depth from another angle than the authors' (`framing.has_authors_angle`) is
-    always placed, unless `place_share` is 0 or the view shows too little of its object. Its points
-    are placed for the authors' camera, which the result then uses. So the points of an object have
-    nearly the same scale and position for every angle.
+    always placed, unless `place_share` is 0 or the view shows too little of its object. The points
+    of such a view are placed as if the authors' camera had taken the image, and the result has the
+    authors' camera. So the points of an object have nearly the same scale and position for every
+    angle.
 
     Args:
       rng: the random generator; the number of draws does not depend on the other arguments.

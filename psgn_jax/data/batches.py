@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from psgn_jax.config.data import DataConfig
-from psgn_jax.data import augment, camera, resample, visibility
+from psgn_jax.data import augment, camera, framing, resample, schema, visibility
 from psgn_jax.data.augment import View
 from psgn_jax.data.codec import DepthCodes, QuantisedPoints
 from psgn_jax.data.dataset import RecordReader
@@ -96,21 +96,30 @@ class Items:
             if getattr(stored, field) is None:
                 path, position = self._reader.locate(index)
                 raise RecordError(f"record {position} of {path} has no {field}")
-        mask = resample.resize_mask(stored.mask, self._size)
-        depth = stored.depth
-        size = stored.image.shape[:2]
+        around, depth = framing.padding(stored.image.shape[:2], self._size), stored.depth
+        image = _padded(stored.image, around, schema.BACKGROUND_GREY)
+        mask = resample.resize_mask(_padded(stored.mask, around), self._size)
+        measured = _padded(depth.depth(), around) if depth and self._depth else None
+        (above, _), (left, _) = around
+        moved = stored.intrinsics + np.array([[0, 0, left], [0, 0, above], [0, 0, 0]], np.float32)
         view = View(
-            image=resample.resize_image(stored.image, self._size),
+            image=resample.resize_image(image, self._size),
             mask=mask,
-            depth=resample.resize_depth(depth.depth(), mask) if depth and self._depth else None,
+            depth=None if measured is None else resample.resize_depth(measured, mask),
             points=np.zeros((0, 3), np.float32),
-            intrinsics=camera.scale_intrinsics(stored.intrinsics, size, self._size),
+            intrinsics=camera.scale_intrinsics(moved, image.shape[:2], self._size),
             extrinsics=stored.extrinsics,
             occupancy=stored.occupancy,
         )
         labels = {name: getattr(stored, name) for name in ("category", "model_id", "view")}
-        measured = (depth, stored.intrinsics) if depth and self._visibility else None
-        return Item(view, stored.points, labels, measured)
+        seen = (depth, stored.intrinsics) if depth and self._visibility else None
+        return Item(view, stored.points, labels, seen)
+
+
+def _padded(plane: np.ndarray, around: Sequence[tuple[int, int]], value: int = 0) -> np.ndarray:
+    if not any(map(any, around)):
+        return plane
+    return np.pad(plane, (*around, (0, 0))[: plane.ndim], constant_values=value)
 
 
 def model_views(reader: RecordReader, wanted: int, name: str) -> ModelViews:

@@ -40,6 +40,21 @@ def to_camera(points: np.ndarray, extrinsics: np.ndarray) -> np.ndarray:
     return points @ extrinsics[:, :3].T + extrinsics[:, 3]
 
 
+def turn_to_view(extrinsics: np.ndarray) -> np.ndarray:
+    """Rotation [3, 3] about z that maps the image's right to +y.
+
+    With `turn` of a camera in a frame whose +z is up, `points @ turn.T` are in the project's frame,
+    and `extrinsics[:, :3] @ turn.T` is its rotation. ValueError if the camera is rolled on its
+    side.
+    """
+    right = extrinsics[0, :2]
+    length = float(np.linalg.norm(right))
+    if not length > 0.1:
+        raise ValueError("the camera is rolled on its side, expected a level image")
+    x, y = right / length
+    return np.array([[y, -x, 0], [x, y, 0], [0, 0, 1.0]])
+
+
 def project(
     points: np.ndarray, intrinsics: np.ndarray, extrinsics: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:

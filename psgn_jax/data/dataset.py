@@ -11,6 +11,7 @@ detects changes between encoder and decoder.
 
 import collections
 import contextlib
+import dataclasses
 import errno
 import itertools
 import os
@@ -162,7 +163,7 @@ def write_dataset(
                 with ShardWriter(folder, split, number) as writer:
                     for sample in itertools.chain([first], part):
                         record = writer.write(encode(sample))
-                        doubts.add(split, record, (sample.points, sample.mask))
+                        doubts.add(split, record, sample)
                 shards.append(writer.shard)
                 number += 1
             if not number:
@@ -276,21 +277,22 @@ class RecordReader:
                 )
 
 
-def doubts_of(splits: Mapping[str, RecordReader], most: int = 4096) -> list[str]:
+def doubts_of(splits: Mapping[str, RecordReader]) -> list[str]:
     """Probable mistakes in named splits (`data.doubts`), a line each.
 
-    We read at most `most` evenly spaced records of each split, and the points and masks of 64.
+    We read at most 4,096 evenly spaced records of each split, and the arrays of 32.
     """
     doubts = Doubts()
     for name, reader in splits.items():
-        chosen = spread(len(reader), most)
-        shown = set(spread(len(chosen), 64))
+        chosen = spread(len(reader), 4096)
+        shown = set(spread(len(chosen), 32))
         for number, index in enumerate(chosen):
-            record, content = reader.unpacked(index), None
+            record, sample = reader.unpacked(index), None
             if number in shown:
-                fields = reader.stored(index, ("points", "mask"))
-                content = fields.points.points(), fields.mask
-            doubts.add(name, record, content)
+                stored = reader.stored(index, ("points", "mask", "depth"))
+                depth = stored.depth and stored.depth.depth()
+                sample = dataclasses.replace(stored, points=stored.points.points(), depth=depth)
+            doubts.add(name, record, sample)
     return list(doubts.lines())
 
 

@@ -99,6 +99,19 @@ def is_framed(image: np.ndarray) -> bool:
     return bool(near.mean() > 0.97)
 
 
+def padding(size: tuple[int, int], target: tuple[int, int]) -> tuple[tuple[int, int], ...]:
+    """Rows (above, below) and columns (left, right) to add to an image of `size` (H, W).
+
+    An image that has neither the proportions of the view nor of the network's input, `target`, gets
+    those of the view: its object is not squeezed, as in a prediction.
+    """
+    if any(same_proportions(size, other) for other in (VIEW_SIZE, target)):
+        return (0, 0), (0, 0)
+    rows = max(0, round(size[1] * VIEW_SIZE[0] / VIEW_SIZE[1]) - size[0])
+    columns = max(0, round(size[0] * VIEW_SIZE[1] / VIEW_SIZE[0]) - size[1])
+    return (rows // 2, rows - rows // 2), (columns // 2, columns - columns // 2)
+
+
 def rule_move(box: tuple[float, float, float, float]) -> Move:
     """The move that places a box (top, bottom, left, right) by the rule, in 192x256 pixels."""
     top, bottom, left, right = box

@@ -96,11 +96,12 @@ def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = Fa
     folder = pathlib.Path(folder)
     path = folder / MANIFEST
     if not folder.is_dir():
-        raise RecordError(f"data set {str(folder)!r}: there is no such folder")
+        at = "" if folder.is_absolute() else f" in {pathlib.Path.cwd()}; give --data or data.path"
+        raise RecordError(f"data set {str(folder)!r}: there is no such folder{at}")
     if not path.exists():
         raise RecordError(
             f"data set {str(folder)!r}: not a data set of this project, it has no {MANIFEST} "
-            "(`psgn convert` creates one)"
+            "(`psgn render` makes one of meshes, `psgn convert` of published data)"
         )
     try:
         content = without_checksum(read_json(path))

@@ -69,8 +69,8 @@ class Sample:
       model_id: name of the object in its source.
       view: number of the view of this object.
       source: the data set or program from which the sample comes, such as "authors".
-      extra: further information as the text of a JSON object, "" = none. Training does not read
-        it, so it is not in `FIELDS`.
+      extra: the text of a JSON object with further information, "" = none. Training does not read
+        this text, so `FIELDS` does not list `extra`.
     """
 
     image: np.ndarray
@@ -94,12 +94,16 @@ def _fail(field: str, got: Any, accepted: str) -> None:
 def _check_array(
     field: str, value: Any, dtype: type[np.generic], shape: tuple[int | None, ...]
 ) -> None:
-    """Checks dtype and shape; None in `shape` accepts any size >= 1. Floats must be finite."""
+    """Checks dtype (in any byte order) and shape; None in `shape` accepts any size >= 1.
+
+    Floats must be finite.
+    """
     expected = f"a numpy array {np.dtype(dtype).name} [{', '.join(str(s or 'n') for s in shape)}]"
     if not isinstance(value, np.ndarray):
         _fail(field, type(value).__name__, expected)
     sizes = [wanted or max(size, 1) for size, wanted in zip(value.shape, shape, strict=False)]
-    if value.dtype != dtype or value.ndim != len(shape) or list(value.shape) != sizes:
+    native = value.dtype.newbyteorder("=")
+    if native != dtype or value.ndim != len(shape) or list(value.shape) != sizes:
         _fail(field, f"{value.dtype.name} {list(value.shape)}", expected)
     if value.dtype.kind == "f" and not np.isfinite(value).all():
         bad = int(value.size - np.isfinite(value).sum())
@@ -145,6 +149,10 @@ def check_labels(sample: Any) -> None:
             _fail(field, repr(value)[:80], "a string")
         if field != "extra" and len(value) > MAX_LABEL:
             _fail(field, f"{len(value)} characters", f"at most {MAX_LABEL}")
+        try:
+            value.encode()
+        except UnicodeEncodeError:
+            _fail(field, ascii(value)[:80], "text that UTF-8 can encode")
     view = sample.view
     is_integer = isinstance(view, int | np.integer) and not isinstance(view, bool)
     if not is_integer or not 0 <= view <= _LAST_VIEW:

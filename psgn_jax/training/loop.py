@@ -233,7 +233,7 @@ def _checked(config: Config, workdir: pathlib.Path, devices: int) -> dict[str, i
     with contextlib.suppress(RecordError):  # it is reported when the record is needed
         readers = {name: RecordReader(where, split) for name, (split, where) in both.items()}
         for line in doubts_of(readers) if distributed.is_first() else ():
-            logging.warning("records: %s", one_line(line))
+            logging.warning("DOUBTFUL records: %s", one_line(line))
     return sizes
 
 

@@ -39,29 +39,58 @@ def assert_consistent(view):
     assert ((view.image != schema.BACKGROUND_GREY).any(2) <= view.mask).mean() > 0.98
 
 
-def test_flip_mirrors_the_projection_of_any_camera():
-    view = rolled(solids.view_of("box", SIZE))
-    flipped = augment.flip(view)
-    schema.check_camera(flipped.intrinsics, flipped.extrinsics)
-    before, depth = camera.project(view.points, view.intrinsics, view.extrinsics)
-    after, depth_after = camera.project(flipped.points, flipped.intrinsics, flipped.extrinsics)
-    np.testing.assert_allclose(after[:, 0], view.image.shape[1] - before[:, 0], atol=1e-3)
-    np.testing.assert_allclose(after[:, 1], before[:, 1], atol=1e-3)
-    np.testing.assert_allclose(depth_after, depth, rtol=1e-5)
-    assert_consistent(augment.flip(solids.view_of("cone", SIZE)))
-
-
-def test_stretch():
-    view = solids.view_of("box", SIZE, seed=3)
-    for factor, start in ((0.7, view), (1.2, augment.flip(view))):
-        stretched = augment.stretch(start, factor)
-        assert_consistent(stretched)
-        np.testing.assert_allclose(stretched.points[:, 1], factor * start.points[:, 1], rtol=1e-6)
-    np.testing.assert_array_equal(augment.stretch(view, 1.0).image, view.image)
-
-
 def augmented(view, seed, **settings):
     return augment.augment(view, DataConfig(**settings), np.random.default_rng(seed), [seed])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        augment.flip,
+        lambda view: augment.stretch(view, 0.7),
+        lambda view: augment.stretch(augment.flip(view), 1.2),
+        lambda view: augment.recrop(view, 0.8, (0, 0)),
+        lambda view: augment.recrop(view, 1.0, (1, -8.5)),
+        lambda view: augment.recrop(view, 0.93, (2.3, -3.1)),
+        lambda view: augmented(
+            view, 1, flip=True, stretch=0.2, zoom=0.05, shift=0.04, colour_jitter=0.2
+        ),
+    ],
+)
+def test_image_depth_points_and_camera_stay_consistent_and_holes_stay(change):
+    assert_consistent(change(solids.view_of("cone", SIZE, seed=2)))
+    view = solids.view_of("ellipsoid", SIZE)
+    depth = view.depth.copy()
+    rows, columns = np.nonzero(view.mask)
+    depth[rows.mean().astype(int) :, : columns.mean().astype(int)] = 0
+    changed = change(dataclasses.replace(view, depth=depth))
+    measured = changed.depth > 0
+    assert not (measured & ~changed.mask).any()
+    # There are no new depth values, and the hole is about the same fraction of the object.
+    assert set(changed.depth[measured]) <= set(depth[depth > 0])
+    share, before = measured.sum() / changed.mask.sum(), (depth > 0).sum() / view.mask.sum()
+    assert share == pytest.approx(before, abs=0.03)
+    # The measured depths lie on the surface that the points sample.
+    surface = camera.back_project(changed.depth, changed.intrinsics, changed.extrinsics)
+    nearest = np.linalg.norm(surface[::7, None] - changed.points, axis=2).min(axis=1)
+    assert np.median(nearest) < 0.02
+    # The distance of the origin, which the network's depth channel is relative to, is the same.
+    assert changed.extrinsics[2, 3] == view.extrinsics[2, 3]
+
+
+def test_flip_and_recrop_change_the_projection_of_any_camera_as_they_say():
+    view = rolled(solids.view_of("box", SIZE))
+    before, depth = camera.project(view.points, view.intrinsics, view.extrinsics)
+    factor, middle = 0.8, np.array([128, 96]) / 2
+    for changed, want in (
+        (augment.flip(view), before * [-1, 1] + [128, 0]),
+        (augment.recrop(view, factor, (1, -3)), middle + factor * (before - middle) + [-3, 1]),
+    ):
+        schema.check_camera(changed.intrinsics, changed.extrinsics)
+        after, depth_after = camera.project(changed.points, changed.intrinsics, changed.extrinsics)
+        np.testing.assert_allclose(after, want, atol=1e-3)
+        np.testing.assert_allclose(depth_after, depth, rtol=1e-5)
+    np.testing.assert_array_equal(augment.stretch(view, 1.0).image, view.image)
 
 
 def test_samples_of_rolled_cameras_are_not_stretched():
@@ -70,19 +99,6 @@ def test_samples_of_rolled_cameras_are_not_stretched():
     others = {"flip": True, "colour_jitter": 0.3, "zoom": 0.1, "shift": 0.1}
     one, two = augmented(view, 1, stretch=0.3, **others), augmented(view, 1, **others)
     np.testing.assert_array_equal(one.image, two.image)
-
-
-@pytest.mark.parametrize(("factor", "shift"), [(0.8, (0, 0)), (1.0, (1, -8.5)), (1.03, (1, -8.5))])
-def test_recrop(factor, shift):
-    view = solids.view_of("cone", SIZE, seed=2)
-    cropped = augment.recrop(view, factor, shift)
-    assert_consistent(cropped)
-    assert cropped.points is view.points
-    middle = np.array([view.mask.shape[1], view.mask.shape[0]]) / 2
-    before, _ = camera.project(view.points, view.intrinsics, view.extrinsics)
-    after, _ = camera.project(cropped.points, cropped.intrinsics, cropped.extrinsics)
-    want = middle + factor * (before - middle) + np.array(shift[::-1])
-    np.testing.assert_allclose(after, want, atol=1e-3)
 
 
 def test_recrop_keeps_the_object_in_the_image():
@@ -107,34 +123,3 @@ def test_jitter_stays_on_the_object_and_effects_follow_the_configuration():
     assert noisy.points is view.points
     assert (noisy.image != view.image).any()
     assert augmented(view, 0) is view
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda view: augment.stretch(view, 0.8),
-        lambda view: augment.recrop(view, 0.93, (2.3, -3.1)),
-        lambda view: augmented(
-            view, 1, flip=True, stretch=0.2, zoom=0.05, shift=0.04, colour_jitter=0.2
-        ),
-    ],
-)
-def test_depth_with_holes_stays_on_the_surface(change):
-    view = solids.view_of("ellipsoid", SIZE)
-    depth = view.depth.copy()
-    rows, columns = np.nonzero(view.mask)
-    depth[rows.mean().astype(int) :, : columns.mean().astype(int)] = 0
-    changed = change(dataclasses.replace(view, depth=depth))
-    assert changed.depth.dtype == np.float32
-    measured = changed.depth > 0
-    assert not (measured & ~changed.mask).any()
-    # There are no new depth values, and the hole is about the same fraction of the object.
-    assert set(changed.depth[measured]) <= set(depth[depth > 0])
-    share, before = measured.sum() / changed.mask.sum(), (depth > 0).sum() / view.mask.sum()
-    assert share == pytest.approx(before, abs=0.03)
-    # The measured depths lie on the surface that the points sample.
-    surface = camera.back_project(changed.depth, changed.intrinsics, changed.extrinsics)
-    nearest = np.linalg.norm(surface[::7, None] - changed.points, axis=2).min(axis=1)
-    assert np.median(nearest) < 0.02
-    # The distance of the origin, which the network's depth channel is relative to, is the same.
-    assert changed.extrinsics[2, 3] == view.extrinsics[2, 3]

@@ -30,7 +30,7 @@ def test_points_stay_on_the_object(category, size, numbers):
     np.testing.assert_array_equal(moved.extrinsics, view.extrinsics)
     pixels, _ = camera.project(moved.points, moved.intrinsics, moved.extrinsics)
     assert camera.inside_mask(pixels, moved.mask, 1).mean() > 0.9
-    # For these objects, the error of the move (next test) is at most 3.6 pixels.
+    # For these objects, the error of the move that `framing` states is at most 3.6 pixels.
     assert camera.inside_mask(pixels, moved.mask, 3).mean() > 0.999
     assert camera.inside_mask(pixels, moved.mask, 4).all()
     assert moved.mask.sum() == pytest.approx(numbers[0] ** 2 * view.mask.sum(), rel=0.05)
@@ -38,24 +38,6 @@ def test_points_stay_on_the_object(category, size, numbers):
     surface = camera.back_project(moved.depth, moved.intrinsics, moved.extrinsics)[::97]
     nearest = np.linalg.norm(surface[:, None] - moved.points, axis=2).min(axis=1)
     assert np.median(nearest) < 0.03
-
-
-@pytest.mark.parametrize("numbers", MOVES)
-def test_the_error_of_the_projection_is_the_one_stated(numbers, rng):
-    intrinsics, extrinsics = camera.default_camera()
-    points = rng.uniform([-0.5, -0.6, 0], [0.5, 0.6, 0.7], (500, 3)).astype(np.float32)
-    move = about_the_middle((192, 256), *numbers)
-    before, depth = camera.project(points, intrinsics, extrinsics)
-    moved = framing.move_points(points, move, intrinsics, extrinsics)
-    after, _ = camera.project(moved, intrinsics, extrinsics)
-    error = after - (move.scale * before + [move.right, move.down])
-    z0 = depth.mean()
-    rays = (before - intrinsics[:2, 2]) / 400
-    u = np.array([numbers[1], numbers[2]]) / 400  # about the principal point
-    d = (depth - z0)[:, None]
-    stated = 400 * move.scale * d / (z0 + move.scale * d) * ((1 - move.scale) * rays - u)
-    np.testing.assert_allclose(error, stated, atol=2e-3)
-    assert np.sqrt((error**2).sum(1).mean()) < 1.5
 
 
 @pytest.mark.parametrize("size", [(192, 256), (48, 64)])

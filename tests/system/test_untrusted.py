@@ -52,7 +52,7 @@ def test_names_in_results_never_split_a_line(capsys, tmp_path):
     off = np.random.default_rng(0).random(sample.mask.shape) < 0.01  # so that it is named
     sample = dataclasses.replace(sample, mask=off, depth=None, category=ODD, model_id=ODD)
     write_dataset(tmp_path / "odd", {"train": [sample]}, source="test")
-    assert inspect.main([str(tmp_path / "odd"), "--sheet", str(tmp_path / "sheet.png")]) == 0
+    assert inspect.main([str(tmp_path / "odd"), "--sheet", str(tmp_path / "sheet.png")]) == 1
     out = capsys.readouterr().out
     assert r"two\nlines \x1b[31m" in out
     assert "\x1b" not in out

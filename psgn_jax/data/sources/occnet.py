@@ -60,7 +60,7 @@ def models(source: pathlib.Path) -> tuple[list[tuple[str, str, str]], list[str]]
             if not path.is_file() or path.stat().st_size > _MAX_LIST:
                 messages.append(f"{path}: missing, or far too long")
                 continue
-            for name in path.read_text("utf-8", "replace").split():
+            for name in path.read_text("utf-8-sig", "replace").split():
                 # Names become paths: refuse names that lead out of the folder.
                 if pathlib.PurePath(name).name != name or name == ".." or "\0" in name:
                     messages.append(f"{path}: {name[:60]!r} is not the name of a model")

@@ -70,7 +70,7 @@ def input_files(source: pathlib.Path, synset: str, name: str) -> list[pathlib.Pa
 
 def _read_metadata(path: pathlib.Path) -> list[tuple[float, ...] | str]:
     """The rows of a metadata file, with a message in place of a wrong row."""
-    lines = shapenet.read_limited(path).decode("ascii", "replace").splitlines()
+    lines = shapenet.read_limited(path).decode("utf-8-sig", "replace").splitlines()
     if len(lines) > _MAX_LINES:
         raise ValueError(f"{path}: {len(lines)} lines, expected {shapenet.NUM_VIEWS}")
     rows: list[tuple[float, ...] | str] = []

@@ -24,7 +24,7 @@ import numpy as np
 from PIL import Image
 from scipy import ndimage
 
-from psgn_jax.data import schema, synsets
+from psgn_jax.data import camera, schema, synsets
 from psgn_jax.data.sources.binvox import Binvox
 
 NUM_POINTS = 16384
@@ -63,19 +63,6 @@ def orbit_camera(azimuth: float, elevation: float, distance: float) -> np.ndarra
     right = np.array([np.sin(a), np.cos(a), 0])
     rotation = np.stack([right, np.cross(-outward, right), -outward])
     return np.concatenate([rotation, [[0], [0], [distance]]], axis=1)
-
-
-def turn_to_view(world_to_camera: np.ndarray) -> np.ndarray:
-    """Rotation [3, 3] about the vertical axis, world to frame, that maps the image's right to +y.
-
-    ValueError if the camera is rolled on its side.
-    """
-    right = world_to_camera[0, :2]
-    length = float(np.linalg.norm(right))
-    if not length > 0.1:
-        raise ValueError("the camera is rolled on its side, expected a level image")
-    x, y = right / length
-    return np.array([[y, -x, 0], [x, y, 0], [0, 0, 1.0]])
 
 
 def object_frame(points: np.ndarray, path: pathlib.Path) -> tuple[np.ndarray, float]:
@@ -238,7 +225,7 @@ class ShapeNetModel:
 
         ValueError if the camera is rolled on its side.
         """
-        turn, origin, unit = turn_to_view(eye), self.origin, self.unit
+        turn, origin, unit = camera.turn_to_view(eye), self.origin, self.unit
         moved = (eye[:, :3] @ origin + eye[:, 3]) / unit
         solid = self.solid
         return schema.Sample(

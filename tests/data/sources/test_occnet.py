@@ -84,6 +84,7 @@ def test_own_categories_are_converted(tmp_path):
     splits = {"train": ["a"], "val": [], "test": []}
     root = trees.write_occnet(tmp_path / "src", splits, "my chairs")
     trees.write_occnet(root, splits, CHAIR)
+    (root / CHAIR / "train.lst").write_bytes(b"\xef\xbb\xbfa\r\n")  # as by Windows programs
     command = ["occnet", str(root), str(tmp_path / "dst"), "--views=1", "--points=40"]
     assert convert.main(command) == 0
     records = RecordReader(tmp_path / "dst", "train")
