@@ -8,6 +8,7 @@ import contextlib
 import io
 import posixpath
 import re
+import urllib.parse
 from collections.abc import Iterator
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -19,17 +20,17 @@ from data_gen.mesh import GREY, UnusableModelError, unit_vectors
 from data_gen.polygons import fan, strip, with_holes
 from data_gen.readers.model_files import DamagedError, ZipFiles, check_size, numbers
 from data_gen.readers.parts import Look, Part, material, picked, placed, rgba
-from data_gen.readers.textures import MISSING_TEXTURE, NO_COORDINATES, Assets, with_alpha
+from data_gen.readers.textures import MISSING_TEXTURE, NO_COORDINATES, Assets
 
 MAX_XML_BYTES = 64 << 20
-
-_MAX_NODES = 100_000  # a node may have several instances
 
 # Rotations of the upward axis to +y, by the name of the axis.
 _TURNS = {
     "Z_UP": ((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1)),
     "X_UP": ((0, -1, 0, 0), (1, 0, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
 }
+
+_TRANSFORMS = {"matrix": 16, "translate": 3, "scale": 3, "rotate": 4, "lookat": 9, "skew": 7}
 
 _SHADERS = ("phong", "blinn", "lambert", "constant")
 
@@ -42,11 +43,13 @@ _BLACK = (0.0, 0.0, 0.0)
 _PLACED = ("repeatU", "repeatV", "offsetU", "offsetV", "rotateUV", "rotateFrame")  # of Maya
 
 
-def parsed_xml(data: bytes) -> Element:
+def parsed_xml(data: bytes, assets: Assets) -> Element:
     """The root of an XML file. We remove namespaces from tags, because some files have none."""
     check_size("the XML file", len(data), MAX_XML_BYTES)
-    if b"<!ENTITY" in data.replace(b"\0", b""):  # UTF-16 has zeros
-        raise UnusableModelError("XML entities are refused")
+    assets.budget.charge(made=32 * len(data))
+    # Entities and default attributes repeat their text. UTF-16 has zeros.
+    if re.search(rb"<!(ENTITY|ATTLIST)", data.replace(b"\0", b"")):
+        raise UnusableModelError("XML entities and default attributes are refused")
     try:
         root = ElementTree.fromstring(data.lstrip())
     except (ElementTree.ParseError, ValueError, LookupError) as error:
@@ -58,7 +61,7 @@ def parsed_xml(data: bytes) -> Element:
 
 def read_collada(data: bytes, assets: Assets) -> list[Part]:
     """The geometries of the scene of a COLLADA file, turned to +y up."""
-    root = parsed_xml(data)
+    root = parsed_xml(data, assets)
     if root.tag != "COLLADA":
         raise DamagedError(f"it is XML with <{root.tag[:40]}>")
     parts = _Document(root, assets).parts()
@@ -68,22 +71,23 @@ def read_collada(data: bytes, assets: Assets) -> list[Part]:
 
 
 def read_zae(data: bytes, assets: Assets) -> list[Part]:
-    """The geometries of a zip archive that contains a COLLADA file and its textures."""
+    """The geometries of a zip archive that contains a COLLADA file and its textures.
+
+    A manifest names the file; without one, we take the first.
+    """
     assets.files = ZipFiles(io.BytesIO(data))
-    name = next((n for n in assets.files.names if n.lower().endswith(".dae")), None)
-    if name is None:
+    documents = [n for n in assets.files.names if n.lower().endswith(".dae")]
+    if (manifest := assets.files.find("manifest.xml")) is not None:
+        text = parsed_xml(assets.files.read(manifest), assets).text or ""
+        path = posixpath.normpath(urllib.parse.unquote(text.partition("#")[0].strip()))
+        documents = [n for n in [assets.files.find(path.lstrip("/"))] if n] or documents
+    if not documents:
         raise DamagedError("it contains no .dae file")
-    assets.base = posixpath.dirname(name)
+    name = documents[0]
+    if len(documents) > 1:
+        assets.warn("no manifest names the document, the first one is read", repr(name))
+    assets.base, assets.name = posixpath.split(name)
     return read_collada(assets.files.read(name), assets)
-
-
-def _numbers(element: Element | None, count: int = 0) -> np.ndarray:
-    """The first `count` numbers in an element; 0 = all."""
-    text, tag = ("", "") if element is None else (element.text or "", element.tag)
-    values = numbers(text.split(), where=f" in <{tag}>")
-    if len(values) < count:
-        raise DamagedError(f"{len(values)} numbers, expected {count}")
-    return values[:count] if count else values
 
 
 def _integer(element: Element, name: str, default: int) -> int:
@@ -94,31 +98,32 @@ def _integer(element: Element, name: str, default: int) -> int:
     return int(text)
 
 
-def _id(url: str | None) -> str:
-    """The identifier in a URL such as `#cube`."""
-    return (url or "").strip().removeprefix("#")
-
-
-def _transform(node: Element) -> np.ndarray:
-    """The product [4, 4] of a node's transforms."""
-    result = np.eye(4)
-    for element in node:
-        matrix = np.eye(4)
-        match element.tag:
-            case "matrix":
-                matrix = _numbers(element, 16).reshape(4, 4)
-            case "translate":
-                matrix[:3, 3] = _numbers(element, 3)
-            case "scale":
-                matrix[range(3), range(3)] = _numbers(element, 3)
-            case "rotate":
-                *axis, degrees = _numbers(element, 4)
-                vector = np.radians(degrees) * unit_vectors(np.array(axis))
-                matrix[:3, :3] = Rotation.from_rotvec(vector).as_matrix()
-            case "skew" | "lookat":
-                raise DamagedError(f"<{element.tag}>")
-        result = result @ matrix
-    return result
+def _matrix(kind: str, values: np.ndarray) -> np.ndarray:
+    """A transform [4, 4] of a node from its numbers."""
+    matrix = np.eye(4)
+    match kind:
+        case "matrix":
+            return values.reshape(4, 4)
+        case "translate":
+            matrix[:3, 3] = values
+        case "scale":
+            matrix[range(3), range(3)] = values
+        case "rotate":
+            vector = np.radians(values[3]) * unit_vectors(values[:3])
+            matrix[:3, :3] = Rotation.from_rotvec(vector).as_matrix()
+        case "lookat":
+            eye, interest, up = values.reshape(3, 3)
+            back = unit_vectors(eye - interest)
+            right = unit_vectors(np.cross(up, back))
+            matrix[:3] = np.stack([right, np.cross(back, right), back, eye], axis=1)
+        case "skew":  # as in RenderMan: it turns the first axis by an angle toward the second
+            one, two = unit_vectors(values[1:].reshape(2, 3))
+            angle, between = np.radians(values[0]), np.arccos(np.clip(one @ two, -1, 1))
+            if not 0 < between - angle < np.pi or not 0 < between < np.pi:
+                raise DamagedError("<skew> with an angle beyond its axes")
+            along = (one - (one @ two) * two) / np.sin(between) ** 2
+            matrix[:3, :3] += np.sin(angle) / np.sin(between - angle) * np.outer(two, along)
+    return matrix
 
 
 class _Document:
@@ -127,20 +132,33 @@ class _Document:
     def __init__(self, root: Element, assets: Assets) -> None:
         self.root, self.assets = root, assets
         self.ids = {(e.tag, name): e for e in root.iter() if (name := e.get("id"))}
+        self.bound: dict[Element, dict[str | None, Element]] = {}
         self.looks: dict[Element, tuple[Look, str]] = {}
-        self.numbers: dict[Element, np.ndarray] = {}
+        self.tables: dict[Element, np.ndarray] = {}
+
+    def numbers(self, element: Element | None, count: int = 0) -> np.ndarray:
+        """The first `count` numbers in an element; 0 = all."""
+        text, tag = ("", "") if element is None else (element.text or "", element.tag)
+        self.assets.budget.charge(made=16 * len(text))  # an element may be read several times
+        values = numbers(text.split(), where=f" in <{tag}>")
+        if len(values) < count:
+            raise DamagedError(f"{len(values)} numbers, expected {count}")
+        return values[:count] if count else values
 
     def find(self, url: str | None, *tags: str) -> Element:
-        """The element that a URL names, with one of the `tags`."""
-        found = [e for tag in tags if (e := self.ids.get((tag, _id(url)))) is not None]
-        if not found:
-            raise DamagedError(f"{tags[0]} {url!r} is not in the file")
-        return found[0]
+        """The element that a URL such as `#cube` or `this_file.dae#cube` names, with a tag."""
+        text = (url or "").strip()
+        file, _, name = text.rpartition("#")
+        file = posixpath.basename(urllib.parse.unquote(file)).casefold()
+        own = file in ("", self.assets.name.casefold())
+        for each in (text, name, urllib.parse.unquote(name))[: 3 if own else 1]:
+            for tag in tags:
+                if (found := self.ids.get((tag, each))) is not None:
+                    return found
+        raise DamagedError(f"{tags[0]} {url!r} is not in the file")
 
     def parts(self) -> list[Part]:
         """All geometries of the scene, turned to +y up."""
-        axis = (self.root.findtext("asset/up_axis") or "").strip().upper()
-        turn = np.array(_TURNS.get(axis, np.eye(4)), np.float64)
         roots = scenes = self.root.findall("library_visual_scenes/visual_scene")
         if len(scenes) > 1:
             self.assets.warn("scenes other than the default one not read", len(scenes) - 1)
@@ -150,23 +168,29 @@ class _Document:
             roots = [self.find(url, "visual_scene")]
         except DamagedError:
             self.assets.warn("no scene, the first one or all geometries are read", url or "")
+        library = self.root.find("library_visual_scenes")
+        places = [*roots[:1], self.root if library is None else library, self.root]
+        texts = [(e.findtext("asset/up_axis") or "").strip().upper() for e in places]
+        axis = next(filter(None, texts), "")
+        turn = np.array(_TURNS.get(axis, np.eye(4)), np.float64)
         if self.root.find("library_animations/animation") is not None:
             self.assets.warn("animations not read, the pose of the nodes is taken")
         stack = [(e, turn) for e in roots[:1] or self.root.findall("library_geometries")]
         parts: list[Part] = []
-        visited = 0
         while stack:
             element, matrix = stack.pop()
-            visited += 1
-            if visited > _MAX_NODES:
-                what = f"more than {_MAX_NODES} nodes, or nodes that contain themselves"
-                raise UnusableModelError(what)
             with self.left_out(element):
                 match element.tag:
                     case "node" | "visual_scene" | "library_geometries":
-                        matrix = matrix @ _transform(element)
-                        stack += [(e, matrix) for e in reversed(element) if e.tag in _SHOWN]
+                        for inner in element:
+                            if inner.tag in _TRANSFORMS:
+                                values = self.numbers(inner, _TRANSFORMS[inner.tag])
+                                matrix = matrix @ _matrix(inner.tag, values)
+                        shown = [e for e in reversed(element) if e.tag in _SHOWN]
+                        self.assets.budget.charge(visits=len(shown), made=64 * len(element))
+                        stack += [(e, matrix) for e in shown]
                     case "instance_node":
+                        self.assets.budget.charge(visits=1)
                         stack.append((self.find(element.get("url"), "node"), matrix))
                     case "geometry":
                         parts += self.instance(element, element, matrix)
@@ -197,7 +221,7 @@ class _Document:
             kind = controller.find("skin")
             if kind is not None:
                 given = kind.find("bind_shape_matrix")
-                shape = np.eye(4) if given is None else _numbers(given, 16).reshape(4, 4)
+                shape = np.eye(4) if given is None else self.numbers(given, 16).reshape(4, 4)
                 self.assets.warn("skins are read in bind pose", controller.get("id"))
             elif (kind := controller.find("morph")) is not None:
                 self.assets.warn("morph targets not read, base shapes are", controller.get("id"))
@@ -213,15 +237,18 @@ class _Document:
         mesh = geometry.find("mesh")
         if mesh is None:
             raise DamagedError(f"geometry {geometry.get('id')!r} has no <mesh>")
-        instances = element.iterfind("bind_material/technique_common/instance_material")
-        bound = {instance.get("symbol"): instance for instance in instances}
+        if element not in self.bound:
+            instances = element.iterfind("bind_material/technique_common/instance_material")
+            self.bound[element] = {instance.get("symbol"): instance for instance in instances}
         parts = []
+        self.assets.budget.charge(made=64 * len(mesh))
         for primitive in mesh:
             if primitive.tag in ("lines", "linestrips"):
                 self.assets.warn("lines and points not read", geometry.get("id"))
             elif primitive.tag in ("triangles", "polylist", "polygons", "tristrips", "trifans"):
+                self.assets.budget.charge(visits=1, made=64 * len(primitive))
                 with self.left_out(geometry):
-                    parts.append(placed(self.part(primitive, bound), matrix[None]))
+                    parts.append(placed(self.part(primitive, self.bound[element]), matrix[None]))
         return parts
 
     def part(self, primitive: Element, bound: dict[str | None, Element]) -> Part:
@@ -233,15 +260,18 @@ class _Document:
             stride = max(stride, offset + 1)
             if element.get("semantic") == "VERTEX":
                 inner = self.find(element.get("source"), "vertices").findall("input")
+                self.assets.budget.charge(made=64 * len(inner))
             for each in inner:
                 key = each.get("semantic") or "", each.get("set") or "0"
                 inputs[key] = offset, each.get("source")
         if ("POSITION", "0") not in inputs:
             raise DamagedError("no positions")
         at, url = inputs["POSITION", "0"]
-        positions = self.source(url, 3)[:, :3]
-        counts, rows = _polygons(primitive, stride, at, positions)
-        self.assets.add_faces(int(np.maximum(counts - 2, 0).sum()))
+        positions = self.source(url, 2)[:, :3]
+        if positions.shape[1] == 2:
+            positions = np.pad(positions, ((0, 0), (0, 1)))
+        counts, rows = self.polygons(primitive, stride, at, positions)
+        self.assets.budget.charge(faces=np.maximum(counts - 2, 0).sum())
 
         def of_corners(semantic: str, number: str, width: int) -> np.ndarray | None:
             if (semantic, number) not in inputs:
@@ -272,9 +302,9 @@ class _Document:
         array = element.find("float_array")
         if array is None:
             array = self.find(accessor.get("source"), "float_array")
-        if array not in self.numbers:
-            self.numbers[array] = _numbers(array)
-        values = self.numbers[array][_integer(accessor, "offset", 0) :]
+        if array not in self.tables:
+            self.tables[array] = self.numbers(array)
+        values = self.tables[array][_integer(accessor, "offset", 0) :]
         stride = _integer(accessor, "stride", 1)
         count = _integer(accessor, "count", len(values) // (stride or 1))
         if count * stride > len(values) or stride < least:
@@ -282,7 +312,11 @@ class _Document:
         table = values[: count * stride].reshape(count, stride)
         params = accessor.findall("param")
         named = [k for k, param in enumerate(params[:stride]) if param.get("name")]
-        return table[:, named] if len(named) >= least else table
+        self.assets.budget.charge(made=64 * len(params))
+        if len(named) < least or named == list(range(stride)):
+            return table  # not a copy, because many primitives may share it
+        self.assets.budget.charge(made=8 * count * len(named))
+        return table[:, named]
 
     def bound_look(
         self, symbol: str | None, bound: dict[str | None, Element]
@@ -297,7 +331,8 @@ class _Document:
         except DamagedError as error:
             self.assets.warn("materials missing, grey is used", f"{symbol!r} ({error})")
             return None, ""
-        inputs = () if instance is None else instance.iterfind("bind_vertex_input")
+        inputs = () if instance is None else instance.findall("bind_vertex_input")
+        self.assets.budget.charge(made=64 * len(inputs))
         sets = [e.get("input_set") or "0" for e in inputs if e.get("semantic") == name]
         return look, (sets or [""])[0]
 
@@ -305,6 +340,7 @@ class _Document:
         """A material, and the name of its texture coordinates."""
         urls = [instance.get("url") for instance in element.iterfind("instance_effect")]
         effect = self.find(urls[0] if urls else None, "effect")
+        self.assets.budget.charge(visits=1, made=64 * len(list(effect.iter())))
         inside = effect.iterfind("profile_COMMON/technique/*")
         shader = next((e for e in inside if e.tag in _SHADERS), None)
         if shader is None:
@@ -322,10 +358,15 @@ class _Document:
                 return default
             if inner.tag == "param" and len(params.get(inner.get("ref"), ())):
                 inner = params[inner.get("ref")][0]
-            found = _numbers(inner).tolist()
+            found = self.numbers(inner).tolist()
             return tuple(found) if len(found) >= len(default) else default
 
         source = "emission" if shader.tag == "constant" else "diffuse"
+        if shader.find("emission/texture") is not None and shader.find("diffuse/texture") is None:
+            source = "emission" if max(values("diffuse", _BLACK)[:3]) <= 0.02 else source
+        for slot in shader:
+            if slot.tag not in (source, "transparent") and slot.find("texture") is not None:
+                self.assets.warn("maps of COLLADA not read", slot.tag)
         texture, wraps, name = self.texture(shader.find(f"{source}/texture"), params)
         diffuse = values(source, GREY if texture is None else (1.0, 1.0, 1.0))
         if source == "diffuse" and max(values("emission", _BLACK)[:3]) > 0.02:
@@ -337,22 +378,25 @@ class _Document:
         transparent, opacity = shader.find("transparent"), 1.0
         mode = ("" if transparent is None else transparent.get("opaque")) or "A_ONE"
         factor = values("transparency", (1.0,))[0]
+        if transparent is None and 0 < factor < 1:
+            self.assets.warn("transparency without <transparent> not used", title)
         picture, *_ = self.texture(shader.find("transparent/texture"), params)
         if picture is not None:
             level = picture[..., 3] if mode[0] == "A" else picture[..., :3].mean(axis=2)
             level = (255 - factor * level if mode.endswith("ZERO") else factor * level).clip(0, 255)
-            texture = with_alpha(texture, level.round().astype(np.uint8))
-        elif transparent is not None or shader.find("transparency") is not None:
+            texture = self.assets.with_alpha(texture, level.round().astype(np.uint8))
+        elif transparent is not None:  # without it, <transparency> scales nothing
             clear = [*values("transparent"), 1.0, 1.0, 1.0, 1.0]
             level = factor * (clear[3] if mode[0] == "A" else sum(clear[:3]) / 3)
-            if level == 0 and transparent is not None and transparent.get("opaque") is None:
+            if level == 0 and transparent.get("opaque") is None:
                 # Several writers mean that nothing is transparent.
                 self.assets.warn("transparency 0, opaque is used", title)
                 level = 1.0
             opacity = 1 - level if mode.endswith("ZERO") else level
         elif texture is not None and (texture[..., 3] < 255).any():
             self.assets.warn("alpha of textures without <transparent> not used", title)
-            texture = with_alpha(texture, np.full(texture.shape[:2], 255, np.uint8))
+            opaque = np.full(texture.shape[:2], 255, np.uint8)
+            texture = self.assets.with_alpha(texture, opaque)
         title = element.get("name") or title or ""
         made = material(diffuse[:3], specular[:3], shininess, opacity, texture, title)
         return Look(made, wraps=wraps), name
@@ -372,44 +416,50 @@ class _Document:
         for instance in sampler.iterfind("sampler2D/instance_image"):
             image = instance.get("url") or ""
         for inner in element.iter():
-            if inner.tag in _PLACED and _numbers(inner, 1)[0] != inner.tag.startswith("repeat"):
+            if inner.tag in _PLACED and self.numbers(inner, 1)[0] != inner.tag.startswith("repeat"):
                 self.assets.warn("placement of textures not read", inner.tag)
-        found = self.ids.get(("image", _id(image)), nothing)
+        found = nothing
+        with contextlib.suppress(DamagedError):
+            found = self.find(image, "image")
         file = (found.findtext("init_from/ref") or found.findtext("init_from") or "").strip()
         picture = self.assets.texture(re.sub(r"^file:/*", "", file)) if file else None
         if not file:
             self.assets.warn(MISSING_TEXTURE, repr(image))
         return picture, (along, up), element.get("texcoord") or ""
 
+    def polygons(
+        self, primitive: Element, stride: int, at: int, positions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The number of corners of each polygon, and the indices [C, stride] of all corners."""
 
-def _polygons(
-    primitive: Element, stride: int, at: int, positions: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """The number of corners of each polygon, and the indices [C, stride] of all corners."""
+        def rows(element: Element) -> np.ndarray:
+            values = self.numbers(element)
+            if len(values) % stride or (values != np.rint(values)).any():
+                raise DamagedError(
+                    f"{len(values)} indices, expected {stride} whole numbers per corner"
+                )
+            return values.astype(np.int64).reshape(-1, stride)
 
-    def rows(element: Element) -> np.ndarray:
-        values = _numbers(element)
-        if len(values) % stride or (values != np.rint(values)).any():
-            raise DamagedError(f"{len(values)} indices, expected {stride} whole numbers per corner")
-        return values.astype(np.int64).reshape(-1, stride)
-
-    nothing = np.zeros((0, stride), np.int64)
-    blocks = [rows(element) for element in primitive.iterfind("p")]
-    if primitive.tag in ("tristrips", "trifans"):
-        order = strip if primitive.tag == "tristrips" else fan
-        blocks = [block[order(len(block)).ravel()] for block in blocks]
-    for element in primitive.iterfind("ph"):
-        loops = [rows(child) for child in element if child.tag in ("p", "h")]
-        corners = np.concatenate([nothing, *loops])
-        where = np.clip(corners[:, at], 0, len(positions) - 1)
-        blocks.append(corners[with_holes(positions[where], [len(loop) for loop in loops])])
-    corners = np.concatenate([nothing, *blocks])
-    if primitive.tag == "polylist":
-        counts = _numbers(primitive.find("vcount")).astype(np.int64)
-    elif primitive.tag == "polygons":
-        counts = np.array([len(block) for block in blocks], np.int64)
-    else:
-        counts = np.full(-(-len(corners) // 3), 3)
-    if (counts < 0).any() or counts.sum() != len(corners):
-        raise DamagedError(f"{len(corners)} corners, expected {counts.sum()}")
-    return counts, corners
+        nothing = np.zeros((0, stride), np.int64)
+        blocks = [rows(element) for element in primitive.iterfind("p")]
+        if primitive.tag in ("tristrips", "trifans"):
+            order = strip if primitive.tag == "tristrips" else fan
+            blocks = [block[order(len(block)).ravel()] for block in blocks]
+        for element in primitive.iterfind("ph"):
+            loops = [rows(child) for child in element if child.tag in ("p", "h")]
+            corners = np.concatenate([nothing, *loops])
+            where = np.clip(corners[:, at], 0, len(positions) - 1)
+            sizes = [len(loop) for loop in loops]
+            # Distances of each hole to all corners before it.
+            self.assets.budget.charge(made=48 * np.dot(np.cumsum(sizes)[:-1], sizes[1:]))
+            blocks.append(corners[with_holes(positions[where], sizes)])
+        corners = np.concatenate([nothing, *blocks])
+        if primitive.tag == "polylist":
+            counts = self.numbers(primitive.find("vcount")).astype(np.int64)
+        elif primitive.tag == "polygons":
+            counts = np.array([len(block) for block in blocks], np.int64)
+        else:
+            counts = np.full(-(-len(corners) // 3), 3)
+        if (counts < 0).any() or counts.sum() != len(corners):
+            raise DamagedError(f"{len(corners)} corners, expected {counts.sum()}")
+        return counts, corners

@@ -174,7 +174,7 @@ class _Scene:
             found = None if index < 0 else as_floats(*self.file.accessor(index, len(default)))
             pose.append(np.array([default]) if found is None else found)
         count = max(map(len, pose))
-        self.assets.add_faces(count)  # each has a face or more
+        self.assets.budget.charge(made=512 * count)
         if any(len(values) not in (1, count) for values in pose):
             raise DamagedError(f"{attributes.path} have different counts")
         return _matrices(*(np.broadcast_to(v, (count, v.shape[1])) for v in pose))
@@ -183,6 +183,7 @@ class _Scene:
         """The matrices [j, 4, 4] of a skin's joints, from the bind pose to the nodes' pose."""
         skin = self.root.item("skins", index)
         numbers = skin.values("joints", int)
+        self.assets.budget.charge(visits=1, made=256 * len(numbers))
         result = world[[self.root.item("nodes", number).index for number in numbers]]
         if "inverseBindMatrices" in skin:
             bind = as_floats(*self.file.accessor(skin.get("inverseBindMatrices", int), 16))
@@ -198,6 +199,9 @@ class _Scene:
         joints: np.ndarray | None,
     ) -> Iterator[Part]:  # fmt: skip
         """The faces of a primitive: a copy under each of the matrices [n, 4, 4], or a skin."""
+        wide = len(part.get("targets", []))
+        self.assets.budget.charge(visits=len(matrices), made=256 * wide)
+        targets = list(zip(part.items("targets"), weights, strict=False))
         mode, attributes = part.get("mode", 4), part.object("attributes")
         if mode < 4 or mode > 6 or "POSITION" not in attributes:
             what = "without positions" if 4 <= mode <= 6 else f"of mode {mode}"
@@ -231,7 +235,8 @@ class _Scene:
         total = len(arrays["POSITION"][0])
         count = total if corners is None else len(corners)
         copies = 1 if skinned else len(matrices)
-        self.assets.add_faces((count // 3 if mode == 4 else max(count - 2, 0)) * copies)
+        number = count // 3 if mode == 4 else max(count - 2, 0)
+        self.assets.budget.charge(faces=number * copies)
         if mode == 4 and count % 3:
             self.assets.warn("corners after the last whole triangle dropped", count % 3)
         faces = _triangles(mode, np.arange(count) if corners is None else corners.astype(np.int64))
@@ -243,7 +248,6 @@ class _Scene:
         if total > faces.size:  # many primitives may share these arrays
             rows, flat = np.unique(faces, return_inverse=True)
             faces = flat.reshape(-1, 3)
-        targets = [(t, w) for t, w in zip(part.items("targets"), weights, strict=False) if w]
 
         def values(name: str, *, fractions: bool = False) -> np.ndarray:
             """An attribute of the vertices, with the morph targets added."""
@@ -252,9 +256,10 @@ class _Scene:
             width = arrays[name][0].shape[1]
             layers = [(1.0, *arrays[name])]
             layers += [(weight, *self.file.accessor(target.get(name, int), width))
-                       for target, weight in targets if name in target]  # fmt: skip
+                       for target, weight in targets if weight and name in target]  # fmt: skip
             if any(len(numbers) != total for _, numbers, _ in layers):
                 raise DamagedError(f"{part.path}: {name} and POSITION have different counts")
+            self.assets.budget.charge(made=16 * len(layers) * width * min(total, faces.size))
             changes = [w * as_floats(n[rows], normal or fractions) for w, n, normal in layers]
             return np.sum(changes, axis=0)
 
@@ -359,5 +364,5 @@ class _Scene:
             return picture
         if (index, least) not in self.pictures:
             alpha = np.where(picture[..., 3] >= 255 * least, 255, 0).astype(np.uint8)
-            self.pictures[index, least] = np.dstack([picture[..., :3], alpha])
+            self.pictures[index, least] = self.assets.with_alpha(picture, alpha)
         return self.pictures[index, least]

@@ -17,6 +17,17 @@ def _count(word: str) -> int:
     return int(word)
 
 
+def _whole_faces(lines: list[list[str]]) -> list[list[str]]:
+    """The lines of faces, which may go over several lines; colours end with a line."""
+    result: list[list[str]] = []
+    for words in lines:
+        if result and len(result[-1]) <= _count(result[-1][0]):
+            result[-1] += words
+        else:
+            result.append(words)
+    return result
+
+
 def read_off(data: bytes, assets: Assets) -> list[Part]:
     """The polygons of an OFF file."""
     text = as_utf8(data).decode("utf-8", "replace")
@@ -42,11 +53,12 @@ def read_off(data: bytes, assets: Assets) -> list[Part]:
     if len(head) > 3:
         lines.insert(0, head[3:])
     points, faces = int(head[0]), int(head[1])
-    assets.add_faces(faces)
+    assets.budget.charge(faces=faces)
 
     tail = 2 if kind[1] else 0  # texture coordinates; OFF has no textures
     width = 3 + 3 * ("N" in extra) + 4 * ("C" in extra) + tail
-    if len({len(words) for words in lines[:points]}) > 1 or len(lines) < points:
+    widths = {len(words) for words in lines[:points]}
+    if len(widths) > 1 or max(widths, default=3) < 3 or len(lines) < points:
         words = list(itertools.chain(*lines))  # the line breaks have no meaning
         check_announced("vertices", points, len(words) // width)
         rows = [words[k : k + width] for k in range(0, points * width, width)]
@@ -57,6 +69,8 @@ def read_off(data: bytes, assets: Assets) -> list[Part]:
             raise DamagedError("lines of vertices differ in length")
     else:
         rows, lines = lines[:points], lines[points:]
+        if any(len(words) <= _count(words[0]) for words in lines[:faces]):
+            lines = _whole_faces(lines)
     check_announced("faces", faces, len(lines))
     if len(lines) > faces:
         assets.warn(TRAILING, len(lines) - faces)

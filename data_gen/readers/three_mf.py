@@ -2,54 +2,102 @@
 
 import functools
 import io
+import posixpath
+import urllib.parse
+from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from data_gen.mesh import UnusableModelError
 from data_gen.readers.collada import MAX_XML_BYTES, parsed_xml
 from data_gen.readers.model_files import DamagedError, ZipFiles, numbers
 from data_gen.readers.parts import Part, placed
 from data_gen.readers.textures import Assets
 
-_MOST_INSTANCES = 100_000  # an object may have several instances
+_ROOT = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
+
+# Extensions that a file may require: without colours and sets of triangles, the surface is right.
+_READ = ("/core/", "/production/", "/material/", "/materials/", "/trianglesets/")
+
+_KNOWN = ("mesh", "components", "vertices", "triangles", "trianglesets", "metadatagroup")
 
 
 def read_3mf(data: bytes, assets: Assets) -> list[Part]:
     """The triangles of a 3MF file. We do not read colours."""
     files = ZipFiles(io.BytesIO(data))
-    objects: dict[tuple[str, str | None], Element] = {}
+    roots = _roots(files, assets)
+    objects: dict[str, dict[str | None, Element]] = {}
     stack: list[tuple[str, Element, np.ndarray]] = []
-    for name in files.names:
-        if name.endswith(".model"):
-            root = parsed_xml(files.read(name, MAX_XML_BYTES))
-            objects |= {(name, e.get("id")): e for e in root.iterfind("resources/object")}
-            stack += [(name, item, np.eye(4)) for item in root.iterfind("build/item")]
-            if any(element.get("pid") for element in root.iter()):
-                assets.warn("colours and textures of 3MF not read")
-    if not objects:
-        raise DamagedError("it contains no .model file with objects")
     parts: list[Part] = []
-    mesh_of, instances = functools.cache(_mesh), 0
+
+    def objects_of(name: str) -> dict[str | None, Element]:
+        if name not in objects:
+            place, objects[name] = files.find(name), {}
+            if place is not None:
+                root = _model(files.read(place, MAX_XML_BYTES), assets)
+                objects[name] = {e.get("id"): e for e in root.iterfind("resources/object")}
+                if name in roots:
+                    add(name, root.findall("build/item"), np.eye(4))
+        return objects[name]
+
+    def add(name: str, instances: list[Element], matrix: np.ndarray) -> None:
+        assets.budget.charge(visits=len(instances))
+        stack.extend((name, instance, matrix) for instance in instances)
+
+    found = [objects_of(name) for name in roots]
+    if not any(found):
+        raise DamagedError("it contains no .model file with objects")
+    mesh_of = functools.cache(_mesh)
     while stack:
         name, instance, matrix = stack.pop()
-        instances += 1
-        if instances > _MOST_INSTANCES:
-            raise UnusableModelError(f"more than {_MOST_INSTANCES} instances of objects")
         if words := (instance.get("transform") or "").split():  # in the order of columns
             matrix = matrix @ np.vstack([numbers(words).reshape(4, 3).T, [0, 0, 0, 1]])
         paths = [v for k, v in instance.attrib.items() if k.endswith("}path")]
         path = (paths or [name])[0].lstrip("/")
-        shape = objects.get((path, instance.get("objectid")))
+        shape = objects_of(path).get(instance.get("objectid"))
         if shape is None:
             assets.warn("objects of 3MF missing", instance.get("objectid"))
             continue
-        stack += [(path, inner, matrix) for inner in shape.iterfind("components/component")]
+        add(path, shape.findall("components/component"), matrix)
         mesh = mesh_of(shape)
-        assets.add_faces(len(mesh.counts))
+        assets.budget.charge(faces=len(mesh.counts))
         if len(mesh.counts):
             parts.append(placed(mesh, matrix[None]))
     return parts
+
+
+def _roots(files: ZipFiles, assets: Assets) -> list[str]:
+    """The .model file that the archive names as its root; without such a name, all of them."""
+    if (place := files.find("_rels/.rels")) is not None:
+        for relation in parsed_xml(files.read(place, MAX_XML_BYTES), assets):
+            target = urllib.parse.unquote(relation.get("Target") or "")
+            path = posixpath.normpath(target).lstrip("/")
+            if relation.get("Type") == _ROOT and files.find(path) is not None:
+                return [path]
+    return [name for name in files.names if name.endswith(".model")]
+
+
+def _model(data: bytes, assets: Assets) -> Element:
+    """The root of a .model file. We refuse or name what we do not read."""
+    root, spaces = parsed_xml(data, assets), dict[str, str]()
+    for event, value in ElementTree.iterparse(io.BytesIO(data.lstrip()), ("start-ns", "start")):
+        if event == "start":  # of the root
+            break
+        spaces |= [value]
+    for prefix in (root.get("requiredextensions") or "").split():
+        space = spaces.get(prefix, prefix)
+        if not any(name in space for name in _READ):
+            raise DamagedError(f"it needs the extension {space!r}, which is not read")
+    if any(element.get("pid") for element in root.iter()):
+        assets.warn("colours and textures of 3MF not read")
+    for shape in root.iterfind("resources/object"):
+        for key, value in shape.attrib.items():
+            if key.endswith("}meshresolution") and value == "lowres":
+                assets.warn("slices of 3MF not read, the mesh is a stand-in", shape.get("id"))
+        for element in (*shape, *shape.iterfind("mesh/*")):
+            if element.tag not in _KNOWN:
+                assets.warn("parts of 3MF objects not read", element.tag)
+    return root
 
 
 def _mesh(shape: Element) -> Part:
