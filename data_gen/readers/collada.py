@@ -30,8 +30,6 @@ _TURNS = {
     "X_UP": ((0, -1, 0, 0), (1, 0, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
 }
 
-_TRANSFORMS = {"matrix": 16, "translate": 3, "scale": 3, "rotate": 4, "lookat": 9, "skew": 7}
-
 _SHADERS = ("phong", "blinn", "lambert", "constant")
 
 _WRAPS = {"MIRROR": "mirror", "CLAMP": "clamp", "BORDER": "clamp", "NONE": "clamp"}
@@ -47,8 +45,7 @@ def parsed_xml(data: bytes, assets: Assets) -> Element:
     """The root of an XML file. We remove namespaces from tags, because some files have none."""
     check_size("the XML file", len(data), MAX_XML_BYTES)
     assets.budget.charge(made=32 * len(data))
-    # Entities and default attributes repeat their text. UTF-16 has zeros.
-    if re.search(rb"<!(ENTITY|ATTLIST)", data.replace(b"\0", b"")):
+    if re.search(rb"<!(ENTITY|ATTLIST)", data.replace(b"\0", b"")):  # UTF-16 has zeros
         raise UnusableModelError("XML entities and default attributes are refused")
     try:
         root = ElementTree.fromstring(data.lstrip())
@@ -71,23 +68,31 @@ def read_collada(data: bytes, assets: Assets) -> list[Part]:
 
 
 def read_zae(data: bytes, assets: Assets) -> list[Part]:
-    """The geometries of a zip archive that contains a COLLADA file and its textures.
+    """The geometries of a zip archive of COLLADA files and their textures.
 
-    A manifest names the file; without one, we take the first.
+    A manifest names the file that we read; without one, it is the first.
     """
     assets.files = ZipFiles(io.BytesIO(data))
-    documents = [n for n in assets.files.names if n.lower().endswith(".dae")]
+    names = [n for n in assets.files.names if n.lower().endswith(".dae")]
     if (manifest := assets.files.find("manifest.xml")) is not None:
         text = parsed_xml(assets.files.read(manifest), assets).text or ""
         path = posixpath.normpath(urllib.parse.unquote(text.partition("#")[0].strip()))
-        documents = [n for n in [assets.files.find(path.lstrip("/"))] if n] or documents
-    if not documents:
+        names = [found] if (found := assets.files.find(path.lstrip("/"))) else names
+    if not names:
         raise DamagedError("it contains no .dae file")
-    name = documents[0]
-    if len(documents) > 1:
-        assets.warn("no manifest names the document, the first one is read", repr(name))
-    assets.base, assets.name = posixpath.split(name)
+    if len(names) > 1:
+        assets.warn("no manifest names the document, the first one is read", repr(names[0]))
+    assets.base, assets.name = posixpath.split(name := names[0])
     return read_collada(assets.files.read(name), assets)
+
+
+def _numbers(element: Element | None, count: int = 0) -> np.ndarray:
+    """The first `count` numbers in an element; 0 = all."""
+    text, tag = ("", "") if element is None else (element.text or "", element.tag)
+    values = numbers(text.split(), where=f" in <{tag}>")
+    if len(values) < count:
+        raise DamagedError(f"{len(values)} numbers, expected {count}")
+    return values[:count] if count else values
 
 
 def _integer(element: Element, name: str, default: int) -> int:
@@ -98,32 +103,36 @@ def _integer(element: Element, name: str, default: int) -> int:
     return int(text)
 
 
-def _matrix(kind: str, values: np.ndarray) -> np.ndarray:
-    """A transform [4, 4] of a node from its numbers."""
-    matrix = np.eye(4)
-    match kind:
-        case "matrix":
-            return values.reshape(4, 4)
-        case "translate":
-            matrix[:3, 3] = values
-        case "scale":
-            matrix[range(3), range(3)] = values
-        case "rotate":
-            vector = np.radians(values[3]) * unit_vectors(values[:3])
-            matrix[:3, :3] = Rotation.from_rotvec(vector).as_matrix()
-        case "lookat":
-            eye, interest, up = values.reshape(3, 3)
-            back = unit_vectors(eye - interest)
-            right = unit_vectors(np.cross(up, back))
-            matrix[:3] = np.stack([right, np.cross(back, right), back, eye], axis=1)
-        case "skew":  # as in RenderMan: it turns the first axis by an angle toward the second
-            one, two = unit_vectors(values[1:].reshape(2, 3))
-            angle, between = np.radians(values[0]), np.arccos(np.clip(one @ two, -1, 1))
-            if not 0 < between - angle < np.pi or not 0 < between < np.pi:
-                raise DamagedError("<skew> with an angle beyond its axes")
-            along = (one - (one @ two) * two) / np.sin(between) ** 2
-            matrix[:3, :3] += np.sin(angle) / np.sin(between - angle) * np.outer(two, along)
-    return matrix
+def _transform(node: Element) -> np.ndarray:
+    """The product [4, 4] of a node's transforms."""
+    result = np.eye(4)
+    for element in node:
+        matrix = np.eye(4)
+        match element.tag:
+            case "matrix":
+                matrix = _numbers(element, 16).reshape(4, 4)
+            case "translate":
+                matrix[:3, 3] = _numbers(element, 3)
+            case "scale":
+                matrix[range(3), range(3)] = _numbers(element, 3)
+            case "rotate":
+                *axis, degrees = _numbers(element, 4)
+                vector = np.radians(degrees) * unit_vectors(np.array(axis))
+                matrix[:3, :3] = Rotation.from_rotvec(vector).as_matrix()
+            case "lookat":
+                eye, interest, up = _numbers(element, 9).reshape(3, 3)
+                back = unit_vectors(eye - interest)
+                right = unit_vectors(np.cross(up, back))
+                matrix[:3] = np.stack([right, np.cross(back, right), back, eye], axis=1)
+            case "skew":  # as in RenderMan: it turns the first axis toward the second
+                degrees, *axes = _numbers(element, 7)
+                one, two = unit_vectors(np.reshape(axes, (2, 3)))
+                angle, between = np.radians(degrees), np.arccos(np.clip(one @ two, -1, 1))
+                across = unit_vectors(one - (one @ two) * two)
+                turned = np.sin(angle) / np.sin(between - angle) / np.sin(between)
+                matrix[:3, :3] += turned * np.outer(two, across)
+        result = result @ matrix
+    return result
 
 
 class _Document:
@@ -132,30 +141,26 @@ class _Document:
     def __init__(self, root: Element, assets: Assets) -> None:
         self.root, self.assets = root, assets
         self.ids = {(e.tag, name): e for e in root.iter() if (name := e.get("id"))}
-        self.bound: dict[Element, dict[str | None, Element]] = {}
         self.looks: dict[Element, tuple[Look, str]] = {}
-        self.tables: dict[Element, np.ndarray] = {}
+        self.numbers: dict[Element, np.ndarray] = {}
+        self.costs: dict[Element, int] = {}
 
-    def numbers(self, element: Element | None, count: int = 0) -> np.ndarray:
-        """The first `count` numbers in an element; 0 = all."""
-        text, tag = ("", "") if element is None else (element.text or "", element.tag)
-        self.assets.budget.charge(made=16 * len(text))  # an element may be read several times
-        values = numbers(text.split(), where=f" in <{tag}>")
-        if len(values) < count:
-            raise DamagedError(f"{len(values)} numbers, expected {count}")
-        return values[:count] if count else values
+    def visit(self, element: Element) -> None:
+        """Charges what it costs to read an element with all that it contains, once more."""
+        if element not in self.costs:
+            self.costs[element] = sum(64 + 16 * len(e.text or "") for e in element.iter())
+        self.assets.budget.charge(visits=1, made=self.costs[element])
 
     def find(self, url: str | None, *tags: str) -> Element:
-        """The element that a URL such as `#cube` or `this_file.dae#cube` names, with a tag."""
+        """The element with one of the `tags` and a URL such as `#cube` or `this_file.dae#cube`."""
         text = (url or "").strip()
-        file, _, name = text.rpartition("#")
-        file = posixpath.basename(urllib.parse.unquote(file)).casefold()
-        own = file in ("", self.assets.name.casefold())
-        for each in (text, name, urllib.parse.unquote(name))[: 3 if own else 1]:
-            for tag in tags:
-                if (found := self.ids.get((tag, each))) is not None:
-                    return found
-        raise DamagedError(f"{tags[0]} {url!r} is not in the file")
+        file, _, name = urllib.parse.unquote(text).rpartition("#")
+        own = posixpath.basename(file).casefold() in ("", self.assets.name.casefold())
+        names = (text, text.removeprefix("#"), name if own else "")
+        found = [e for n in names for tag in tags if (e := self.ids.get((tag, n))) is not None]
+        if not found:
+            raise DamagedError(f"{tags[0]} {url!r} is not in the file")
+        return found[0]
 
     def parts(self) -> list[Part]:
         """All geometries of the scene, turned to +y up."""
@@ -168,29 +173,24 @@ class _Document:
             roots = [self.find(url, "visual_scene")]
         except DamagedError:
             self.assets.warn("no scene, the first one or all geometries are read", url or "")
-        library = self.root.find("library_visual_scenes")
-        places = [*roots[:1], self.root if library is None else library, self.root]
-        texts = [(e.findtext("asset/up_axis") or "").strip().upper() for e in places]
-        axis = next(filter(None, texts), "")
-        turn = np.array(_TURNS.get(axis, np.eye(4)), np.float64)
+        places = [*roots[:1], *self.root.iterfind("library_visual_scenes"), self.root]
+        axes = [(e.findtext("asset/up_axis") or "").strip().upper() for e in places]
+        turn = np.array(_TURNS.get(next(filter(None, axes), ""), np.eye(4)), np.float64)
         if self.root.find("library_animations/animation") is not None:
             self.assets.warn("animations not read, the pose of the nodes is taken")
         stack = [(e, turn) for e in roots[:1] or self.root.findall("library_geometries")]
         parts: list[Part] = []
         while stack:
             element, matrix = stack.pop()
+            self.visit(element)
             with self.left_out(element):
                 match element.tag:
                     case "node" | "visual_scene" | "library_geometries":
-                        for inner in element:
-                            if inner.tag in _TRANSFORMS:
-                                values = self.numbers(inner, _TRANSFORMS[inner.tag])
-                                matrix = matrix @ _matrix(inner.tag, values)
+                        matrix = matrix @ _transform(element)
                         shown = [e for e in reversed(element) if e.tag in _SHOWN]
-                        self.assets.budget.charge(visits=len(shown), made=64 * len(element))
+                        self.assets.budget.charge(visits=len(shown))
                         stack += [(e, matrix) for e in shown]
                     case "instance_node":
-                        self.assets.budget.charge(visits=1)
                         stack.append((self.find(element.get("url"), "node"), matrix))
                     case "geometry":
                         parts += self.instance(element, element, matrix)
@@ -221,7 +221,7 @@ class _Document:
             kind = controller.find("skin")
             if kind is not None:
                 given = kind.find("bind_shape_matrix")
-                shape = np.eye(4) if given is None else self.numbers(given, 16).reshape(4, 4)
+                shape = np.eye(4) if given is None else _numbers(given, 16).reshape(4, 4)
                 self.assets.warn("skins are read in bind pose", controller.get("id"))
             elif (kind := controller.find("morph")) is not None:
                 self.assets.warn("morph targets not read, base shapes are", controller.get("id"))
@@ -234,21 +234,19 @@ class _Document:
 
     def instance(self, geometry: Element, element: Element, matrix: np.ndarray) -> list[Part]:
         """The polygons of an instance of a geometry."""
+        self.visit(geometry)
         mesh = geometry.find("mesh")
         if mesh is None:
             raise DamagedError(f"geometry {geometry.get('id')!r} has no <mesh>")
-        if element not in self.bound:
-            instances = element.iterfind("bind_material/technique_common/instance_material")
-            self.bound[element] = {instance.get("symbol"): instance for instance in instances}
+        instances = element.iterfind("bind_material/technique_common/instance_material")
+        bound = {instance.get("symbol"): instance for instance in instances}
         parts = []
-        self.assets.budget.charge(made=64 * len(mesh))
         for primitive in mesh:
             if primitive.tag in ("lines", "linestrips"):
                 self.assets.warn("lines and points not read", geometry.get("id"))
             elif primitive.tag in ("triangles", "polylist", "polygons", "tristrips", "trifans"):
-                self.assets.budget.charge(visits=1, made=64 * len(primitive))
                 with self.left_out(geometry):
-                    parts.append(placed(self.part(primitive, self.bound[element]), matrix[None]))
+                    parts.append(placed(self.part(primitive, bound), matrix[None]))
         return parts
 
     def part(self, primitive: Element, bound: dict[str | None, Element]) -> Part:
@@ -268,9 +266,8 @@ class _Document:
             raise DamagedError("no positions")
         at, url = inputs["POSITION", "0"]
         positions = self.source(url, 2)[:, :3]
-        if positions.shape[1] == 2:
-            positions = np.pad(positions, ((0, 0), (0, 1)))
-        counts, rows = self.polygons(primitive, stride, at, positions)
+        positions = np.pad(positions, ((0, 0), (0, 3 - positions.shape[1])))
+        counts, rows = _polygons(primitive, stride, at, positions, self.assets)
         self.assets.budget.charge(faces=np.maximum(counts - 2, 0).sum())
 
         def of_corners(semantic: str, number: str, width: int) -> np.ndarray | None:
@@ -302,9 +299,10 @@ class _Document:
         array = element.find("float_array")
         if array is None:
             array = self.find(accessor.get("source"), "float_array")
-        if array not in self.tables:
-            self.tables[array] = self.numbers(array)
-        values = self.tables[array][_integer(accessor, "offset", 0) :]
+        if array not in self.numbers:
+            self.assets.budget.charge(made=16 * len(array.text or ""))
+            self.numbers[array] = _numbers(array)
+        values = self.numbers[array][_integer(accessor, "offset", 0) :]
         stride = _integer(accessor, "stride", 1)
         count = _integer(accessor, "count", len(values) // (stride or 1))
         if count * stride > len(values) or stride < least:
@@ -312,7 +310,6 @@ class _Document:
         table = values[: count * stride].reshape(count, stride)
         params = accessor.findall("param")
         named = [k for k, param in enumerate(params[:stride]) if param.get("name")]
-        self.assets.budget.charge(made=64 * len(params))
         if len(named) < least or named == list(range(stride)):
             return table  # not a copy, because many primitives may share it
         self.assets.budget.charge(made=8 * count * len(named))
@@ -331,8 +328,7 @@ class _Document:
         except DamagedError as error:
             self.assets.warn("materials missing, grey is used", f"{symbol!r} ({error})")
             return None, ""
-        inputs = () if instance is None else instance.findall("bind_vertex_input")
-        self.assets.budget.charge(made=64 * len(inputs))
+        inputs = () if instance is None else instance.iterfind("bind_vertex_input")
         sets = [e.get("input_set") or "0" for e in inputs if e.get("semantic") == name]
         return look, (sets or [""])[0]
 
@@ -340,7 +336,7 @@ class _Document:
         """A material, and the name of its texture coordinates."""
         urls = [instance.get("url") for instance in element.iterfind("instance_effect")]
         effect = self.find(urls[0] if urls else None, "effect")
-        self.assets.budget.charge(visits=1, made=64 * len(list(effect.iter())))
+        self.visit(effect)
         inside = effect.iterfind("profile_COMMON/technique/*")
         shader = next((e for e in inside if e.tag in _SHADERS), None)
         if shader is None:
@@ -358,12 +354,12 @@ class _Document:
                 return default
             if inner.tag == "param" and len(params.get(inner.get("ref"), ())):
                 inner = params[inner.get("ref")][0]
-            found = self.numbers(inner).tolist()
+            found = _numbers(inner).tolist()
             return tuple(found) if len(found) >= len(default) else default
 
-        source = "emission" if shader.tag == "constant" else "diffuse"
-        if shader.find("emission/texture") is not None and shader.find("diffuse/texture") is None:
-            source = "emission" if max(values("diffuse", _BLACK)[:3]) <= 0.02 else source
+        dark = shader.find("diffuse/texture") is None and max(values("diffuse", _BLACK)[:3]) <= 0.02
+        glows = shader.find("emission/texture") is not None
+        source = "emission" if shader.tag == "constant" or (glows and dark) else "diffuse"
         for slot in shader:
             if slot.tag not in (source, "transparent") and slot.find("texture") is not None:
                 self.assets.warn("maps of COLLADA not read", slot.tag)
@@ -385,7 +381,7 @@ class _Document:
             level = picture[..., 3] if mode[0] == "A" else picture[..., :3].mean(axis=2)
             level = (255 - factor * level if mode.endswith("ZERO") else factor * level).clip(0, 255)
             texture = self.assets.with_alpha(texture, level.round().astype(np.uint8))
-        elif transparent is not None:  # without it, <transparency> scales nothing
+        elif transparent is not None:
             clear = [*values("transparent"), 1.0, 1.0, 1.0, 1.0]
             level = factor * (clear[3] if mode[0] == "A" else sum(clear[:3]) / 3)
             if level == 0 and transparent.get("opaque") is None:
@@ -416,50 +412,47 @@ class _Document:
         for instance in sampler.iterfind("sampler2D/instance_image"):
             image = instance.get("url") or ""
         for inner in element.iter():
-            if inner.tag in _PLACED and self.numbers(inner, 1)[0] != inner.tag.startswith("repeat"):
+            if inner.tag in _PLACED and _numbers(inner, 1)[0] != inner.tag.startswith("repeat"):
                 self.assets.warn("placement of textures not read", inner.tag)
-        found = nothing
-        with contextlib.suppress(DamagedError):
-            found = self.find(image, "image")
+        found = self.ids.get(("image", image.rpartition("#")[2].strip()), nothing)
         file = (found.findtext("init_from/ref") or found.findtext("init_from") or "").strip()
         picture = self.assets.texture(re.sub(r"^file:/*", "", file)) if file else None
         if not file:
             self.assets.warn(MISSING_TEXTURE, repr(image))
         return picture, (along, up), element.get("texcoord") or ""
 
-    def polygons(
-        self, primitive: Element, stride: int, at: int, positions: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """The number of corners of each polygon, and the indices [C, stride] of all corners."""
 
-        def rows(element: Element) -> np.ndarray:
-            values = self.numbers(element)
-            if len(values) % stride or (values != np.rint(values)).any():
-                raise DamagedError(
-                    f"{len(values)} indices, expected {stride} whole numbers per corner"
-                )
-            return values.astype(np.int64).reshape(-1, stride)
+def _polygons(
+    primitive: Element, stride: int, at: int, positions: np.ndarray, assets: Assets
+) -> tuple[np.ndarray, np.ndarray]:
+    """The number of corners of each polygon, and the indices [C, stride] of all corners."""
 
-        nothing = np.zeros((0, stride), np.int64)
-        blocks = [rows(element) for element in primitive.iterfind("p")]
-        if primitive.tag in ("tristrips", "trifans"):
-            order = strip if primitive.tag == "tristrips" else fan
-            blocks = [block[order(len(block)).ravel()] for block in blocks]
-        for element in primitive.iterfind("ph"):
-            loops = [rows(child) for child in element if child.tag in ("p", "h")]
-            corners = np.concatenate([nothing, *loops])
-            where = np.clip(corners[:, at], 0, len(positions) - 1)
-            sizes = [len(loop) for loop in loops]
-            # Distances of each hole to all corners before it.
-            self.assets.budget.charge(made=48 * np.dot(np.cumsum(sizes)[:-1], sizes[1:]))
-            blocks.append(corners[with_holes(positions[where], sizes)])
-        corners = np.concatenate([nothing, *blocks])
-        if primitive.tag == "polylist":
-            counts = self.numbers(primitive.find("vcount")).astype(np.int64)
-        elif primitive.tag == "polygons":
-            counts = np.array([len(block) for block in blocks], np.int64)
-        else:
-            counts = np.full(-(-len(corners) // 3), 3)
-        if (counts < 0).any() or counts.sum() != len(corners):
-            raise DamagedError(f"{len(corners)} corners, expected {counts.sum()}")
-        return counts, corners
+    def rows(element: Element) -> np.ndarray:
+        values = _numbers(element)
+        if len(values) % stride or (values != np.rint(values)).any():
+            raise DamagedError(f"{len(values)} indices, expected {stride} whole numbers per corner")
+        return values.astype(np.int64).reshape(-1, stride)
+
+    nothing = np.zeros((0, stride), np.int64)
+    blocks = [rows(element) for element in primitive.iterfind("p")]
+    if primitive.tag in ("tristrips", "trifans"):
+        order = strip if primitive.tag == "tristrips" else fan
+        blocks = [block[order(len(block)).ravel()] for block in blocks]
+    for element in primitive.iterfind("ph"):
+        loops = [rows(child) for child in element if child.tag in ("p", "h")]
+        corners = np.concatenate([nothing, *loops])
+        where = np.clip(corners[:, at], 0, len(positions) - 1)
+        sizes = [len(loop) for loop in loops]
+        # Distances of each hole to all corners before it.
+        assets.budget.charge(made=48 * np.dot(np.cumsum(sizes)[:-1], sizes[1:]))
+        blocks.append(corners[with_holes(positions[where], sizes)])
+    corners = np.concatenate([nothing, *blocks])
+    if primitive.tag == "polylist":
+        counts = _numbers(primitive.find("vcount")).astype(np.int64)
+    elif primitive.tag == "polygons":
+        counts = np.array([len(block) for block in blocks], np.int64)
+    else:
+        counts = np.full(-(-len(corners) // 3), 3)
+    if (counts < 0).any() or counts.sum() != len(corners):
+        raise DamagedError(f"{len(corners)} corners, expected {counts.sum()}")
+    return counts, corners

@@ -163,7 +163,7 @@ class FolderFiles(Files):
 
     def __init__(self, root: str | os.PathLike[str], linked: Sequence[str] = ()) -> None:
         self.root = pathlib.Path(root).absolute()  # for processes in other working directories
-        self._homes = [self.root.resolve(), *map(pathlib.Path, linked)]
+        self._homes = [self.root.resolve(), *(pathlib.Path(path).resolve() for path in linked)]
         for folder in self._homes[0].parents:  # REPOSITORY/snapshots/VERSION/a.glb -> ../../blobs/1
             if folder.name == "snapshots" and (folder.parent / "refs").is_dir():
                 self._homes.append(folder.parent / "blobs")

@@ -1,8 +1,9 @@
 """Reader of PLY files, binary and text."""
 
 import itertools
+import math
 import re
-import struct
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -135,109 +136,65 @@ def _elements(data: bytes, assets: Assets) -> tuple[dict[str, _Rows], list[str]]
     for name, count in counts.items():
         if not count or not properties[name]:
             continue
-        widths, columns = _columns_of(properties[name], _ORDERS[form], count, body, at)
-        at += int(widths.sum())
+        runs = list(_runs(properties[name], _ORDERS[form], count, body, at, assets))
+        at += sum(run.nbytes for run in runs)
+        done = sum(map(len, runs))
         if lines is not None:
-            if (widths // 8).tolist() != [len(words) for words in lines[: len(widths)]]:
+            widths = [run.itemsize // 8 for run in runs for _ in run]
+            if widths != [len(words) for words in lines[:done]]:
                 raise DamagedError(f"lines of element {name!r} have too few or too many words")
-            lines = lines[len(widths) :]
-        check_announced(f"rows of element {name!r}", count, len(widths))
+            lines = lines[done:]
+        check_announced(f"rows of element {name!r}", count, done)
         result[name] = {}
-        for (own, kind, _), (sizes, values) in zip(properties[name], columns, strict=True):
+        for key, (own, kind, length) in enumerate(properties[name]):
+            sizes = [run[f"n{key}"] for run in runs if length]
+            values = np.concatenate([run[f"{key}"].ravel() for run in runs])
             typed = values.astype(kind)
             if kind[0] != "f" and (typed != values).any():
                 raise DamagedError(f"a number of {own!r} that does not fit its type")
-            result[name][own] = sizes, typed
+            result[name][own] = np.concatenate(sizes).astype(np.int64) if sizes else None, typed
     if left := len(body) - at if lines is None else len(lines):
         assets.warn(TRAILING, left)
     return result, images
 
 
-def _columns_of(
-    properties: list[_Property], order: str, count: int, data: bytes, at: int
-) -> tuple[np.ndarray, list[tuple[np.ndarray | None, np.ndarray]]]:
-    """The sizes in bytes of up to `count` whole rows from byte `at`, and the columns of `_Rows`.
+def _runs(
+    properties: list[_Property], order: str, count: int, data: bytes, at: int, assets: Assets
+) -> Iterator[np.ndarray]:
+    """Arrays of rows with lists of equal lengths, up to the end of the data.
 
-    Text (`order` "") has doubles.
+    Field `2` has the third property, `n2` the length of its list. Text (`order` "") has doubles.
     """
-    types = [
-        (np.dtype(order + kind if order else "f8"),
-         np.dtype(order + length if order else "f8") if length else None)
-        for _, kind, length in properties
-    ]  # fmt: skip
-    lists = sum(head is not None for _, head in types)
-    lengths = iter(_lengths(types, 1, data, at).ravel().tolist())
-    # In most files, all rows have lists of the same lengths, and are one array.
-    fields: list[tuple[str, np.dtype, tuple[int, ...]]] = []
-    for key, (kind, head) in enumerate(types):
-        fields += [] if head is None else [(f"n{key}", head, ())]
-        fields.append((f"{key}", kind, () if head is None else (next(lengths, 0),)))
-    row = np.dtype(fields)
-    rows = np.frombuffer(data, row, min(count, max(len(data) - at, 0) // row.itemsize), at)
-    heads = [rows[name] for name, _, _ in fields if name[0] == "n"]
-    if not lists or (len(rows) == count and all((n == n[0]).all() for n in heads)):
-        columns = [
-            (None if head is None else rows[f"n{key}"].astype(np.int64), rows[f"{key}"].ravel())
-            for key, (_, head) in enumerate(types)
-        ]
-        return np.full(len(rows), row.itemsize), columns
-    found = _lengths(types, count, data, at)
-    sizes = iter(found.T)
-    widths = np.zeros(len(found), np.int64)
-    places: list[tuple[np.ndarray | None, np.ndarray]] = []  # of each column in its row
-    for kind, head in types:
-        length = None if head is None else next(sizes)
-        widths = widths + (0 if head is None else head.itemsize)
-        places.append((length, widths))
-        widths = widths + kind.itemsize * (1 if length is None else length)
-    start = at + np.cumsum(widths) - widths
-    return widths, [
-        (length, _gathered(data, start + place, 1 if length is None else length, kind))
-        for (length, place), (kind, _) in zip(places, types, strict=True)
-    ]
-
-
-def _lengths(
-    types: list[tuple[np.dtype, np.dtype | None]], count: int, data: bytes, at: int
-) -> np.ndarray:
-    """The lengths [n, lists] of the lists of up to `count` whole rows from byte `at`."""
-    lists: list[tuple[int, struct.Struct, int]] = []  # bytes before it, its length, bytes of each
-    gap = 0
-    for kind, head in types:
-        if head is None:
-            gap += kind.itemsize
-        else:
-            mark = ">" if head.byteorder == ">" else "<"
-            lists.append((gap, struct.Struct(mark + head.char), kind.itemsize))
-            gap = 0
-    result: list[list[int]] = []
-    for _ in range(count):
-        row: list[int] = []
-        for before, head, each in lists:
-            at += before
-            if at + head.size > len(data):
-                break
-            (length,) = head.unpack_from(data, at)
-            if not 0 <= length <= len(data) or length % 1:
-                raise DamagedError(f"a list of {length} numbers")
-            row.append(int(length))
-            at += head.size + row[-1] * each
-        at += gap
-        if len(row) < len(lists) or at > len(data):
-            break
-        result.append(row)
-    return np.array(result, np.int64).reshape(len(result), len(lists))
-
-
-def _gathered(
-    data: bytes, start: np.ndarray, length: int | np.ndarray, kind: np.dtype
-) -> np.ndarray:
-    """The numbers of lists that start at bytes `start`."""
-    sizes = np.broadcast_to(length, start.shape)
-    first = start - (np.cumsum(sizes) - sizes) * kind.itemsize
-    place = np.repeat(first, sizes) + np.arange(sizes.sum()) * kind.itemsize
-    raw = np.frombuffer(data, np.uint8)[place[:, None] + np.arange(kind.itemsize)]
-    return raw.view(kind).ravel()
+    most = count
+    while count:
+        fields: list[tuple[str, np.dtype, tuple[int, ...]]] = []
+        stop = at
+        for key, (_, kind, length) in enumerate(properties):
+            shape: tuple[int, ...] = ()
+            if length:
+                stored = np.dtype(order + length if order else "f8")
+                if stop + stored.itemsize > len(data):
+                    return
+                given = np.frombuffer(data, stored, 1, stop)[0]
+                if not 0 <= given <= len(data) or given % 1:
+                    raise DamagedError(f"a list of {given} numbers")
+                shape = (int(given),)
+                fields.append((f"n{key}", stored, ()))
+                stop += stored.itemsize
+            fields.append((f"{key}", np.dtype(order + kind if order else "f8"), shape))
+            stop += math.prod(shape) * fields[-1][1].itemsize
+        there = min(most, count, (len(data) - at) // (stop - at))
+        if not there:
+            return
+        rows = np.frombuffer(data, np.dtype(fields), there, at)
+        same = np.ones(there, bool)
+        for name in [name for name, _, _ in fields if name[0] == "n"]:
+            same &= rows[name] == rows[name][0]
+        found = there if same.all() else int(same.argmin())
+        assets.budget.charge(made=2048 * len(fields))  # an array for each field
+        yield rows[:found]
+        at, count = at + found * rows.itemsize, count - found
+        most = 4 * found  # short runs need not compare all rows that follow
 
 
 def _columns(rows: _Rows, names: tuple[str, ...]) -> np.ndarray | None:
