@@ -245,6 +245,7 @@ class _Document:
             if primitive.tag in ("lines", "linestrips"):
                 self.assets.warn("lines and points not read", geometry.get("id"))
             elif primitive.tag in ("triangles", "polylist", "polygons", "tristrips", "trifans"):
+                self.assets.budget.charge(visits=1)
                 with self.left_out(geometry):
                     parts.append(placed(self.part(primitive, bound), matrix[None]))
         return parts

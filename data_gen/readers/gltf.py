@@ -183,7 +183,7 @@ class _Scene:
         """The matrices [j, 4, 4] of a skin's joints, from the bind pose to the nodes' pose."""
         skin = self.root.item("skins", index)
         numbers = skin.values("joints", int)
-        self.assets.budget.charge(visits=1, made=256 * len(numbers))
+        self.assets.budget.charge(visits=1 + len(numbers) // 16)
         result = world[[self.root.item("nodes", number).index for number in numbers]]
         if "inverseBindMatrices" in skin:
             bind = as_floats(*self.file.accessor(skin.get("inverseBindMatrices", int), 16))
@@ -199,8 +199,7 @@ class _Scene:
         joints: np.ndarray | None,
     ) -> Iterator[Part]:  # fmt: skip
         """The faces of a primitive: a copy under each of the matrices [n, 4, 4], or a skin."""
-        wide = len(part.get("targets", []))
-        self.assets.budget.charge(visits=len(matrices), made=256 * wide)
+        self.assets.budget.charge(visits=len(matrices) + len(part.get("targets", [])) // 16)
         targets = list(zip(part.items("targets"), weights, strict=False))
         mode, attributes = part.get("mode", 4), part.object("attributes")
         if mode < 4 or mode > 6 or "POSITION" not in attributes:

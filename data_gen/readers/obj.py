@@ -169,11 +169,8 @@ def read_obj(data: bytes, assets: Assets) -> list[Part]:
     used = [table[owner] if owner >= 0 else None for owner in set(owners)]
     if all(look is not None and look.material.opacity == 0 for look in used):
         assets.warn("opacity 0 of all materials, opaque is used")  # old exporters write it
-        table = [
-            look
-            and dataclasses.replace(look, material=dataclasses.replace(look.material, opacity=1))
-            for look in table
-        ]
+        opaque = {k: dataclasses.replace(k.material, opacity=1.0) for k in table if k}
+        table = [k and dataclasses.replace(k, material=opaque[k]) for k in table]
     colours = None
     if paint:
         of_vertices = np.ones((len(vertices), 4))

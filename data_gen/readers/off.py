@@ -17,17 +17,6 @@ def _count(word: str) -> int:
     return int(word)
 
 
-def _whole_faces(lines: list[list[str]]) -> list[list[str]]:
-    """The lines of faces, which may go over several lines; colours end with a line."""
-    result: list[list[str]] = []
-    for words in lines:
-        if result and len(result[-1]) <= _count(result[-1][0]):
-            result[-1] += words
-        else:
-            result.append(words)
-    return result
-
-
 def read_off(data: bytes, assets: Assets) -> list[Part]:
     """The polygons of an OFF file."""
     text = as_utf8(data).decode("utf-8", "replace")
@@ -70,7 +59,12 @@ def read_off(data: bytes, assets: Assets) -> list[Part]:
     else:
         rows, lines = lines[:points], lines[points:]
         if any(len(words) <= _count(words[0]) for words in lines[:faces]):
-            lines = _whole_faces(lines)
+            pieces, lines = lines, []
+            for words in pieces:  # a face may go over several lines, its colour ends with a line
+                if lines and len(lines[-1]) <= _count(lines[-1][0]):
+                    lines[-1] += words
+                else:
+                    lines.append(words)
     check_announced("faces", faces, len(lines))
     if len(lines) > faces:
         assets.warn(TRAILING, len(lines) - faces)

@@ -123,11 +123,7 @@ def joined(parts: Sequence[Part], assets: Assets) -> dict[str, Any]:
     """
     blocks: dict[str, list[np.ndarray]] = collections.defaultdict(list)
     numbers: dict[Look, int] = {}
-    fields = {
-        "uv": (2, 0.0),
-        "normals": (3, 0.0),
-        "colours": (4, 1.0),
-    }  # number of columns, default
+    fields = {"uv": (2, 0.0), "normals": (3, 0.0), "colours": (4, 1.0)}  # columns, default
     for name in ("normals", "colours"):
         if all(getattr(part, name) is None for part in parts):
             del fields[name]
@@ -196,7 +192,7 @@ def _dressed(
                 uv[own] = uv[own] @ look.uv_matrix[:, :2].T + look.uv_matrix[:, 2]
             if look.wraps != ("repeat", "repeat"):
                 texture, uv[own] = repeated(material.texture, np.nan_to_num(uv[own]), look.wraps)
-                assets.budget.charge(made=texture.nbytes)
+                assets.budget.charge(made=4 * texture.nbytes)
                 material = dataclasses.replace(material, texture=texture)
         variants = [material]
         if material.texture is None and (colour != 1).any():

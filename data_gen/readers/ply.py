@@ -43,8 +43,7 @@ def read_ply(data: bytes, assets: Assets) -> list[Part]:
     if vertices is None:
         raise DamagedError("it has no vertices with x, y and z")
     counts, corners = _lists(faces, "vertex_indices", "vertex_index")
-    triangles = _from_strips(_lists(strips, "vertex_indices", "vertex_index")[1].astype(np.int64))
-    assets.budget.charge(faces=len(triangles) // 3)
+    triangles = _from_strips(_lists(strips, "vertex_indices", "vertex_index")[1], assets)
     if not len(counts) + len(triangles):
         raise UnusableModelError(f"it has {len(vertices)} points, but no faces")
     uv = next((c for names in _UV if (c := _columns(vertex, names)) is not None), None)
@@ -211,13 +210,18 @@ def _lists(rows: _Rows, *names: str) -> tuple[np.ndarray, np.ndarray]:
     return np.zeros(0, np.int64), np.zeros(0, np.int64)
 
 
-def _from_strips(corners: np.ndarray) -> np.ndarray:
+def _from_strips(corners: np.ndarray, assets: Assets) -> np.ndarray:
     """The corners of the triangles of strips. A strip ends with -1."""
     place = np.arange(len(corners))
     start = np.maximum.accumulate(np.where(corners == -1, place + 1, 0))
     first = place[:-2][(place - start)[2:] >= 2]  # of three corners of the same strip
+    assets.budget.charge(faces=len(first))
     odd = (first - start[first]) % 2
-    return corners[np.stack([first + odd, first + 1 - odd, first + 2], axis=1)].ravel()
+    return (
+        corners[np.stack([first + odd, first + 1 - odd, first + 2], axis=1)]
+        .ravel()
+        .astype(np.int64)
+    )
 
 
 def _colours(rows: _Rows, assets: Assets) -> np.ndarray | None:

@@ -40,9 +40,7 @@ _MOST_TEXELS_ALONG = 4096  # of a clamped texture
 _PICTURE_FORMATS = ("PNG", "JPEG", "BMP", "TGA", "GIF", "WEBP", "TIFF", "PPM", "DDS", "SGI")
 
 
-def decode_texture(
-    data: bytes, side: int = TEXTURE_SIDE, budget: Budget | None = None
-) -> np.ndarray:
+def decode_texture(data: bytes, budget: Budget, side: int = TEXTURE_SIDE) -> np.ndarray:
     """An image as uint8 [H, W, 4] RGBA, with at most `side` pixels along a side.
 
     Raises:
@@ -60,9 +58,9 @@ def decode_texture(
             picture.draft(None, (round(width * factor) or 1, round(height * factor) or 1))
             if picture.width * picture.height > MAX_DECODED_PIXELS:
                 raise Image.DecompressionBombError
-            if budget is not None:  # the pixels, and four copies of the texture
-                kept = min(side, picture.width) * min(side, picture.height)
-                budget.charge(made=4 * picture.width * picture.height + 16 * kept)
+            # The pixels, and four copies of the texture.
+            pixels = picture.width * picture.height
+            budget.charge(made=4 * pixels + 16 * min(pixels, side**2))
             # Palettes and 16-bit values cannot be averaged. The pixels are few enough for a copy.
             if picture.mode in ("P", "1"):
                 picture = picture.convert("RGBA" if "transparency" in picture.info else "RGB")
@@ -110,13 +108,11 @@ def repeated(
 
 
 class Assets:
-    """The files that the model `name` in the folder `base` refers to, its budget and warnings."""
+    """The files that the model `path` refers to, its budget and its warnings."""
 
-    def __init__(
-        self, files: Files, base: str = "", max_faces: int = MAX_FACES, name: str = ""
-    ) -> None:
-        self.files, self.base, self.name = files, base, name
-        self.budget = Budget(max_faces)
+    def __init__(self, files: Files, path: str = "", max_faces: int = MAX_FACES) -> None:
+        self.files, self.budget = files, Budget(max_faces)
+        self.base, self.name = posixpath.split(path)
         self._kinds: dict[str, dict[str, None]] = {}
         self._textures: dict[tuple[object, object], np.ndarray | None] = {}
 
@@ -162,7 +158,7 @@ class Assets:
         if key not in self._textures:
             self._textures[key] = None
             try:
-                self._textures[key] = decode_texture(load(), budget=self.budget)
+                self._textures[key] = decode_texture(load(), self.budget)
             except OverBudgetError:
                 raise
             except FileNotFoundError:

@@ -14,9 +14,7 @@ from data_gen.readers.model_files import DamagedError, ZipFiles, numbers
 from data_gen.readers.parts import Part, placed
 from data_gen.readers.textures import Assets
 
-_ROOT = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
-
-# Extensions that a file may require: without colours and sets of triangles, the surface is right.
+# Of extensions that a file may require: without colours and names of faces, the surface is right.
 _READ = ("/core/", "/production/", "/material/", "/materials/", "/trianglesets/")
 
 _KNOWN = ("mesh", "components", "vertices", "triangles", "trianglesets", "metadatagroup")
@@ -25,28 +23,24 @@ _KNOWN = ("mesh", "components", "vertices", "triangles", "trianglesets", "metada
 def read_3mf(data: bytes, assets: Assets) -> list[Part]:
     """The triangles of a 3MF file. We do not read colours."""
     files = ZipFiles(io.BytesIO(data))
-    roots = _roots(files, assets)
-    objects: dict[str, dict[str | None, Element]] = {}
+    models = [name for name in files.names if name.endswith(".model")]
+    roots = models
+    if "_rels/.rels" in files.names:
+        relations = parsed_xml(files.read("_rels/.rels"), assets)
+        targets = [
+            e.get("Target") or "" for e in relations if (e.get("Type") or "").endswith("/3dmodel")
+        ]
+        paths = [posixpath.normpath(urllib.parse.unquote(t)).lstrip("/") for t in targets]
+        roots = [place for path in paths if (place := files.find(path))] or models
+    objects: dict[tuple[str, str | None], Element] = {}
     stack: list[tuple[str, Element, np.ndarray]] = []
-    parts: list[Part] = []
-
-    def objects_of(name: str) -> dict[str | None, Element]:
-        if name not in objects:
-            place, objects[name] = files.find(name), {}
-            if place is not None:
-                root = _model(files.read(place, MAX_XML_BYTES), assets)
-                objects[name] = {e.get("id"): e for e in root.iterfind("resources/object")}
-                if name in roots:
-                    add(name, root.findall("build/item"), np.eye(4))
-        return objects[name]
-
-    def add(name: str, instances: list[Element], matrix: np.ndarray) -> None:
-        assets.budget.charge(visits=len(instances))
-        stack.extend((name, instance, matrix) for instance in instances)
-
-    found = [objects_of(name) for name in roots]
-    if not any(found):
+    for name in dict.fromkeys([*roots, *models]):
+        root = _model(files.read(name, MAX_XML_BYTES), assets)
+        objects |= {(name, e.get("id")): e for e in root.iterfind("resources/object")}
+        stack += [(name, e, np.eye(4)) for e in root.iterfind("build/item") if name in roots]
+    if not objects:
         raise DamagedError("it contains no .model file with objects")
+    parts: list[Part] = []
     mesh_of = functools.cache(_mesh)
     while stack:
         name, instance, matrix = stack.pop()
@@ -54,27 +48,17 @@ def read_3mf(data: bytes, assets: Assets) -> list[Part]:
             matrix = matrix @ np.vstack([numbers(words).reshape(4, 3).T, [0, 0, 0, 1]])
         paths = [v for k, v in instance.attrib.items() if k.endswith("}path")]
         path = (paths or [name])[0].lstrip("/")
-        shape = objects_of(path).get(instance.get("objectid"))
+        shape = objects.get((path, instance.get("objectid")))
         if shape is None:
             assets.warn("objects of 3MF missing", instance.get("objectid"))
             continue
-        add(path, shape.findall("components/component"), matrix)
+        inner = shape.findall("components/component")
         mesh = mesh_of(shape)
-        assets.budget.charge(faces=len(mesh.counts))
+        assets.budget.charge(visits=1 + len(inner), faces=len(mesh.counts))
+        stack += [(path, component, matrix) for component in inner]
         if len(mesh.counts):
             parts.append(placed(mesh, matrix[None]))
     return parts
-
-
-def _roots(files: ZipFiles, assets: Assets) -> list[str]:
-    """The .model file that the archive names as its root; without such a name, all of them."""
-    if (place := files.find("_rels/.rels")) is not None:
-        for relation in parsed_xml(files.read(place, MAX_XML_BYTES), assets):
-            target = urllib.parse.unquote(relation.get("Target") or "")
-            path = posixpath.normpath(target).lstrip("/")
-            if relation.get("Type") == _ROOT and files.find(path) is not None:
-                return [path]
-    return [name for name in files.names if name.endswith(".model")]
 
 
 def _model(data: bytes, assets: Assets) -> Element:
@@ -84,16 +68,14 @@ def _model(data: bytes, assets: Assets) -> Element:
         if event == "start":  # of the root
             break
         spaces |= [value]
-    for prefix in (root.get("requiredextensions") or "").split():
-        space = spaces.get(prefix, prefix)
+    for space in [spaces.get(p, p) for p in (root.get("requiredextensions") or "").split()]:
         if not any(name in space for name in _READ):
             raise DamagedError(f"it needs the extension {space!r}, which is not read")
     if any(element.get("pid") for element in root.iter()):
         assets.warn("colours and textures of 3MF not read")
     for shape in root.iterfind("resources/object"):
-        for key, value in shape.attrib.items():
-            if key.endswith("}meshresolution") and value == "lowres":
-                assets.warn("slices of 3MF not read, the mesh is a stand-in", shape.get("id"))
+        if any(k.endswith("}meshresolution") and v == "lowres" for k, v in shape.attrib.items()):
+            assets.warn("slices of 3MF not read, the mesh is a stand-in", shape.get("id"))
         for element in (*shape, *shape.iterfind("mesh/*")):
             if element.tag not in _KNOWN:
                 assets.warn("parts of 3MF objects not read", element.tag)
