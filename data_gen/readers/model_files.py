@@ -33,14 +33,18 @@ class OverBudgetError(UnusableModelError):
     """A file asks for more than its `Budget`."""
 
 
-class Budget:
-    """What a file may ask for. Readers charge it before they do the work.
+LIMITS = {"faces": MAX_FACES, "bytes of arrays": 4 << 30, "visits of parts": 200_000}
+"""What a file may ask for, by default. A visit of a part takes some 0.1 ms."""
 
-    So a small file cannot ask for much by repeating its parts. A visit of a part takes some 0.1 ms.
+
+class Budget:
+    """What a file asks for. Readers charge it before they do the work.
+
+    So a small file cannot ask for much by repeating its parts.
     """
 
     def __init__(self, max_faces: int = MAX_FACES) -> None:
-        self.limits = {"faces": max_faces, "bytes of arrays": 4 << 30, "visits of parts": 200_000}
+        self.limits = {**LIMITS, "faces": max_faces}
         self.spent = dict.fromkeys(self.limits, 0)
 
     def charge(self, *, faces: int = 0, made: int = 0, visits: int = 0) -> None:

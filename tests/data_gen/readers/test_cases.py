@@ -3,8 +3,10 @@
 import os
 import pathlib
 
+import numpy as np
 import pytest
 from helpers.looks import BLUE, GREY, RED, WHITE, area, colours
+from helpers.refusals import all_refused
 
 from data_gen.mesh import UnusableModelError
 from data_gen.readers.load import load_model
@@ -69,17 +71,28 @@ READ = {
     "gltf/chain_300.gltf": (2, 1, {WHITE}, ""),
     "gltf/buffer_query.gltf": (2, 1, {WHITE}, ""),
     "gltf/trailing.glb": (2, 1, {WHITE}, ""),
+    "reasons/tr1.obj": (12, 22 / 9, {RED}, "opacity 0"),
+    "second/dae_transparency_alone.dae": (2, 2.5 / 9, {(0.64, 0.2, 0.2)}, ""),
+    "second/mtl_d0_everywhere.obj": (1, 0.5, {(0.8, 0, 0)}, "opacity 0"),
+    "second/obj_usemtl_without_name.obj": (2, 1, {RED, GREY}, ""),
+    "second/off_faces_over_lines.off": (3, 1.5, {GREY}, ""),
+    "second/3mf_root_custom_ending.3mf": (4, 1, {GREY}, ""),
+    "second/dae_own_name_in_url.dae": (2, 2.5 / 9, {GREY}, "'m'"),
+    "second/dae_lookat.dae": (2, 2.5 / 9, {GREY}, "'m'"),
+    "second/zae_manifest.zae": (2, 2.5 / 9, {GREY}, "'m'"),
+    "second/dae_up_axis_of_visual_scene.dae": (2, 2.5 / 9, {GREY}, "'m'"),
 }
 
-REFUSED = {
-    "ply/truncated.ply": "4 announced, 1 there",
-    "gltf/draco_mixed.gltf": "KHR_draco_mesh_compression",
-    "reasons/draco.gltf": "KHR_draco_mesh_compression",
-    "reasons/v1.gltf": "glTF 1.0",
-    "reasons/lfs.obj": "Git LFS pointer",
-    "reasons/zeroidx.obj": "index 0, but 1 is the first",
-    "reasons/tr1.obj": "all faces are transparent, opacity 0 of material 'a'",
-}
+REFUSED = (
+    ("ply/truncated.ply", "4 announced, 1"),
+    ("gltf/draco_mixed.gltf", "KHR_draco_mesh_compression"),
+    ("reasons/draco.gltf", "KHR_draco_mesh_compression"),
+    ("reasons/v1.gltf", "glTF 1.0"),
+    ("reasons/lfs.obj", "Git LFS"),
+    ("reasons/zeroidx.obj", "index 0"),
+    ("second/3mf_unknown_required.3mf", "http://example.org/volumes/2030"),
+    ("second/3mf_slices_lowres.3mf", "slice"),
+)
 
 
 @pytest.mark.parametrize("name", READ)
@@ -92,9 +105,10 @@ def test_cases_that_are_read(name):
     assert area(model) == pytest.approx(size, abs=1e-3)
     assert word in " ".join(model.warnings)
     assert word or model.warnings == ()
+    if "up_axis" in name:  # z becomes y
+        size = np.ptp(model.vertices, axis=0)
+        np.testing.assert_allclose(size / size.min(), [2, 1, 3])
 
 
-@pytest.mark.parametrize("name", REFUSED)
-def test_cases_that_are_refused(name):
-    with pytest.raises(UnusableModelError, match=REFUSED[name]):
-        load_model(CASES / name)
+def test_cases_that_are_refused():
+    all_refused(lambda name: load_model(CASES / name), UnusableModelError, REFUSED)
