@@ -4,7 +4,6 @@ The first cases have the names of public files that were read wrongly, the other
 Khronos' glTF-Sample-Assets, whose features they have.
 """
 
-import functools
 import importlib.util
 import io
 import json
@@ -81,7 +80,7 @@ def painted(g, factors=None, fields=None, **attributes):
 
 
 @case(feature="normalised and quantised numbers", faces=4, extents=(3, 1, 0))
-def quant():
+def quant(_):
     g = Gltf(extensionsRequired=["KHR_mesh_quantization"])
     wide = np.pad((SQUARE * 32767).astype("i2"), ((0, 0), (0, 1)))  # rows of 8 bytes
     view = g.bytes(wide.tobytes(), byteStride=8)
@@ -92,8 +91,7 @@ def quant():
 
 
 @case(feature="strips and fans of triangles", faces=5, area=0.5)
-def fanmix():
-    g = Gltf()
+def fanmix(g):
     fan = np.array([[0, 0, 0], [-1, 0, 0], [-1, -0.5, 0], [-1, -1, 0], [0, -1, 0]], "f4")
     return g.show([g.square(), g.square(None, fan) | {"mode": 6}]).text()
 
@@ -112,15 +110,12 @@ def draco(garbage=False):
 
 
 @case(feature="Draco", faces=4, extents=(3, 1, 0))
-def draco_mixed():
+def draco_mixed(_):
     return draco()
 
 
-UNREAD = ("extensions not read: 'KHR_texture_basisu'", "textures not readable")
-
-
-@case(feature="KTX2 textures", colours=[W, W], warns=UNREAD)
-def ktx2():
+@case(feature="KTX2 textures", colours=[W, W], warns=("extensions not read", "textures not"))
+def ktx2(_):
     g = Gltf(extensionsRequired=["KHR_texture_basisu"])
     g.show([textured(g, b"\xabKTX 20\xbb")])
     g.json["textures"] = [{"extensions": {"KHR_texture_basisu": {"source": 0}}}]
@@ -128,7 +123,7 @@ def ktx2():
 
 
 @case(feature="a byte-order mark", extents=(1, 1, 0))
-def wrong_file():
+def wrong_file(_):
     wide, g = Gltf(), Gltf()
     other = wide.show([wide.square()], scale=[5, 1, 1]).text()
     return {"chair.gltf": "\ufeff" + g.show([g.square()]).text(), "model.gltf": other}
@@ -144,7 +139,7 @@ def morphed(defaults, **node):
 
 
 @case(feature="skins", faces=4, extents=(3, 3, 0), area=4 / 9)
-def skin_scaled_joint():
+def skin_scaled_joint(_):
     g = Gltf(skins=[{"joints": [2], "inverseBindMatrices": 0}])
     g.array(np.eye(4, dtype="f4").reshape(1, 16))
     share = np.tile(np.array([[2, 0, 0, 0]], "f4"), (4, 1))
@@ -155,38 +150,30 @@ def skin_scaled_joint():
     return g.text()
 
 
-def glossy(g, image, **fields):
-    part = painted(g, fields={"extensions": {"KHR_materials_pbrSpecularGlossiness": {
-        "diffuseTexture": {"index": g.image(image)}, **fields}}}, TEXCOORD_0=CORNERS)  # fmt: skip
-    return g.show([part])
-
-
-DARK = [(0.73, 0, 0), (0, 0, 0.73)]
-
-
-@case("SpecGlossVsMetalRough", feature="specular-glossiness materials", colours=DARK)
-def specular_glossiness_with_a_palette():
+@case(feature="specular-glossiness materials", colours=[(0.73, 0, 0), (0, 0, 0.73)])
+def specular_glossiness_with_a_palette(g):
     stream = io.BytesIO()
     Image.open(io.BytesIO(RED_BLUE)).convert("P").save(stream, "PNG")
-    return glossy(Gltf(), stream.getvalue(), diffuseFactor=[0.5, 1, 0.5, 1]).text()
+    glossy = {"diffuseTexture": {"index": g.image(stream.getvalue())}}
+    glossy["diffuseFactor"] = [0.5, 1, 0.5, 1]
+    fields = {"extensions": {"KHR_materials_pbrSpecularGlossiness": glossy}}
+    return g.show([painted(g, fields=fields, TEXCOORD_0=CORNERS)]).text()
 
 
 @case(colours=[R, B])
-def data_without_base64():
-    g = Gltf()
+def data_without_base64(g):
     g.show([textured(g)])
     g.json["images"] = [{"uri": "data:image/png," + urllib.parse.quote(RED_BLUE)}]
     return g.text()
 
 
 @case(feature="bytes after the end", extents=(1, 1, 0))
-def trailing():
-    g = Gltf()
+def trailing(g):
     return {"a.glb": g.show([g.square()]).glb() + b"junkjunk"}
 
 
 @case(feature="glTF 1.0", refused="glTF 1.0, expected 2.0")
-def v1():
+def v1(_):
     return json.dumps({"asset": {"version": "1.0"}, "meshes": {"m": {"primitives": []}}})
 
 
@@ -204,14 +191,12 @@ def box(g, **attributes):
 
 
 @case("Box", faces=12, extents=(1, 1, 1), area=6)
-def box_with_normals():
-    g = Gltf()
+def box_with_normals(g):
     return {"Box.glb": g.show([box(g, NORMAL=BOX / np.float32(0.75**0.5))]).glb()}
 
 
 @case("BoxInterleaved", faces=12, area=6)
-def box_interleaved():
-    g = Gltf()
+def box_interleaved(g):
     view = g.bytes(np.hstack([BOX, BOX]).tobytes(), byteStride=24)
     for offset in (12, 0):
         g.json["accessors"].append({"bufferView": view, "byteOffset": offset, "count": 8,
@@ -220,14 +205,12 @@ def box_interleaved():
 
 
 @case("BoxTexturedNonPowerOfTwo", colours=[R, B])
-def box_textured():
-    g = Gltf()
+def box_textured(g):
     return g.show([textured(g, picture([[RED] * 3 + [BLUE] * 4] * 5))]).text()
 
 
 @case("UnicodeTest", colours=[R, B])
-def unicode_and_spaces():
-    g = Gltf()
+def unicode_and_spaces(g):
     g.show([textured(g)])
     g.json["images"] = [{"uri": "Unicode%E2%9D%A4 %E2%99%BBTexture.png"}]
     text = g.text("Unicode❤%20♻Binary.bin")
@@ -235,45 +218,33 @@ def unicode_and_spaces():
             "a b/Unicode❤ ♻Texture.png": RED_BLUE}  # fmt: skip
 
 
-@case(
-    "BoxVertexColors", feature="colours of vertices", colours=[(0.730, 0.730, 0), (0.730, 0.832, 0)]
-)
-def box_vertex_colours():
-    g = Gltf()
+@case(feature="colours of vertices", colours=[(0.730, 0.730, 0), (0.730, 0.832, 0)])
+def box_vertex_colours(g):
     paint = np.array([[1, 0, 0], [0.5, 0.5, 0], [0, 1, 0], [2.5, 0.5, -1]], "f4")
     return g.show([g.square(COLOR_0=paint)]).text()
 
 
-@case(
-    "vertex colours times a texture",
-    feature="colours of faces with a texture",
-    colours=[(0.73, 0, 0), (0, 0, 0)],
-)
-def vertex_colours_times_a_texture():
-    g = Gltf()
+@case(feature="colours of faces with a texture", colours=[(0.73, 0, 0), (0, 0, 0)])
+def vertex_colours_times_a_texture(g):
     dark = np.tile(np.array([[0.5, 1, 0, 1]], "f4"), (4, 1))
     return g.show([textured(g, COLOR_0=dark)]).text()
 
 
-@case(
-    "MultipleScenes",
-    feature="scenes other than the default",
-    warns=("scenes other than the default one not read: 1",),
-)
-def multiple_scenes():
+@case(feature="scenes other than the default", warns=("scenes other than the default",))
+def multiple_scenes(_):
     g = Gltf(scenes=[{"nodes": [0]}, {"nodes": [1]}], scene=1)
     return g.show([g.square()]).show([g.square()]).text()
 
 
 @case("MorphPrimitivesTest", feature="morph targets", faces=4, extents=(2, 1.5, 0))
-def morph_primitives():
+def morph_primitives(_):
     g = morphed([0.5, 0])
     g.json["meshes"][0]["primitives"].append(g.square(positions=at(1)))
     return g.text()
 
 
 @case("MorphStressTest", feature="animations", warns=("animations not read",), extents=(1, 1, 0))
-def morph_stress():
+def morph_stress(_):
     g = morphed([0] * 8)
     part = g.json["meshes"][0]["primitives"][0]
     part["targets"] *= 4
@@ -282,7 +253,7 @@ def morph_stress():
 
 
 @case("SimpleSkin", extents=(1, 2, 0))
-def simple_skin():
+def simple_skin(_):
     g = Gltf(skins=[{"joints": [1, 2], "inverseBindMatrices": 0}])
     bind = np.tile(np.eye(4, dtype="f4"), (2, 1, 1))
     bind[1, 3, 1] = -1  # column after column: y - 1
@@ -298,7 +269,7 @@ def simple_skin():
 
 
 @case(extents=(1, 3, 0))
-def eight_joints():
+def eight_joints(_):
     g = Gltf(skins=[{"joints": [1, 2]}])
     one, zero = np.eye(4, dtype="f4")[[0] * 4], np.zeros((4, 4), "u1")
     # The upper corners take two halves of joints in both sets.
@@ -311,8 +282,7 @@ def eight_joints():
 
 
 @case("SimpleSparseAccessor", feature="sparse accessors", faces=4, area=1)
-def sparse():
-    g = Gltf()
+def sparse(g):
     change = {"count": 2, "indices": {"bufferView": g.bytes(bytes([2, 3])), "componentType": 5121},
               "values": {"bufferView": g.bytes((2 * SQUARE[2:]).tobytes())}}  # fmt: skip
     flat = g.array(SQUARE * np.float32([1, 0, 0]), sparse=change)
@@ -324,7 +294,7 @@ def sparse():
 
 
 @case("SimpleInstancing", feature="instances", faces=6, extents=(6, 2, 0))
-def instances():
+def instances(_):
     g = Gltf(extensionsRequired=["EXT_mesh_gpu_instancing"])
     moves = np.array([[0, 0, 0], [2, 0, 0], [6, 0, 0]], "f4")
     scales = np.array([[1, 1, 1], [1, 1, 1], [-1, 2, 1]], "f4")
@@ -334,7 +304,7 @@ def instances():
 
 
 @case(faces=6, extents=(6, 6, 0), colours=[R, B] * 3)
-def quantised_coordinates_and_turned_instances():
+def quantised_coordinates_and_turned_instances(_):
     g = Gltf(extensionsRequired=["EXT_mesh_gpu_instancing", "KHR_mesh_quantization"])
     turns = np.array([[0, 0, 0, 127], [0, 0, 90, 90], [0, 0, 127, 0]], "i1")
     moves = {"TRANSLATION": g.array(np.array([[1, 0, 0], [0, 1, 0], [-1, -1, 0]], "f4"))}
@@ -346,8 +316,7 @@ def quantised_coordinates_and_turned_instances():
 
 
 @case("MultiUVTest", feature="several sets of texture coordinates", faces=4, colours=[R, B, B, R])
-def multi_uv():
-    g = Gltf()
+def multi_uv(g):
     first = textured(g, TEXCOORD_1=ASIDE)
     second = textured(g, texture={"texCoord": 1}, positions=at(2),
                       TEXCOORD_1=ASIDE)  # fmt: skip
@@ -368,7 +337,9 @@ for way, wrap, start, shown in (
     ("repeat", 10497, 1.1, R), ("clamp", 33071, 1.3, W), ("clamp below", 33071, -2.7, R),
     ("mirror", 33648, 1.3, B),
 ):  # fmt: skip
-    case(f"TextureSettingsTest: {way}", colours=[shown] * 2)(functools.partial(beyond, wrap, start))
+    case(f"TextureSettingsTest: {way}", colours=[shown] * 2)(
+        lambda _, wrap=wrap, start=start: beyond(wrap, start)
+    )
 
 
 # Its four quarters, and coordinates at a point of the first.
@@ -393,11 +364,11 @@ for name, shown, *how in (
     ("TextureTransformMultiTest", B, {"texCoord": 1}),
     ("TextureCoordinateTest", G, {}, (0.75, 0.25)),  # the first row is at v = 0, above
 ):
-    case(name, colours=[shown] * 2)(functools.partial(transformed, *how))
+    case(name, colours=[shown] * 2)(lambda _, how=how: transformed(*how))
 
 
 @case("AlphaBlendModeTest", feature="transparency", faces=8, opacities=[1, 1, 0.4, 0.4, 1, 1, 1, 1])
-def alpha_modes():
+def alpha_modes(_):
     g, parts = Gltf(), []
     modes = ({}, {"alphaMode": "BLEND"}, {"alphaMode": "MASK", "alphaCutoff": 0.3},
              {"alphaMode": "OPAQUE", "doubleSided": True})  # fmt: skip
@@ -407,15 +378,14 @@ def alpha_modes():
 
 
 @case("CompareAlphaCoverage", opacities=[0, 1])
-def alpha_mask():
-    g = Gltf()
+def alpha_mask(g):
     part = textured(g, picture([[(*RED, 100), (*BLUE, 200)]]))
     g.json["materials"][0]["alphaMode"] = "MASK"
     return g.show([part]).text()
 
 
 @case("UnlitTest", feature="unlit materials", colours=[(1, 0.73, 0), (1, 0.73, 0)])
-def unlit():
+def unlit(_):
     g = Gltf(extensionsUsed=["KHR_materials_unlit"])
     bare = {"extensions": {"KHR_materials_unlit": {}}}
     return g.show([painted(g, {"baseColorFactor": [1, 0.5, 0, 1]}, bare)]).text()
@@ -423,8 +393,7 @@ def unlit():
 
 @case("NormalTangentTest", feature="normal maps, emission, maps of roughness", colours=[R, B],
       warns=("parts of materials not read: normalTexture, emissiveFactor, me",))  # fmt: skip
-def normal_map():
-    g = Gltf()
+def normal_map(g):
     part = textured(g)
     g.json["materials"][0] |= {"normalTexture": {"index": 0}, "emissiveFactor": [0, 0, 1]}
     g.json["materials"][0]["pbrMetallicRoughness"]["metallicRoughnessTexture"] = {"index": 0}
@@ -432,21 +401,15 @@ def normal_map():
 
 
 @case("WebP", feature="WebP textures", colours=[R, B])
-def webp():
+def webp(_):
     g = Gltf(extensionsRequired=["EXT_texture_webp"])
     g.show([textured(g, picture([[RED, BLUE]], "WEBP", lossless=True))])
     g.json["textures"] = [{"extensions": {"EXT_texture_webp": {"source": 0}}}]
     return g.text()
 
 
-@case(
-    "MeshPrimitiveModes",
-    feature="lines and points",
-    faces=7,
-    warns=("lines, points and primitives without positions",),
-)
-def modes():
-    g = Gltf()
+@case(feature="lines and points", faces=7, warns=("lines, points",))
+def modes(g):
     strip = g.square(np.array([0, 1, 2, 3], "u1"))  # (0 1 2) (2 1 3)
     fan = g.square(np.array([0, 1, 3, 2], "u4"))
     longer = np.vstack([SQUARE, [[0, 2, 0]]]).astype("f4")
@@ -476,14 +439,14 @@ def packed_by_meshopt(mode="ATTRIBUTES"):
 
 
 @case("MeshoptCubeTest", feature="meshopt", area=1)
-def meshopt():
+def meshopt(_):
     return packed_by_meshopt()
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_case(write, name):
     make, expected = CASES[name]
-    content = make()
+    content = make(Gltf())
     files = content if isinstance(content, dict) else {f"{name}.gltf": content}
     first, *_ = [write(file, data) for file, data in files.items()]
     if "refused" in expected:
@@ -569,7 +532,7 @@ def test_files_that_are_refused_with_the_reason(write):
         (changed().replace('"count": 4', '"count": NaN'), "JSON", "NaN"),
         ("[" * 100 + "]" * 100, "JSON", "64"),
         ("nonsense", "JSON", "line 1, column 1"),
-        (CASES["skin_scaled_joint"][0]().replace("WEIGHTS", "W"), "primitives[0]", "WEIGHTS_0"),
+        (skin_scaled_joint(0).replace("WEIGHTS", "W"), "primitives[0]", "WEIGHTS_0"),
         ("[]", "JSON"),
         ("{}", "asset.version", "2.0"),
         (draco(garbage=True), "KHR_draco_mesh_compression"),
@@ -628,17 +591,17 @@ def test_features_are_read_as_the_table_says(write):
     for feature, name in FEATURES.items():
         if feature in found:
             continue
-        content = CASES[name][0]()
+        content = CASES[name][0](Gltf())
         files = content if isinstance(content, dict) else {"a.gltf": content}
         first, *_ = [write(file, data) for file, data in files.items()]
         found[feature] = outcome(first)
     for feature, text in {
         "faces with missing vertices": LOST,
-        "missing textures": box_textured().replace(
+        "missing textures": box_textured(Gltf()).replace(
             '"bufferView": 0, "mimeType"', '"uri": "gone.png", "a"'
         ),
         "coordinates that are not finite": INFINITE,
-        "cut-off files": box_textured()[:-100],
+        "cut-off files": box_textured(Gltf())[:-100],
         "extensions that a file requires and we do not read": changed(extensionsRequired=["A_b"]),
     }.items():
         found[feature] = outcome(write("a.gltf", text))

@@ -12,7 +12,6 @@ from data_gen.readers import textures
 from data_gen.readers.load import load_model
 from data_gen.readers.model_files import FolderFiles
 from data_gen.readers.obj import _blocks, read_obj
-from data_gen.surface import sample_surface
 
 
 @pytest.mark.parametrize("line", ["v {} 0 0", "vt {} 0", "vn {} 0 0"])
@@ -93,55 +92,35 @@ def test_features_are_read_as_the_table_says(write):
 
 
 def test_materials_and_missing_files(write):
-    mtl = """\
-newmtl red paint
-Kd 1 0 0
-Ks .5 .5 .5
-Ns 80
-newmtl glass
-Kd 0 0 1
-d 0.3
-newmtl clear
-Tr 0.6
-newmtl picture
-Kd 0 0 0
-map_Kd -s 1 1 1 -o 0.5 some folder\\my picture.png
-newmtl leaf
-map_Kd my picture.png
-map_d holes.png
-newmtl no picture
-Kd 0 0 0
-map_Kd ../../../../etc/passwd
-newmtl plain
-Kd .1 .2 .3
-map_Kd gone.jpg
-"""
-    names = ["red paint", "glass", "clear", "picture", "leaf", "no picture", "plain", "nothing"]
-    sides = [*QUADS[:4], "3 4 8", "3 8 7", "4 1 5", "4 5 8"]
-    body = "".join(f"usemtl {n}\nf {side}\n" for n, side in zip(names, sides, strict=True))
+    materials = {
+        "red paint": "Kd 1 0 0\nKs .5 .5 .5\nNs 80",
+        "glass": "Kd 0 0 1\nd 0.3",
+        "clear": "Tr 0.6",
+        "picture": "Kd 0 0 0\nmap_Kd -s 1 1 1 -o 0.5 some folder\\my picture.png",
+        "leaf": "map_Kd my picture.png\nmap_d holes.png",
+        "no picture": "Kd 0 0 0\nmap_Kd ../../../../etc/passwd",
+        "plain": "Kd .1 .2 .3\nmap_Kd gone.jpg",
+    }
     write("my picture.png", png((10, 20, 30)))
     write("holes.png", png(0, mode="L"))
-    write("things.mtl", mtl)
-    model = load_model(write("a.obj", "mtllib things.mtl\nmtllib gone.mtl\n" + CUBE + body))
+    write("m.mtl", "".join(f"newmtl {name}\n{text}\n" for name, text in materials.items()))
+    sides = [*QUADS[:4], "3 4 8", "3 8 7", "4 1 5", "4 5 8"]
+    names = [*materials, "nothing"]
+    body = "".join(f"usemtl {n}\nf {side}\n" for n, side in zip(names, sides, strict=True))
+    model = load_model(write("a.obj", f"mtllib m.mtl\nmtllib gone.mtl\n{CUBE}{body}"))
     by_name = {m.name: m for m in model.materials}
     red = by_name["red paint"]
     assert (red.diffuse, red.specular, red.shininess) == ((1, 0, 0), (0.5, 0.5, 0.5), 80)
-    assert by_name["glass"].opacity == pytest.approx(0.3)
-    assert by_name["clear"].opacity == pytest.approx(0.4)
+    assert [by_name[n].opacity for n in ("glass", "clear")] == pytest.approx([0.3, 0.4])
     assert by_name["picture"].diffuse == (1, 1, 1)
     assert by_name["picture"].texture[0, 0].tolist() == [10, 20, 30, 255]
     assert by_name["leaf"].texture[0, 0].tolist() == [10, 20, 30, 0]
     assert by_name["no picture"].texture is None
     assert by_name["no picture"].diffuse == (0.6, 0.6, 0.6)
     assert by_name["plain"].diffuse == (0.1, 0.2, 0.3)
-    assert "materials missing, grey is used: 'nothing'" in model.warnings
-    missing = "'../../../../etc/passwd', 'gone.jpg'"
-    assert f"textures missing, the plain colour is used: {missing}" in model.warnings
-    assert "texture coordinates missing, 0 is used: 'picture', 'leaf'" in model.warnings
     assert len(model.warnings) == len({kind_of_warning(w) for w in model.warnings}) == 4
-    sample = sample_surface(model, 500, 0)
-    names_of_points = {model.materials[i].name for i in model.face_material[sample.face]}
-    assert names_of_points == set(names) - {"leaf"}
+    for word in ("'nothing'", "gone.mtl", "etc/passwd', 'gone.jpg'", "'picture', 'leaf'"):
+        assert word in " ".join(model.warnings)
 
 
 @pytest.mark.parametrize("name", ["looks/c.mtl", r".\my chair.mtl", r"looks\my chair.mtl"])
