@@ -104,14 +104,11 @@ def _cross(o: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def triangles(
-    counts: np.ndarray,
-    corners: np.ndarray,
-    vertices: np.ndarray,
-    charge: Callable[..., object] = lambda made: None,
+    counts: np.ndarray, corners: np.ndarray, vertices: np.ndarray, charge: Callable[..., object]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Triangulates polygons with `counts` [P] corners. `corners` [C] are indices of vertices.
 
-    `charge(made=BYTES)` may refuse the memory that concave polygons pass through.
+    `charge(made=BYTES)` may refuse the work of concave polygons, see `model_files.Budget`.
 
     Returns:
       Indices [T, 3] of `corners`, and the polygon of each triangle [T].

@@ -27,9 +27,7 @@ def read_3mf(data: bytes, assets: Assets) -> list[Part]:
     roots = models
     if "_rels/.rels" in files.names:
         relations = parsed_xml(files.read("_rels/.rels"), assets)
-        targets = [
-            e.get("Target") or "" for e in relations if (e.get("Type") or "").endswith("/3dmodel")
-        ]
+        targets = [e.get("Target", "") for e in relations if e.get("Type", "").endswith("/3dmodel")]
         paths = [posixpath.normpath(urllib.parse.unquote(t)).lstrip("/") for t in targets]
         roots = [place for path in paths if (place := files.find(path))] or models
     objects: dict[tuple[str, str | None], Element] = {}
@@ -41,10 +39,12 @@ def read_3mf(data: bytes, assets: Assets) -> list[Part]:
     if not objects:
         raise DamagedError("it contains no .model file with objects")
     parts: list[Part] = []
-    mesh_of = functools.cache(_mesh)
+    content_of = functools.cache(lambda e: (_mesh(e), e.findall("components/component")))
     while stack:
         name, instance, matrix = stack.pop()
-        if words := (instance.get("transform") or "").split():  # in the order of columns
+        text = instance.get("transform", "")
+        assets.budget.charge(visits=1, made=64 * len(instance.attrib) + 16 * len(text))
+        if words := text.split():  # in the order of columns
             matrix = matrix @ np.vstack([numbers(words).reshape(4, 3).T, [0, 0, 0, 1]])
         paths = [v for k, v in instance.attrib.items() if k.endswith("}path")]
         path = (paths or [name])[0].lstrip("/")
@@ -52,9 +52,8 @@ def read_3mf(data: bytes, assets: Assets) -> list[Part]:
         if shape is None:
             assets.warn("objects of 3MF missing", instance.get("objectid"))
             continue
-        inner = shape.findall("components/component")
-        mesh = mesh_of(shape)
-        assets.budget.charge(visits=1 + len(inner), faces=len(mesh.counts))
+        mesh, inner = content_of(shape)
+        assets.budget.charge(visits=len(inner), faces=len(mesh.counts))
         stack += [(path, component, matrix) for component in inner]
         if len(mesh.counts):
             parts.append(placed(mesh, matrix[None]))
