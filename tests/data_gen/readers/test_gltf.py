@@ -109,9 +109,7 @@ def draco(garbage=False):
     return g.show([g.square(), packed]).text()
 
 
-@case(feature="Draco", faces=4, extents=(3, 1, 0))
-def draco_mixed(_):
-    return draco()
+case("draco_mixed", "Draco", faces=4, extents=(3, 1, 0))(lambda _: draco())
 
 
 @case(feature="KTX2 textures", colours=[W, W], warns=("extensions not read", "textures not"))
@@ -167,15 +165,12 @@ def data_without_base64(g):
     return g.text()
 
 
-@case(feature="bytes after the end", extents=(1, 1, 0))
-def trailing(g):
-    return {"a.glb": g.show([g.square()]).glb() + b"junkjunk"}
-
-
-@case(feature="glTF 1.0", refused="glTF 1.0, expected 2.0")
-def v1(_):
-    return json.dumps({"asset": {"version": "1.0"}, "meshes": {"m": {"primitives": []}}})
-
+case("trailing", "bytes after the end", extents=(1, 1, 0))(
+    lambda g: {"a.glb": g.show([g.square()]).glb() + b"junkjunk"}
+)
+case("v1", "glTF 1.0", refused="glTF 1.0")(
+    lambda _: json.dumps({"asset": {"version": "1.0"}, "meshes": {"m": {"primitives": []}}})
+)
 
 # --- Models of glTF-Sample-Assets ---------------------------------------------------------------
 
@@ -188,11 +183,6 @@ BOX_FACES = SIDES[:, [0, 1, 2, 0, 2, 3]].astype("u2")
 
 def box(g, **attributes):
     return g.square(BOX_FACES.ravel(), BOX, **attributes)
-
-
-@case("Box", faces=12, extents=(1, 1, 1), area=6)
-def box_with_normals(g):
-    return {"Box.glb": g.show([box(g, NORMAL=BOX / np.float32(0.75**0.5))]).glb()}
 
 
 @case("BoxInterleaved", faces=12, area=6)
@@ -371,9 +361,13 @@ def alpha_mask(g):
     return g.show([part]).text()
 
 
+case("the alpha of an opaque texture", opacities=[1, 1])(
+    lambda g: g.show([textured(g, picture([[(*RED, 0), (*BLUE, 200)]]))]).text()
+)
+
+
 @case("UnlitTest", feature="unlit materials", colours=[(1, 0.73, 0), (1, 0.73, 0)])
-def unlit(_):
-    g = Gltf(extensionsUsed=["KHR_materials_unlit"])
+def unlit(g):
     bare = {"extensions": {"KHR_materials_unlit": {}}}
     return g.show([painted(g, {"baseColorFactor": [1, 0.5, 0, 1]}, bare)]).text()
 
@@ -425,9 +419,7 @@ def packed_by_meshopt(mode="ATTRIBUTES"):
     return g.show([part]).text()
 
 
-@case("MeshoptCubeTest", feature="meshopt", area=1)
-def meshopt(_):
-    return packed_by_meshopt()
+case("MeshoptCubeTest", "meshopt", area=1)(lambda _: packed_by_meshopt())
 
 
 @pytest.mark.parametrize("name", CASES)
