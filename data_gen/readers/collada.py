@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from data_gen.mesh import GREY, UnusableModelError, unit_vectors
 from data_gen.polygons import fan, strip, with_holes
 from data_gen.readers.model_files import DamagedError, ZipFiles, check_size, numbers
-from data_gen.readers.parts import Look, Part, material, picked, placed, rgba
+from data_gen.readers.parts import Look, Part, material, picked, rgba, transformed
 from data_gen.readers.textures import MISSING_TEXTURE, NO_COORDINATES, Assets
 
 MAX_XML_BYTES = 64 << 20
@@ -247,7 +247,7 @@ class _Document:
             elif primitive.tag in ("triangles", "polylist", "polygons", "tristrips", "trifans"):
                 self.assets.budget.charge(visits=1)
                 with self.left_out(geometry):
-                    parts.append(placed(self.part(primitive, bound), matrix[None]))
+                    parts.append(transformed(self.part(primitive, bound), matrix[None]))
         return parts
 
     def part(self, primitive: Element, bound: dict[str | None, Element]) -> Part:

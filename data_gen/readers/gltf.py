@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from data_gen.polygons import fan, strip
 from data_gen.readers.gltf_file import DRACO, MESHOPT, Document, Object, as_floats, by_draco
 from data_gen.readers.model_files import DamagedError
-from data_gen.readers.parts import Look, Part, material, placed
+from data_gen.readers.parts import Look, Part, material, transformed
 from data_gen.readers.textures import BROKEN_TEXTURE, NO_COORDINATES, Assets
 
 _INSTANCES = "EXT_mesh_gpu_instancing"
@@ -40,7 +40,7 @@ def read_gltf(data: bytes, assets: Assets) -> list[Part]:
     return list(_Scene(Document(data, assets)).parts())
 
 
-class _Surface(NamedTuple):
+class _GltfLook(NamedTuple):
     """A material of glTF.
 
     Attributes:
@@ -101,7 +101,7 @@ class _Scene:
 
     def __init__(self, file: Document) -> None:
         self.file, self.root, self.assets = file, file.root, file.assets
-        self.surfaces: dict[int, _Surface] = {}
+        self.looks: dict[int, _GltfLook] = {}
         self.pictures: dict[tuple[int, float], np.ndarray] = {}
         required = self.root.values("extensionsRequired", str)
         for name in dict.fromkeys(required + self.root.values("extensionsUsed", str)):
@@ -206,12 +206,12 @@ class _Scene:
             what = "without positions" if 4 <= mode <= 6 else f"of mode {mode}"
             self.assets.warn("lines, points and primitives without positions dropped", what)
             return
-        surface = self.surface(part.get("material", -1))
+        own = self.look(part.get("material", -1))
         widths = {"POSITION": (3,), "NORMAL": (3,), "COLOR_0": (3, 4)}
         skinned = [k for k in "01" if joints is not None and f"JOINTS_{k}" in attributes]
         widths |= {f"{name}_{k}": (4,) for k in skinned for name in ("JOINTS", "WEIGHTS")}
-        coordinates = f"TEXCOORD_{surface.uv_set}"
-        if surface.look.material.texture is not None:
+        coordinates = f"TEXCOORD_{own.uv_set}"
+        if own.look.material.texture is not None:
             widths[coordinates] = (2,)
             if coordinates not in attributes:
                 self.assets.warn(NO_COORDINATES, coordinates)
@@ -265,24 +265,24 @@ class _Scene:
         colours, corners = None, faces.ravel()
         if "COLOR_0" in arrays:
             linear = np.nan_to_num(values("COLOR_0", fractions=True)).clip(0, 1)
-            colours = np.repeat(surface.colours(linear[faces].mean(axis=1)), 3, axis=0)
+            colours = np.repeat(own.colours(linear[faces].mean(axis=1)), 3, axis=0)
         uv = (values(coordinates) * [1, -1] + [0, 1])[corners] if coordinates in arrays else None
         normals = values("NORMAL")[corners] if "NORMAL" in arrays else None
-        result = Part(values("POSITION"), np.full(len(faces), 3), corners, (surface.look,),
+        result = Part(values("POSITION"), np.full(len(faces), 3), corners, (own.look,),
                       uv=uv, normals=normals, colours=colours)  # fmt: skip
         if joints is not None and skinned:
             index = np.concatenate([values(f"JOINTS_{k}") for k in skinned], axis=1)
             share = [values(f"WEIGHTS_{k}", fractions=True) for k in skinned]
-            yield placed(result, _skinning(joints, index, np.concatenate(share, axis=1)))
+            yield transformed(result, _skinning(joints, index, np.concatenate(share, axis=1)))
         else:
-            yield from (placed(result, matrix[None]) for matrix in matrices)
+            yield from (transformed(result, matrix[None]) for matrix in matrices)
 
     # --- Materials ------------------------------------------------------------------------------
 
-    def surface(self, index: int) -> _Surface:
+    def look(self, index: int) -> _GltfLook:
         """A material; -1 = the default material."""
-        if index in self.surfaces:
-            return self.surfaces[index]
+        if index in self.looks:
+            return self.looks[index]
         fields = Object({}) if index < 0 else self.root.item("materials", index)
         glossy = fields.extension("KHR_materials_pbrSpecularGlossiness")
         source = glossy or fields.object("pbrMetallicRoughness")
@@ -319,7 +319,7 @@ class _Scene:
         name = fields.get("name", "")
         made = material(diffuse, shine * specular, shininess, opacity, texture, name)
         look = Look(made, uv_matrix, wraps, tinted=True)
-        return self.surfaces.setdefault(index, _Surface(look, uv_set, least))
+        return self.looks.setdefault(index, _GltfLook(look, uv_set, least))
 
     def texture(
         self, of_material: Object, slot: str, least: float | None
@@ -354,7 +354,7 @@ class _Scene:
         return self.picture(source.get("source", int), least), matrix, (wraps[0], wraps[1]), uv_set
 
     def picture(self, index: int, least: float | None) -> np.ndarray | None:
-        """An image with the alpha of `_Surface.least`: 0 or 1, or unchanged if that is None."""
+        """An image with the alpha of `_GltfLook.least`: 0 or 1, or unchanged if that is None."""
         fields = self.root.item("images", index)
         picture = self.assets.decoded(
             ("image", index), fields.path, lambda: self.file.image(fields)

@@ -77,7 +77,7 @@ def material(
     return Material((r, g, b), (x, y, z), shininess, opacity, texture, one_line(name))
 
 
-def placed(part: Part, matrices: np.ndarray) -> Part:
+def transformed(part: Part, matrices: np.ndarray) -> Part:
     """The part transformed by a matrix for each vertex, [V, 4, 4], or for all, [1, 4, 4].
 
     We reverse polygons if the matrices of all their corners mirror.

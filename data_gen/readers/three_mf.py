@@ -11,7 +11,7 @@ import numpy as np
 
 from data_gen.readers.collada import MAX_XML_BYTES, parsed_xml
 from data_gen.readers.model_files import DamagedError, ZipFiles, numbers
-from data_gen.readers.parts import Part, placed
+from data_gen.readers.parts import Part, transformed
 from data_gen.readers.textures import Assets
 
 # Of extensions that a file may require: without colours and names of faces, the surface is right.
@@ -56,7 +56,7 @@ def read_3mf(data: bytes, assets: Assets) -> list[Part]:
         assets.budget.charge(visits=len(inner), faces=len(mesh.counts))
         stack += [(path, component, matrix) for component in inner]
         if len(mesh.counts):
-            parts.append(placed(mesh, matrix[None]))
+            parts.append(transformed(mesh, matrix[None]))
     return parts
 
 

@@ -10,7 +10,7 @@ from helpers.refusals import all_refused, check_message
 from data_gen.mesh import UnusableModelError
 from data_gen.readers import collada
 from data_gen.readers.load import load_model
-from data_gen.readers.parts import Part, placed
+from data_gen.readers.parts import Part, transformed
 
 HALVES = "<triangles count='2' material='m'>{inputs}<p>{p}</p></triangles>"
 VERTEX = "<input semantic='VERTEX' source='#v' offset='0'/>"
@@ -229,7 +229,7 @@ def test_collada_nothing_vanishes(write):
 
 def test_primitives_that_share_an_array_keep_what_they_use(rng):
     points, corners = rng.random((100, 3)), np.array([7, 99, 3, 7, -1, 100])
-    part = placed(Part(points, np.array([3, 3]), corners), np.eye(4)[None])
+    part = transformed(Part(points, np.array([3, 3]), corners), np.eye(4)[None])
     np.testing.assert_array_equal(part.vertices, points[[3, 7, 99]])
     assert part.corners.tolist() == [1, 2, 0, 1, -1, -1]
 
