@@ -45,7 +45,8 @@ def parsed_xml(data: bytes, assets: Assets) -> Element:
     """The root of an XML file. We remove namespaces from tags, because some files have none."""
     check_size("the XML file", len(data), MAX_XML_BYTES)
     assets.budget.charge(made=32 * len(data))
-    if re.search(rb"<!(ENTITY|ATTLIST)", data.replace(b"\0", b"")):  # UTF-16 has zeros
+    text = data.replace(b"\0", b"")  # UTF-16 has zeros
+    if b"<!ENTITY" in text or b"<!ATTLIST" in text:
         raise UnusableModelError("XML entities and default attributes are refused")
     try:
         root = ElementTree.fromstring(data.lstrip())
@@ -267,7 +268,8 @@ class _Document:
             raise DamagedError("no positions")
         at, url = inputs["POSITION", "0"]
         positions = self.source(url, 2)[:, :3]
-        positions = np.pad(positions, ((0, 0), (0, 3 - positions.shape[1])))
+        if positions.shape[1] == 2:
+            positions = np.pad(positions, ((0, 0), (0, 1)))
         counts, rows = _polygons(primitive, stride, at, positions, self.assets)
         self.assets.budget.charge(faces=np.maximum(counts - 2, 0).sum())
 

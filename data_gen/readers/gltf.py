@@ -234,8 +234,7 @@ class _Scene:
         total = len(arrays["POSITION"][0])
         count = total if corners is None else len(corners)
         copies = 1 if skinned else len(matrices)
-        number = count // 3 if mode == 4 else max(count - 2, 0)
-        self.assets.budget.charge(faces=number * copies)
+        self.assets.budget.charge(faces=(count // 3 if mode == 4 else max(count - 2, 0)) * copies)
         if mode == 4 and count % 3:
             self.assets.warn("corners after the last whole triangle dropped", count % 3)
         faces = _triangles(mode, np.arange(count) if corners is None else corners.astype(np.int64))

@@ -81,7 +81,6 @@ def _read_libraries(line: str, assets: Assets, seen: set[str]) -> dict[str, Look
         if name in seen:
             continue
         seen.add(name)
-        assets.budget.charge(visits=1)
         try:
             library = assets.open(name)
             if why := reason(library):

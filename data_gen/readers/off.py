@@ -58,7 +58,7 @@ def read_off(data: bytes, assets: Assets) -> list[Part]:
             raise DamagedError("lines of vertices differ in length")
     else:
         rows, lines = lines[:points], lines[points:]
-        if any(len(words) <= _count(words[0]) for words in lines[:faces]):
+        if len(lines) > faces and any(len(w) <= _count(w[0]) for w in lines[:faces]):
             pieces, lines = lines, []
             for words in pieces:  # a face may go over several lines, its colour ends with a line
                 if lines and len(lines[-1]) <= _count(lines[-1][0]):

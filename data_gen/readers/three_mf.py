@@ -63,11 +63,13 @@ def read_3mf(data: bytes, assets: Assets) -> list[Part]:
 def _model(data: bytes, assets: Assets) -> Element:
     """The root of a .model file. We refuse or name what we do not read."""
     root, spaces = parsed_xml(data, assets), dict[str, str]()
-    for event, value in ElementTree.iterparse(io.BytesIO(data.lstrip()), ("start-ns", "start")):
+    required = root.get("requiredextensions", "").split()
+    events = ElementTree.iterparse(io.BytesIO(data.lstrip()), ("start-ns", "start"))
+    for event, value in events if required else ():
         if event == "start":  # of the root
             break
         spaces |= [value]
-    for space in [spaces.get(p, p) for p in (root.get("requiredextensions") or "").split()]:
+    for space in [spaces.get(prefix, prefix) for prefix in required]:
         if not any(name in space for name in _READ):
             raise DamagedError(f"it needs the extension {space!r}, which is not read")
     if any(element.get("pid") for element in root.iter()):

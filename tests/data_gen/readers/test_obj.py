@@ -52,10 +52,6 @@ def test_blocks_of_lines_do_not_change_the_arrays(tmp_path, monkeypatch):
         np.testing.assert_array_equal(getattr(parts, key), getattr(whole, key))
 
 
-# An L of area 3 in a square of edge 2, and a frame in a square of edge 4 around a window of edge 2.
-L = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
-
-
 def test_features_are_read_as_the_table_says(write):
     write("m.mtl", "newmtl a\nmap_Kd gone.png\n")
     write("x.png", png((255, 0, 0)))
@@ -71,7 +67,7 @@ def test_features_are_read_as_the_table_says(write):
         return f"mtllib {name}.mtl\n{vertices}usemtl a\n{faces}"
 
     texts = {
-        "concave polygons": "".join(f"v {x} {y} 0\n" for x, y in L) + "f 1 2 3 4 5 6\n",
+        "concave polygons": "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0\nf 1 2 3 4 5 6\n",
         "faces with missing vertices": CUBE + FACES + "f 1 2 9\n",
         "missing material files": "mtllib gone.mtl\n" + CUBE + FACES,
         "missing textures": "mtllib m.mtl\n" + CUBE + "usemtl a\n" + FACES,
