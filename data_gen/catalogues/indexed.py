@@ -23,8 +23,6 @@ INDEX = "index.csv"
 
 _MAX_INDEX_BYTES = 64 << 20
 
-_COLUMNS = ("file", "category", "licence")
-
 _MAKERS: dict[str, tuple[Callable[[np.random.Generator], Material], ...]] = {
     "wood": (materials.wood,),
     "metal": (materials.metal,),
@@ -58,9 +56,9 @@ def indexed(
 
     The index is a CSV file with a heading, also as Windows programs write it: with semicolons or
     tabs, in UTF-16 or cp1252. The column `file` has the path of each mesh in the folder; this is
-    the name of the model. The column `category` is optional. Further columns, such
-    as `licence` and `author`, become parameters of the model in the records. In the files, +y is up
-    and +z the front; COLLADA files may state Z_UP.
+    the name of the model. The column `category` is optional. Further columns, such as `licence`
+    and `author`, become parameters of the model in the records, in lower case. In the files, +y is
+    up and +z the front; COLLADA files may state Z_UP.
 
     A model of a single grey gets a material that fits its category, chosen by its name. Models with
     names that differ in numbers, colours or levels of detail are in the same split.
@@ -109,8 +107,7 @@ def read_index(
         text = text.partition("\n")[2] if text[:4].lower() == "sep=" else text  # of Excel
         mark = max(",;\t", key=text.partition("\n")[0].count)
         reader = csv.reader(io.StringIO(text, newline=""), delimiter=mark, strict=True)
-        keys = [key.strip() for key in next(reader, ())]
-        keys = [low if (low := key.lower()) in _COLUMNS else key for key in keys]
+        keys = [key.strip().lower() for key in next(reader, ())]
         if "file" not in keys:
             raise ValueError("line 1: expected a heading with a column `file`")
         rows: dict[str, dict[str, str]] = {}
