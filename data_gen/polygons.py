@@ -1,6 +1,6 @@
 """Triangulation of polygons."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -104,9 +104,11 @@ def _cross(o: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def triangles(
-    counts: np.ndarray, corners: np.ndarray, vertices: np.ndarray
+    counts: np.ndarray, corners: np.ndarray, vertices: np.ndarray, charge: Callable[..., object]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Triangulates polygons with `counts` [P] corners. `corners` [C] are indices of vertices.
+
+    `charge(made=BYTES)` may refuse the work of concave polygons, see `model_files.Budget`.
 
     Returns:
       Indices [T, 3] of `corners`, and the polygon of each triangle [T].
@@ -124,6 +126,8 @@ def triangles(
         total = np.stack([np.bincount(polygon, n, len(counts)) for n in normal.T], axis=1)
         turned = (normal * total[polygon]).sum(axis=1) < 0
         concave = np.unique(polygon[turned])
+        size = counts[concave].astype(np.float64)
+        charge(made=64 * (size[size <= MOST_CORNERS] ** 2).sum())
         for size in np.unique(counts[concave]):
             if size > MOST_CORNERS:
                 break

@@ -15,7 +15,7 @@ from data_gen.readers.textures import Assets
 
 def read_raw(data: bytes, assets: Assets) -> list[Part]:
     """The triangles of a file; `assets` opens files that this one names, and takes warnings."""
-    assets.add_faces(data.count(b"\n"))
+    assets.budget.charge(faces=data.count(b"\n"))
     corners = numbers([line.split() for line in data.decode().splitlines()])
     if corners.ndim != 2 or corners.shape[1] != 9:
         raise DamagedError("expected nine numbers a line")

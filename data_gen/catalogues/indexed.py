@@ -16,7 +16,7 @@ from data_gen.catalogues.entry import Catalogue, Entry, family_of, split_of
 from data_gen.catalogues.families import kit, materials
 from data_gen.mesh import Material, Model
 from data_gen.readers.load import load_model
-from data_gen.readers.model_files import FolderFiles
+from data_gen.readers.model_files import FolderFiles, as_utf8
 from psgn_jax.system.untrusted import one_line
 
 INDEX = "index.csv"
@@ -54,10 +54,11 @@ def indexed(
 ) -> Catalogue:
     """The meshes that a file `index.csv` in a folder lists.
 
-    The index is a CSV file with a heading. The column `file` has the path of each mesh in the
-    folder; this is the name of the model. The column `category` is optional. Further columns, such
-    as `licence` and `author`, become parameters of the model in the records. In the files, +y is up
-    and +z the front; COLLADA files may state Z_UP.
+    The index is a CSV file with a heading, also as Windows programs write it: with semicolons or
+    tabs, in UTF-16 or cp1252. The column `file` has the path of each mesh in the folder; this is
+    the name of the model. The column `category` is optional. Further columns, such as `licence`
+    and `author`, become parameters of the model in the records, in lower case. In the files, +y is
+    up and +z the front; COLLADA files may state Z_UP.
 
     A model of a single grey gets a material that fits its category, chosen by its name. Models with
     names that differ in numbers, colours or levels of detail are in the same split.
@@ -98,14 +99,26 @@ def read_index(
             data = stream.read(_MAX_INDEX_BYTES + 1)
         if len(data) > _MAX_INDEX_BYTES:
             raise ValueError(f"it is larger than {_MAX_INDEX_BYTES >> 20} MB")
-        reader = csv.DictReader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
-        if "file" not in (reader.fieldnames or ()):
+        data = as_utf8(data)
+        try:
+            text = data.decode()
+        except UnicodeDecodeError:
+            text = data.decode("cp1252")
+        text = text.partition("\n")[2] if text[:4].lower() == "sep=" else text  # of Excel
+        mark = max(",;\t", key=text.partition("\n")[0].count)
+        reader = csv.reader(io.StringIO(text, newline=""), delimiter=mark, strict=True)
+        keys = [key.strip().lower() for key in next(reader, ())]
+        if "file" not in keys:
             raise ValueError("line 1: expected a heading with a column `file`")
         rows: dict[str, dict[str, str]] = {}
-        for row in reader:
-            if None in row or None in row.values() or not row["file"]:
-                expected = f"{len(reader.fieldnames or ())} values, with a path in column `file`"
+        for values in reader:
+            if not any(map(str.strip, values)):  # spreadsheets write empty rows at the end
+                continue
+            row = dict(zip(keys, values, strict=False))
+            if len(values) != len(keys) or not row["file"]:
+                expected = f"{len(keys)} values, with a path in column `file`"
                 raise ValueError(f"line {reader.line_num}: expected {expected}")
+            row["file"] = row["file"].replace("\\", "/")
             if row["file"] in rows:
                 raise ValueError(f"line {reader.line_num}: {row['file']!r} is listed twice")
             rows[row["file"]] = row

@@ -1,8 +1,10 @@
 """Catalogue of a folder of meshes in any readable format."""
 
+import collections
 import functools
 import os
 import pathlib
+from collections.abc import Sequence
 
 from absl import logging
 
@@ -11,16 +13,14 @@ from data_gen.frame import axis_vector
 from data_gen.mesh import MAX_FACES
 from data_gen.readers.load import READERS, load_model
 from data_gen.readers.model_files import FolderFiles
+from psgn_jax.system.untrusted import one_line
 
 # Formats in which z usually points up. In other formats, y does.
 _Z_UP = (".stl", ".ply", ".off", ".3mf")
 
-# Formats that we cannot read.
-_OTHERS = {".3ds", ".blend", ".fbx", ".step", ".stp", ".usd", ".usdz", ".wrl", ".x3d",
-           ".sh3f"}  # fmt: skip
-
-
-_ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".zst")
+# Formats that we cannot read, and archives.
+_OTHERS = {".3ds", ".blend", ".fbx", ".step", ".stp", ".usd", ".usdz", ".wrl", ".x3d", ".sh3f",
+           ".zip", ".7z", ".rar", ".tar", ".tgz", ".bz2", ".xz", ".zst"}  # fmt: skip
 
 
 def _ending(name: str) -> str:
@@ -28,10 +28,11 @@ def _ending(name: str) -> str:
     return pathlib.PurePosixPath(name.lower().removesuffix(".gz")).suffix
 
 
-def find_meshes(source: str | os.PathLike[str]) -> tuple[list[str], list[str]]:
-    """The mesh files below a folder, sorted, and the folders outside of it to which links lead.
+def find_meshes(source: str | os.PathLike[str], linked: Sequence[str] = ()) -> list[str]:
+    """The mesh files below a folder, sorted; a warning names what we leave out.
 
-    We follow links to folders, and enter each folder once.
+    We follow a link to a folder below the source or below one of the folders `linked`, and enter
+    each folder once.
 
     Raises:
       ValueError: there are no mesh files.
@@ -40,40 +41,42 @@ def find_meshes(source: str | os.PathLike[str]) -> tuple[list[str], list[str]]:
     if not root.is_dir():
         raise ValueError(f"source {str(source)!r}: expected a folder of meshes")
     top = root.resolve()
-    seen, linked = {top}, []
+    homes = [pathlib.Path(folder).resolve() for folder in linked]
+    seen, outside = {top}, []
 
     def is_new(path: pathlib.Path) -> bool:
         real = path.resolve()
         if real in seen or (path.is_symlink() and real.is_relative_to(top)):
             return False
+        if path.is_symlink() and not any(real.is_relative_to(home) for home in homes):
+            outside.append(f"{path.relative_to(root)} -> {real}")
+            return False
         seen.add(real)
-        if path.is_symlink():
-            linked.append(str(real))
         return True
 
-    endings = {f".{kind}" for kind in READERS}
-    found: dict[str, list[str]] = {"meshes": [], "others": [], "archives": []}
+    meshes: list[str] = []
+    left: collections.Counter[str] = collections.Counter()
     for path, folders, files in os.walk(root, followlinks=True):
         here = pathlib.Path(path)
         folders[:] = sorted(f for f in folders if not f.startswith(".") and is_new(here / f))
         for file in files:
             ending = _ending(file)
-            kind = "meshes" if ending in endings else "others" if ending in _OTHERS else ""
-            kind = kind or "archives" * file.lower().endswith(_ARCHIVES)
-            if kind and not file.startswith("."):
-                found[kind].append((here / file).relative_to(root).as_posix())
-    left, archives = found["others"], found["archives"]
-    other = "; catalogue sh3f reads .sh3f files" * any(n.lower().endswith(".sh3f") for n in left)
-    packed = f"; {len(archives)} archives, such as {min(archives or ' ')}: unpack them"
-    packed *= bool(archives)
-    if not found["meshes"]:
-        expected = f"expected files with one of the suffixes {sorted(endings)}{other}{packed}"
-        raise ValueError(f"source {str(source)!r}: it contains no mesh, {expected}")
+            if ending[1:] in READERS and not file.startswith("."):
+                meshes.append((here / file).relative_to(root).as_posix())
+            elif ending in _OTHERS:
+                left[ending] += 1
+    if outside:
+        what = "links out of the source are left out; linked=FOLDER follows those into FOLDER: %s"
+        logging.warning(what, one_line(", ".join(sorted(outside)[:9])))
+    counts = ", ".join(f"{count} {ending}" for ending, count in sorted(left.items()))
+    counts += " (unpack archives; catalogue sh3f reads .sh3f)"
+    if not meshes:
+        expected = f"expected files with one of the suffixes {sorted(READERS)}"
+        there = f"; it has {counts}" * bool(left)
+        raise ValueError(f"source {str(source)!r}: it contains no mesh, {expected}{there}")
     if left:
-        other = f"; {len(left)} that look like models, such as {min(left)}{other}"
-    if left or archives:
-        logging.warning("files that cannot be read here are left out%s%s", other, packed)
-    return sorted(found["meshes"]), linked
+        logging.warning("files that cannot be read here are left out: %s", counts)
+    return sorted(meshes)
 
 
 def folder(
@@ -83,12 +86,12 @@ def folder(
     front: str = "auto",
     fractions: tuple[float, float, float] = FRACTIONS,
     max_faces: int = MAX_FACES,
+    linked: tuple[str, ...] = (),
 ) -> Catalogue:
     """All mesh files below a folder.
 
     `chairs/red.obj` is the model "chairs/red.obj" with the category "chairs"; files that are not in
-    a subfolder have no category. Files that a mesh refers to must be below the folder, or below a
-    folder to which a link in it leads.
+    a subfolder have no category. Files that a mesh refers to must be below the folder.
 
     Args:
       source: the folder.
@@ -98,6 +101,7 @@ def folder(
         is up.
       fractions: fractions of the models for training, validation and test, see `split_of`.
       max_faces: largest accepted number of faces of a model.
+      linked: folders outside of the source that links in it may lead to.
 
     Raises:
       ValueError: the folder is missing or contains no mesh, or an axis is wrong.
@@ -106,10 +110,9 @@ def folder(
         axis_vector(axis)
     if up != "auto" and up[1] == front[1]:
         raise ValueError(f"front {front!r}: expected a direction perpendicular to up {up!r}")
-    meshes, linked = find_meshes(source)
     files = FolderFiles(source, linked)
     entries = []
-    for file in meshes:
+    for file in find_meshes(source, linked):
         category = file.split("/")[0] if "/" in file else ""
         z_up = _ending(file) in _Z_UP
         here = ("+z" if z_up else "+y") if up == "auto" else up

@@ -8,6 +8,7 @@ import contextlib
 import io
 import posixpath
 import re
+import urllib.parse
 from collections.abc import Iterator
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -18,12 +19,10 @@ from scipy.spatial.transform import Rotation
 from data_gen.mesh import GREY, UnusableModelError, unit_vectors
 from data_gen.polygons import fan, strip, with_holes
 from data_gen.readers.model_files import DamagedError, ZipFiles, check_size, numbers
-from data_gen.readers.parts import Look, Part, material, picked, placed, rgba
-from data_gen.readers.textures import MISSING_TEXTURE, NO_COORDINATES, Assets, with_alpha
+from data_gen.readers.parts import Look, Part, material, picked, rgba, transformed
+from data_gen.readers.textures import MISSING_TEXTURE, NO_COORDINATES, Assets
 
 MAX_XML_BYTES = 64 << 20
-
-_MAX_NODES = 100_000  # a node may have several instances
 
 # Rotations of the upward axis to +y, by the name of the axis.
 _TURNS = {
@@ -42,11 +41,13 @@ _BLACK = (0.0, 0.0, 0.0)
 _PLACED = ("repeatU", "repeatV", "offsetU", "offsetV", "rotateUV", "rotateFrame")  # of Maya
 
 
-def parsed_xml(data: bytes) -> Element:
+def parsed_xml(data: bytes, assets: Assets) -> Element:
     """The root of an XML file. We remove namespaces from tags, because some files have none."""
     check_size("the XML file", len(data), MAX_XML_BYTES)
-    if b"<!ENTITY" in data.replace(b"\0", b""):  # UTF-16 has zeros
-        raise UnusableModelError("XML entities are refused")
+    assets.budget.charge(made=32 * len(data))
+    text = data.replace(b"\0", b"")  # UTF-16 has zeros
+    if b"<!ENTITY" in text or b"<!ATTLIST" in text:
+        raise UnusableModelError("XML entities and default attributes are refused")
     try:
         root = ElementTree.fromstring(data.lstrip())
     except (ElementTree.ParseError, ValueError, LookupError) as error:
@@ -58,7 +59,7 @@ def parsed_xml(data: bytes) -> Element:
 
 def read_collada(data: bytes, assets: Assets) -> list[Part]:
     """The geometries of the scene of a COLLADA file, turned to +y up."""
-    root = parsed_xml(data)
+    root = parsed_xml(data, assets)
     if root.tag != "COLLADA":
         raise DamagedError(f"it is XML with <{root.tag[:40]}>")
     parts = _Document(root, assets).parts()
@@ -68,12 +69,21 @@ def read_collada(data: bytes, assets: Assets) -> list[Part]:
 
 
 def read_zae(data: bytes, assets: Assets) -> list[Part]:
-    """The geometries of a zip archive that contains a COLLADA file and its textures."""
+    """The geometries of a zip archive of COLLADA files and their textures.
+
+    A manifest names the file that we read; without one, it is the first.
+    """
     assets.files = ZipFiles(io.BytesIO(data))
-    name = next((n for n in assets.files.names if n.lower().endswith(".dae")), None)
-    if name is None:
+    names = [n for n in assets.files.names if n.lower().endswith(".dae")]
+    if (manifest := assets.files.find("manifest.xml")) is not None:
+        text = parsed_xml(assets.files.read(manifest), assets).text or ""
+        path = posixpath.normpath(urllib.parse.unquote(text.partition("#")[0].strip()))
+        names = [found] if (found := assets.files.find(path.lstrip("/"))) else names
+    if not names:
         raise DamagedError("it contains no .dae file")
-    assets.base = posixpath.dirname(name)
+    if len(names) > 1:
+        assets.warn("no manifest names the document, the first one is read", repr(names[0]))
+    assets.base, assets.name = posixpath.split(name := names[0])
     return read_collada(assets.files.read(name), assets)
 
 
@@ -94,11 +104,6 @@ def _integer(element: Element, name: str, default: int) -> int:
     return int(text)
 
 
-def _id(url: str | None) -> str:
-    """The identifier in a URL such as `#cube`."""
-    return (url or "").strip().removeprefix("#")
-
-
 def _transform(node: Element) -> np.ndarray:
     """The product [4, 4] of a node's transforms."""
     result = np.eye(4)
@@ -115,8 +120,18 @@ def _transform(node: Element) -> np.ndarray:
                 *axis, degrees = _numbers(element, 4)
                 vector = np.radians(degrees) * unit_vectors(np.array(axis))
                 matrix[:3, :3] = Rotation.from_rotvec(vector).as_matrix()
-            case "skew" | "lookat":
-                raise DamagedError(f"<{element.tag}>")
+            case "lookat":
+                eye, interest, up = _numbers(element, 9).reshape(3, 3)
+                back = unit_vectors(eye - interest)
+                right = unit_vectors(np.cross(up, back))
+                matrix[:3] = np.stack([right, np.cross(back, right), back, eye], axis=1)
+            case "skew":  # as in RenderMan: it turns the first axis toward the second
+                degrees, *axes = _numbers(element, 7)
+                one, two = unit_vectors(np.reshape(axes, (2, 3)))
+                angle, between = np.radians(degrees), np.arccos(np.clip(one @ two, -1, 1))
+                across = unit_vectors(one - (one @ two) * two)
+                turned = np.sin(angle) / np.sin(between - angle) / np.sin(between)
+                matrix[:3, :3] += turned * np.outer(two, across)
         result = result @ matrix
     return result
 
@@ -129,18 +144,27 @@ class _Document:
         self.ids = {(e.tag, name): e for e in root.iter() if (name := e.get("id"))}
         self.looks: dict[Element, tuple[Look, str]] = {}
         self.numbers: dict[Element, np.ndarray] = {}
+        self.costs: dict[Element, int] = {}
+
+    def visit(self, element: Element) -> None:
+        """Charges what it costs to read an element with all that it contains, once more."""
+        if element not in self.costs:
+            self.costs[element] = sum(64 + 16 * len(e.text or "") for e in element.iter())
+        self.assets.budget.charge(visits=1, made=self.costs[element])
 
     def find(self, url: str | None, *tags: str) -> Element:
-        """The element that a URL names, with one of the `tags`."""
-        found = [e for tag in tags if (e := self.ids.get((tag, _id(url)))) is not None]
+        """The element with one of the `tags` and a URL such as `#cube` or `this_file.dae#cube`."""
+        text = (url or "").strip()
+        file, _, name = urllib.parse.unquote(text).rpartition("#")
+        own = posixpath.basename(file).casefold() in ("", self.assets.name.casefold())
+        names = (text, text.removeprefix("#"), name if own else "")
+        found = [e for n in names for tag in tags if (e := self.ids.get((tag, n))) is not None]
         if not found:
             raise DamagedError(f"{tags[0]} {url!r} is not in the file")
         return found[0]
 
     def parts(self) -> list[Part]:
         """All geometries of the scene, turned to +y up."""
-        axis = (self.root.findtext("asset/up_axis") or "").strip().upper()
-        turn = np.array(_TURNS.get(axis, np.eye(4)), np.float64)
         roots = scenes = self.root.findall("library_visual_scenes/visual_scene")
         if len(scenes) > 1:
             self.assets.warn("scenes other than the default one not read", len(scenes) - 1)
@@ -150,22 +174,23 @@ class _Document:
             roots = [self.find(url, "visual_scene")]
         except DamagedError:
             self.assets.warn("no scene, the first one or all geometries are read", url or "")
+        places = [*roots[:1], *self.root.iterfind("library_visual_scenes"), self.root]
+        axes = [(e.findtext("asset/up_axis") or "").strip().upper() for e in places]
+        turn = np.array(_TURNS.get(next(filter(None, axes), ""), np.eye(4)), np.float64)
         if self.root.find("library_animations/animation") is not None:
             self.assets.warn("animations not read, the pose of the nodes is taken")
         stack = [(e, turn) for e in roots[:1] or self.root.findall("library_geometries")]
         parts: list[Part] = []
-        visited = 0
         while stack:
             element, matrix = stack.pop()
-            visited += 1
-            if visited > _MAX_NODES:
-                what = f"more than {_MAX_NODES} nodes, or nodes that contain themselves"
-                raise UnusableModelError(what)
+            self.visit(element)
             with self.left_out(element):
                 match element.tag:
                     case "node" | "visual_scene" | "library_geometries":
                         matrix = matrix @ _transform(element)
-                        stack += [(e, matrix) for e in reversed(element) if e.tag in _SHOWN]
+                        shown = [e for e in reversed(element) if e.tag in _SHOWN]
+                        self.assets.budget.charge(visits=len(shown))
+                        stack += [(e, matrix) for e in shown]
                     case "instance_node":
                         stack.append((self.find(element.get("url"), "node"), matrix))
                     case "geometry":
@@ -210,6 +235,7 @@ class _Document:
 
     def instance(self, geometry: Element, element: Element, matrix: np.ndarray) -> list[Part]:
         """The polygons of an instance of a geometry."""
+        self.visit(geometry)
         mesh = geometry.find("mesh")
         if mesh is None:
             raise DamagedError(f"geometry {geometry.get('id')!r} has no <mesh>")
@@ -220,8 +246,9 @@ class _Document:
             if primitive.tag in ("lines", "linestrips"):
                 self.assets.warn("lines and points not read", geometry.get("id"))
             elif primitive.tag in ("triangles", "polylist", "polygons", "tristrips", "trifans"):
+                self.assets.budget.charge(visits=1)
                 with self.left_out(geometry):
-                    parts.append(placed(self.part(primitive, bound), matrix[None]))
+                    parts.append(transformed(self.part(primitive, bound), matrix[None]))
         return parts
 
     def part(self, primitive: Element, bound: dict[str | None, Element]) -> Part:
@@ -233,15 +260,18 @@ class _Document:
             stride = max(stride, offset + 1)
             if element.get("semantic") == "VERTEX":
                 inner = self.find(element.get("source"), "vertices").findall("input")
+                self.assets.budget.charge(made=64 * len(inner))
             for each in inner:
                 key = each.get("semantic") or "", each.get("set") or "0"
                 inputs[key] = offset, each.get("source")
         if ("POSITION", "0") not in inputs:
             raise DamagedError("no positions")
         at, url = inputs["POSITION", "0"]
-        positions = self.source(url, 3)[:, :3]
-        counts, rows = _polygons(primitive, stride, at, positions)
-        self.assets.add_faces(int(np.maximum(counts - 2, 0).sum()))
+        positions = self.source(url, 2)[:, :3]
+        if positions.shape[1] == 2:
+            positions = np.pad(positions, ((0, 0), (0, 1)))
+        counts, rows = _polygons(primitive, stride, at, positions, self.assets)
+        self.assets.budget.charge(faces=np.maximum(counts - 2, 0).sum())
 
         def of_corners(semantic: str, number: str, width: int) -> np.ndarray | None:
             if (semantic, number) not in inputs:
@@ -273,6 +303,7 @@ class _Document:
         if array is None:
             array = self.find(accessor.get("source"), "float_array")
         if array not in self.numbers:
+            self.assets.budget.charge(made=16 * len(array.text or ""))
             self.numbers[array] = _numbers(array)
         values = self.numbers[array][_integer(accessor, "offset", 0) :]
         stride = _integer(accessor, "stride", 1)
@@ -282,7 +313,10 @@ class _Document:
         table = values[: count * stride].reshape(count, stride)
         params = accessor.findall("param")
         named = [k for k, param in enumerate(params[:stride]) if param.get("name")]
-        return table[:, named] if len(named) >= least else table
+        if len(named) < least or named == list(range(stride)):
+            return table  # not a copy, because many primitives may share it
+        self.assets.budget.charge(made=8 * count * len(named))
+        return table[:, named]
 
     def bound_look(
         self, symbol: str | None, bound: dict[str | None, Element]
@@ -305,6 +339,7 @@ class _Document:
         """A material, and the name of its texture coordinates."""
         urls = [instance.get("url") for instance in element.iterfind("instance_effect")]
         effect = self.find(urls[0] if urls else None, "effect")
+        self.visit(effect)
         inside = effect.iterfind("profile_COMMON/technique/*")
         shader = next((e for e in inside if e.tag in _SHADERS), None)
         if shader is None:
@@ -325,7 +360,12 @@ class _Document:
             found = _numbers(inner).tolist()
             return tuple(found) if len(found) >= len(default) else default
 
-        source = "emission" if shader.tag == "constant" else "diffuse"
+        dark = shader.find("diffuse/texture") is None and max(values("diffuse", _BLACK)[:3]) <= 0.02
+        glows = shader.find("emission/texture") is not None
+        source = "emission" if shader.tag == "constant" or (glows and dark) else "diffuse"
+        for slot in shader:
+            if slot.tag not in (source, "transparent") and slot.find("texture") is not None:
+                self.assets.warn("maps of COLLADA not read", slot.tag)
         texture, wraps, name = self.texture(shader.find(f"{source}/texture"), params)
         diffuse = values(source, GREY if texture is None else (1.0, 1.0, 1.0))
         if source == "diffuse" and max(values("emission", _BLACK)[:3]) > 0.02:
@@ -337,22 +377,25 @@ class _Document:
         transparent, opacity = shader.find("transparent"), 1.0
         mode = ("" if transparent is None else transparent.get("opaque")) or "A_ONE"
         factor = values("transparency", (1.0,))[0]
+        if transparent is None and 0 < factor < 1:
+            self.assets.warn("transparency without <transparent> not used", title)
         picture, *_ = self.texture(shader.find("transparent/texture"), params)
         if picture is not None:
             level = picture[..., 3] if mode[0] == "A" else picture[..., :3].mean(axis=2)
             level = (255 - factor * level if mode.endswith("ZERO") else factor * level).clip(0, 255)
-            texture = with_alpha(texture, level.round().astype(np.uint8))
-        elif transparent is not None or shader.find("transparency") is not None:
+            texture = self.assets.with_alpha(texture, level.round().astype(np.uint8))
+        elif transparent is not None:
             clear = [*values("transparent"), 1.0, 1.0, 1.0, 1.0]
             level = factor * (clear[3] if mode[0] == "A" else sum(clear[:3]) / 3)
-            if level == 0 and transparent is not None and transparent.get("opaque") is None:
+            if level == 0 and transparent.get("opaque") is None:
                 # Several writers mean that nothing is transparent.
                 self.assets.warn("transparency 0, opaque is used", title)
                 level = 1.0
             opacity = 1 - level if mode.endswith("ZERO") else level
         elif texture is not None and (texture[..., 3] < 255).any():
             self.assets.warn("alpha of textures without <transparent> not used", title)
-            texture = with_alpha(texture, np.full(texture.shape[:2], 255, np.uint8))
+            opaque = np.full(texture.shape[:2], 255, np.uint8)
+            texture = self.assets.with_alpha(texture, opaque)
         title = element.get("name") or title or ""
         made = material(diffuse[:3], specular[:3], shininess, opacity, texture, title)
         return Look(made, wraps=wraps), name
@@ -374,7 +417,7 @@ class _Document:
         for inner in element.iter():
             if inner.tag in _PLACED and _numbers(inner, 1)[0] != inner.tag.startswith("repeat"):
                 self.assets.warn("placement of textures not read", inner.tag)
-        found = self.ids.get(("image", _id(image)), nothing)
+        found = self.ids.get(("image", image.rpartition("#")[2].strip()), nothing)
         file = (found.findtext("init_from/ref") or found.findtext("init_from") or "").strip()
         picture = self.assets.texture(re.sub(r"^file:/*", "", file)) if file else None
         if not file:
@@ -383,7 +426,7 @@ class _Document:
 
 
 def _polygons(
-    primitive: Element, stride: int, at: int, positions: np.ndarray
+    primitive: Element, stride: int, at: int, positions: np.ndarray, assets: Assets
 ) -> tuple[np.ndarray, np.ndarray]:
     """The number of corners of each polygon, and the indices [C, stride] of all corners."""
 
@@ -402,7 +445,10 @@ def _polygons(
         loops = [rows(child) for child in element if child.tag in ("p", "h")]
         corners = np.concatenate([nothing, *loops])
         where = np.clip(corners[:, at], 0, len(positions) - 1)
-        blocks.append(corners[with_holes(positions[where], [len(loop) for loop in loops])])
+        sizes = [len(loop) for loop in loops]
+        # Distances of each hole to all corners before it.
+        assets.budget.charge(made=48 * np.dot(np.cumsum(sizes)[:-1], sizes[1:]))
+        blocks.append(corners[with_holes(positions[where], sizes)])
     corners = np.concatenate([nothing, *blocks])
     if primitive.tag == "polylist":
         counts = _numbers(primitive.find("vcount")).astype(np.int64)

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from data_gen.polygons import fan, strip
 from data_gen.readers.gltf_file import DRACO, MESHOPT, Document, Object, as_floats, by_draco
 from data_gen.readers.model_files import DamagedError
-from data_gen.readers.parts import Look, Part, material, placed
+from data_gen.readers.parts import Look, Part, material, transformed
 from data_gen.readers.textures import BROKEN_TEXTURE, NO_COORDINATES, Assets
 
 _INSTANCES = "EXT_mesh_gpu_instancing"
@@ -40,7 +40,7 @@ def read_gltf(data: bytes, assets: Assets) -> list[Part]:
     return list(_Scene(Document(data, assets)).parts())
 
 
-class _Surface(NamedTuple):
+class _GltfLook(NamedTuple):
     """A material of glTF.
 
     Attributes:
@@ -101,7 +101,7 @@ class _Scene:
 
     def __init__(self, file: Document) -> None:
         self.file, self.root, self.assets = file, file.root, file.assets
-        self.surfaces: dict[int, _Surface] = {}
+        self.looks: dict[int, _GltfLook] = {}
         self.pictures: dict[tuple[int, float], np.ndarray] = {}
         required = self.root.values("extensionsRequired", str)
         for name in dict.fromkeys(required + self.root.values("extensionsUsed", str)):
@@ -174,7 +174,7 @@ class _Scene:
             found = None if index < 0 else as_floats(*self.file.accessor(index, len(default)))
             pose.append(np.array([default]) if found is None else found)
         count = max(map(len, pose))
-        self.assets.add_faces(count)  # each has a face or more
+        self.assets.budget.charge(made=512 * count)
         if any(len(values) not in (1, count) for values in pose):
             raise DamagedError(f"{attributes.path} have different counts")
         return _matrices(*(np.broadcast_to(v, (count, v.shape[1])) for v in pose))
@@ -183,6 +183,7 @@ class _Scene:
         """The matrices [j, 4, 4] of a skin's joints, from the bind pose to the nodes' pose."""
         skin = self.root.item("skins", index)
         numbers = skin.values("joints", int)
+        self.assets.budget.charge(visits=1 + len(numbers) // 16)
         result = world[[self.root.item("nodes", number).index for number in numbers]]
         if "inverseBindMatrices" in skin:
             bind = as_floats(*self.file.accessor(skin.get("inverseBindMatrices", int), 16))
@@ -198,17 +199,19 @@ class _Scene:
         joints: np.ndarray | None,
     ) -> Iterator[Part]:  # fmt: skip
         """The faces of a primitive: a copy under each of the matrices [n, 4, 4], or a skin."""
+        self.assets.budget.charge(visits=len(matrices) + len(part.get("targets", [])) // 16)
+        targets = list(zip(part.items("targets"), weights, strict=False))
         mode, attributes = part.get("mode", 4), part.object("attributes")
         if mode < 4 or mode > 6 or "POSITION" not in attributes:
             what = "without positions" if 4 <= mode <= 6 else f"of mode {mode}"
             self.assets.warn("lines, points and primitives without positions dropped", what)
             return
-        surface = self.surface(part.get("material", -1))
+        own = self.look(part.get("material", -1))
         widths = {"POSITION": (3,), "NORMAL": (3,), "COLOR_0": (3, 4)}
         skinned = [k for k in "01" if joints is not None and f"JOINTS_{k}" in attributes]
         widths |= {f"{name}_{k}": (4,) for k in skinned for name in ("JOINTS", "WEIGHTS")}
-        coordinates = f"TEXCOORD_{surface.uv_set}"
-        if surface.look.material.texture is not None:
+        coordinates = f"TEXCOORD_{own.uv_set}"
+        if own.look.material.texture is not None:
             widths[coordinates] = (2,)
             if coordinates not in attributes:
                 self.assets.warn(NO_COORDINATES, coordinates)
@@ -231,7 +234,7 @@ class _Scene:
         total = len(arrays["POSITION"][0])
         count = total if corners is None else len(corners)
         copies = 1 if skinned else len(matrices)
-        self.assets.add_faces((count // 3 if mode == 4 else max(count - 2, 0)) * copies)
+        self.assets.budget.charge(faces=(count // 3 if mode == 4 else max(count - 2, 0)) * copies)
         if mode == 4 and count % 3:
             self.assets.warn("corners after the last whole triangle dropped", count % 3)
         faces = _triangles(mode, np.arange(count) if corners is None else corners.astype(np.int64))
@@ -243,7 +246,6 @@ class _Scene:
         if total > faces.size:  # many primitives may share these arrays
             rows, flat = np.unique(faces, return_inverse=True)
             faces = flat.reshape(-1, 3)
-        targets = [(t, w) for t, w in zip(part.items("targets"), weights, strict=False) if w]
 
         def values(name: str, *, fractions: bool = False) -> np.ndarray:
             """An attribute of the vertices, with the morph targets added."""
@@ -252,33 +254,34 @@ class _Scene:
             width = arrays[name][0].shape[1]
             layers = [(1.0, *arrays[name])]
             layers += [(weight, *self.file.accessor(target.get(name, int), width))
-                       for target, weight in targets if name in target]  # fmt: skip
+                       for target, weight in targets if weight and name in target]  # fmt: skip
             if any(len(numbers) != total for _, numbers, _ in layers):
                 raise DamagedError(f"{part.path}: {name} and POSITION have different counts")
+            self.assets.budget.charge(made=16 * len(layers) * width * min(total, faces.size))
             changes = [w * as_floats(n[rows], normal or fractions) for w, n, normal in layers]
             return np.sum(changes, axis=0)
 
         colours, corners = None, faces.ravel()
         if "COLOR_0" in arrays:
             linear = np.nan_to_num(values("COLOR_0", fractions=True)).clip(0, 1)
-            colours = np.repeat(surface.colours(linear[faces].mean(axis=1)), 3, axis=0)
+            colours = np.repeat(own.colours(linear[faces].mean(axis=1)), 3, axis=0)
         uv = (values(coordinates) * [1, -1] + [0, 1])[corners] if coordinates in arrays else None
         normals = values("NORMAL")[corners] if "NORMAL" in arrays else None
-        result = Part(values("POSITION"), np.full(len(faces), 3), corners, (surface.look,),
+        result = Part(values("POSITION"), np.full(len(faces), 3), corners, (own.look,),
                       uv=uv, normals=normals, colours=colours)  # fmt: skip
         if joints is not None and skinned:
             index = np.concatenate([values(f"JOINTS_{k}") for k in skinned], axis=1)
             share = [values(f"WEIGHTS_{k}", fractions=True) for k in skinned]
-            yield placed(result, _skinning(joints, index, np.concatenate(share, axis=1)))
+            yield transformed(result, _skinning(joints, index, np.concatenate(share, axis=1)))
         else:
-            yield from (placed(result, matrix[None]) for matrix in matrices)
+            yield from (transformed(result, matrix[None]) for matrix in matrices)
 
     # --- Materials ------------------------------------------------------------------------------
 
-    def surface(self, index: int) -> _Surface:
+    def look(self, index: int) -> _GltfLook:
         """A material; -1 = the default material."""
-        if index in self.surfaces:
-            return self.surfaces[index]
+        if index in self.looks:
+            return self.looks[index]
         fields = Object({}) if index < 0 else self.root.item("materials", index)
         glossy = fields.extension("KHR_materials_pbrSpecularGlossiness")
         source = glossy or fields.object("pbrMetallicRoughness")
@@ -315,7 +318,7 @@ class _Scene:
         name = fields.get("name", "")
         made = material(diffuse, shine * specular, shininess, opacity, texture, name)
         look = Look(made, uv_matrix, wraps, tinted=True)
-        return self.surfaces.setdefault(index, _Surface(look, uv_set, least))
+        return self.looks.setdefault(index, _GltfLook(look, uv_set, least))
 
     def texture(
         self, of_material: Object, slot: str, least: float | None
@@ -350,7 +353,7 @@ class _Scene:
         return self.picture(source.get("source", int), least), matrix, (wraps[0], wraps[1]), uv_set
 
     def picture(self, index: int, least: float | None) -> np.ndarray | None:
-        """An image with the alpha of `_Surface.least`: 0 or 1, or unchanged if that is None."""
+        """An image with the alpha of `_GltfLook.least`: 0 or 1, or unchanged if that is None."""
         fields = self.root.item("images", index)
         picture = self.assets.decoded(
             ("image", index), fields.path, lambda: self.file.image(fields)
@@ -359,5 +362,5 @@ class _Scene:
             return picture
         if (index, least) not in self.pictures:
             alpha = np.where(picture[..., 3] >= 255 * least, 255, 0).astype(np.uint8)
-            self.pictures[index, least] = np.dstack([picture[..., :3], alpha])
+            self.pictures[index, least] = self.assets.with_alpha(picture, alpha)
         return self.pictures[index, least]

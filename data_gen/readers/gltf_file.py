@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from data_gen.readers.model_files import DamagedError, check_size
+from data_gen.readers.model_files import DamagedError
 from data_gen.readers.textures import Assets
 from psgn_jax.system.untrusted import parse_json
 
@@ -21,8 +21,6 @@ MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-
-_MAX_BYTES = 512 << 20  # of a file's buffers together, and of an array without data in the file
 
 _EXPECTED = {int: "a whole number from 0", float: "a number", str: "a text", list: "a list"}
 
@@ -143,8 +141,9 @@ class Document:
 
     def _contents(self, uri: str) -> bytes:
         """The data in a URI, or the content of the file that the URI names."""
-        head, comma, text = uri.partition(",")
+        head, comma, text = uri.lstrip().partition(",")
         if comma and head[:5].lower() == "data:":
+            self.assets.budget.charge(made=2 * len(text))
             raw = urllib.parse.unquote_to_bytes(text)
             try:
                 return binascii.a2b_base64(raw + b"==") if head.lower().endswith(";base64") else raw
@@ -161,7 +160,6 @@ class Document:
                 raise DamagedError(f"{fields.path} has neither a uri nor a binary chunk")
             return self._chunk
         self._buffers[index] = memoryview(self._contents(fields.get("uri", str)))
-        check_size("all its buffers", sum(map(len, self._buffers.values())), _MAX_BYTES)
         return self._buffers[index]
 
     def view(self, index: int) -> memoryview:
@@ -176,7 +174,11 @@ class Document:
         stop = start + span.get("byteLength", int)
         if stop > len(data):
             raise DamagedError(f"{span.path} ends at byte {stop} of a buffer of {len(data)}")
-        return _by_meshopt(packed, data[start:stop]) if packed else data[start:stop]
+        if not packed:
+            return data[start:stop]
+        made = packed.get("count", int) * packed.get("byteStride", int)
+        self.assets.budget.charge(made=2 * made)
+        return _by_meshopt(packed, data[start:stop])
 
     def image(self, fields: Object) -> bytes:
         """The content of an image file."""
@@ -192,8 +194,7 @@ class Document:
         dtype, (count, columns) = np.dtype(code), shape
         size = dtype.itemsize * columns
         if "bufferView" not in start:
-            if count * size > _MAX_BYTES:
-                raise DamagedError(f"{start.path} has {count} rows without data")
+            self.assets.budget.charge(made=count * size)
             return np.zeros(shape, dtype)
         data, first = self.view(start.get("bufferView", int)), start.get("byteOffset", 0)
         stride = stride or size
@@ -218,6 +219,7 @@ class Document:
             changed = self._rows(rows, rows, (number, 1), 0)[:, 0]
             if changed.dtype.kind != "u" or (number and changed.max() >= count):
                 raise DamagedError(f"{rows.path} has rows that the accessor lacks")
+            self.assets.budget.charge(made=values.nbytes)
             values = values.copy()
             values[changed] = self._rows(sparse.object("values"), fields, (number, columns), 0)
         return values, bool(fields.fields.get("normalized"))

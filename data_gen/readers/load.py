@@ -73,7 +73,7 @@ def load_model(
     place = files.find(name)
     if place is None:
         raise files.refusal(f"file {name!r} {files.why_not(name)}")
-    assets = Assets(files, posixpath.dirname(name), max_faces)
+    assets = Assets(files, name.removesuffix(".gz"), max_faces)
     about["model_id"] = model_id or name
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # `normalize` refuses infinite values

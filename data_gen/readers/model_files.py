@@ -16,7 +16,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from data_gen.mesh import UnreadableModelError, UnusableModelError
+from data_gen.mesh import MAX_FACES, UnreadableModelError, UnusableModelError
 from psgn_jax.system.untrusted import kind_of
 
 MAX_FILE_BYTES = 256 << 20
@@ -27,6 +27,33 @@ UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 
 class DamagedError(Exception):
     """A file, or a part of a file, violates its format; the text says how."""
+
+
+class OverBudgetError(UnusableModelError):
+    """A file asks for more than its `Budget`."""
+
+
+LIMITS = {"faces": MAX_FACES, "bytes of arrays": 4 << 30, "visits of parts": 200_000}
+"""What a file may ask for, by default. A visit of a part takes some 0.1 ms."""
+
+
+class Budget:
+    """What a file asks for. Readers charge it before they do the work.
+
+    So a small file cannot ask for much by repeating its parts.
+    """
+
+    def __init__(self, max_faces: int = MAX_FACES) -> None:
+        self.limits = {**LIMITS, "faces": max_faces}
+        self.spent = dict.fromkeys(self.limits, 0)
+
+    def charge(self, *, faces: int = 0, made: int = 0, visits: int = 0) -> None:
+        """Adds faces, bytes that are made, and visits; OverBudgetError above a limit."""
+        for kind, amount in zip(self.limits, (faces, made, visits), strict=True):
+            self.spent[kind] += int(amount)
+            if self.spent[kind] > self.limits[kind]:
+                what = f"the file asks for {self.spent[kind]} {kind}"
+                raise OverBudgetError(f"{what}, more than the limit of {self.limits[kind]}")
 
 
 def numbers(words: Sequence[Any], kind: type = np.float64, where: str = "") -> np.ndarray:
@@ -105,17 +132,18 @@ class Files(abc.ABC):
     def open(self, name: str, *folders: str) -> bytes:
         """The content of a file, whose name is relative to one of the `folders`.
 
-        We accept backslashes, quotes, wrong case, escapes and queries of URLs, names in Latin-1 or
-        GBK and comments after names. Names often contain folders of the author's computer: if the
-        file does not exist or is outside of the root, we take a file with the last part of the name
-        in the folder.
+        We accept backslashes, quotes, spaces around a name, wrong case, escapes and queries of
+        URLs, names in Latin-1 or GBK and comments after names. Names often contain folders of the
+        author's computer: if the file does not exist or is outside of the root, we take a file with
+        the last part of the name in the folder.
 
         Raises:
           FileNotFoundError: there is no such file.
         """
         clean = name.strip().strip('"').replace("\\", "/")
         short = re.split("[#?]", clean)[0].rstrip()
-        texts = [clean, short, *map(urllib.parse.unquote, (clean, short))]
+        texts = [name, clean, short, *map(urllib.parse.unquote, (clean, short))]
+        texts += [text.strip() for text in texts]
         if not clean.isprintable():
             raw = [text.encode("utf-8", "surrogateescape") for text in (clean, short)]
             texts += [r.decode(coding, "replace") for r in raw for coding in ("latin-1", "gb18030")]
@@ -139,7 +167,7 @@ class FolderFiles(Files):
 
     def __init__(self, root: str | os.PathLike[str], linked: Sequence[str] = ()) -> None:
         self.root = pathlib.Path(root).absolute()  # for processes in other working directories
-        self._homes = [self.root.resolve(), *map(pathlib.Path, linked)]
+        self._homes = [self.root.resolve(), *(pathlib.Path(path).resolve() for path in linked)]
         for folder in self._homes[0].parents:  # REPOSITORY/snapshots/VERSION/a.glb -> ../../blobs/1
             if folder.name == "snapshots" and (folder.parent / "refs").is_dir():
                 self._homes.append(folder.parent / "blobs")

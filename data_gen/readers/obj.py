@@ -7,6 +7,7 @@ concave polygons.
 
 import collections
 import contextlib
+import dataclasses
 import itertools
 import posixpath
 import re
@@ -18,7 +19,7 @@ import numpy as np
 from data_gen.mesh import GREY, Material, UnusableModelError
 from data_gen.readers.model_files import DamagedError, numbers, reason, whole_lines
 from data_gen.readers.parts import Look, Part, material, picked, rgba
-from data_gen.readers.textures import NO_COORDINATES, Assets, with_alpha
+from data_gen.readers.textures import NO_COORDINATES, Assets
 from psgn_jax.system.untrusted import one_line
 
 
@@ -30,8 +31,6 @@ def _blocks(data: bytes, size: int = 1 << 22) -> Iterator[bytes]:
         yield data[start:stop]
         start = stop
 
-
-_MOST_LIBRARIES = 1000  # material files of a model; we ignore others
 
 _COLUMNS = {"v": 3, "vt": 2, "vn": 3}
 
@@ -79,7 +78,7 @@ def _read_libraries(line: str, assets: Assets, seen: set[str]) -> dict[str, Look
     inside = not path.startswith(("/", ".."))
     looks: dict[str, Look] = {}
     for name in [rest] if inside and assets.files.find(path) else _short(rest).split():
-        if name in seen or len(seen) == _MOST_LIBRARIES:
+        if name in seen:
             continue
         seen.add(name)
         try:
@@ -109,11 +108,12 @@ def read_obj(data: bytes, assets: Assets) -> list[Part]:
     for block in _blocks(whole_lines(data)):
         fresh: dict[str, list[list[str]]] = {key: [] for key in _COLUMNS}
         tokens: list[str] = []
+        before = len(sizes)
         seen: list[tuple[int, int, int]] = []  # number of rows before the corner
         # Other bytes than UTF-8, such as names in Latin-1 or GBK, stay distinct.
         for line in block.decode("utf-8", "surrogateescape").split("\n"):
             key, *words = line.split() or [""]
-            if not words:
+            if not words and key != "usemtl":
                 continue
             if key in ("v", "vt", "vn", "f", "fo") and "#" in line:
                 words = line.split("#")[0].split()[1:]
@@ -126,17 +126,18 @@ def read_obj(data: bytes, assets: Assets) -> list[Part]:
                 fresh[key].append(words[: _COLUMNS[key]])
                 read[key] += 1
             elif key in ("f", "fo"):
-                assets.add_faces(max(len(words) - 2, 0))
                 tokens += words
                 seen += [(read["v"], read["vt"], read["vn"])] * len(words)
                 sizes.append(len(words))
                 owners.append(owner)
             elif key == "usemtl":
-                owner = names.setdefault(line.split(None, 1)[1].strip(), len(names))
-            elif key == "mtllib" and len(libraries) < _MOST_LIBRARIES:
+                owner = names.setdefault(line.strip()[6:].strip(), len(names))
+            elif key == "mtllib":
                 looks |= _read_libraries(line, assets, libraries)
             elif key in _UNREAD:
                 unread[key] += 1
+        # Also lines with fewer corners take memory.
+        assets.budget.charge(faces=np.maximum(np.array(sizes[before:]) - 2, 1).sum())
         for key, lines in fresh.items():
             rows[key].append(_rows(lines, _COLUMNS[key]))
         corners = _indices(tokens)
@@ -155,15 +156,20 @@ def read_obj(data: bytes, assets: Assets) -> list[Part]:
 
     by_short_name = {_short(name): look for name, look in reversed(looks.items())}
     table: list[Look | None] = []
-    owner_of_corners, no_uv = np.repeat(np.array(owners), counts), corners[:, 1] < 0
+    no_uv = set(np.repeat(np.array(owners), counts)[corners[:, 1] < 0].tolist())
     for index, name in enumerate(names):
         look = looks.get(name) or by_short_name.get(_short(name))
-        if look is None:
+        if look is None and name:  # without a name, there is no material
             assets.warn("materials missing, grey is used", repr(name))
             look = None if paint else Look(Material(name=one_line(name)))
-        elif look.material.texture is not None and no_uv[owner_of_corners == index].any():
+        elif look is not None and look.material.texture is not None and index in no_uv:
             assets.warn(NO_COORDINATES, repr(name))
         table.append(look)
+    used = [table[owner] if owner >= 0 else None for owner in set(owners)]
+    if all(look is not None and look.material.opacity == 0 for look in used):
+        assets.warn("opacity 0 of all materials, opaque is used")  # old exporters write it
+        opaque = {k: dataclasses.replace(k.material, opacity=1.0) for k in table if k}
+        table = [k and dataclasses.replace(k, material=opaque[k]) for k in table]
     colours = None
     if paint:
         of_vertices = np.ones((len(vertices), 4))
@@ -196,9 +202,12 @@ def _map_name(rest: str) -> tuple[str, dict[str, list[str]]]:
     """The file name in a map statement, which may contain spaces, and the options before it."""
     words = rest.split()
     options: dict[str, list[str]] = {}
-    while words and (option := words[0].lower()) in _MAP_OPTIONS:
+    while words and (
+        (option := words[0].lower()) in _MAP_OPTIONS
+        or (len(words) > 2 and re.fullmatch("-[a-z]+", option))  # such as -colorspace sRGB
+    ):
         values = itertools.takewhile(lambda word: floats([word], 1), words[1:-1][:3])
-        count = _MAP_OPTIONS[option] or len(list(values))
+        count = _MAP_OPTIONS.get(option, 1) or len(list(values))
         options[option], words = words[1 : 1 + count], words[1 + count :]
     return (" ".join(words) if options else rest), options
 
@@ -212,6 +221,7 @@ def read_mtl(data: bytes, assets: Assets, folder: str = "") -> dict[str, Look]:
     """
     statements: dict[str, dict[str, str]] = {}
     current: dict[str, str] = {}
+    assets.budget.charge(made=16 * len(data))
     text = whole_lines(data).decode("utf-8", "surrogateescape")
     for line in text.split("\n"):
         words = line.strip().split(None, 1)
@@ -220,6 +230,7 @@ def read_mtl(data: bytes, assets: Assets, folder: str = "") -> dict[str, Look]:
         rest = words[1].strip() if len(words) > 1 else ""
         if words[0].lower() == "newmtl":
             current = statements.setdefault(rest, {})
+            assets.budget.charge(visits=1)
         else:
             current[words[0].lower()] = rest
     return {name: _look(name, lines, assets, folder) for name, lines in statements.items()}
@@ -250,6 +261,7 @@ def _look(name: str, lines: dict[str, str], assets: Assets, folder: str) -> Look
     texture = assets.texture(file, folder) if file else None
     gain = floats(options.get("-mm", ()), 2)
     if texture is not None and gain:
+        assets.budget.charge(made=4 * texture.nbytes)
         rgb = (255 * gain[0] + gain[1] * texture[..., :3]).clip(0, 255).round().astype(np.uint8)
         texture = np.dstack([rgb, texture[..., 3]])
     alpha_map = assets.texture(alpha_file, folder) if alpha_file else None
@@ -258,7 +270,7 @@ def _look(name: str, lines: dict[str, str], assets: Assets, folder: str) -> Look
         alpha = alpha_map[..., channel]
         if channel < 0 and (alpha == 255).all():
             alpha = alpha_map[..., :3].mean(axis=2).round().astype(np.uint8)
-        texture = with_alpha(texture, alpha)
+        texture = assets.with_alpha(texture, alpha)
     diffuse = colour("kd")
     if diffuse is None and lines.get("kd"):
         assets.warn("colours of MTL that are not RGB not read", lines["kd"])

@@ -42,11 +42,12 @@ def read_off(data: bytes, assets: Assets) -> list[Part]:
     if len(head) > 3:
         lines.insert(0, head[3:])
     points, faces = int(head[0]), int(head[1])
-    assets.add_faces(faces)
+    assets.budget.charge(faces=faces)
 
     tail = 2 if kind[1] else 0  # texture coordinates; OFF has no textures
     width = 3 + 3 * ("N" in extra) + 4 * ("C" in extra) + tail
-    if len({len(words) for words in lines[:points]}) > 1 or len(lines) < points:
+    widths = {len(words) for words in lines[:points]}
+    if len(widths) > 1 or max(widths, default=3) < 3 or len(lines) < points:
         words = list(itertools.chain(*lines))  # the line breaks have no meaning
         check_announced("vertices", points, len(words) // width)
         rows = [words[k : k + width] for k in range(0, points * width, width)]
@@ -57,6 +58,13 @@ def read_off(data: bytes, assets: Assets) -> list[Part]:
             raise DamagedError("lines of vertices differ in length")
     else:
         rows, lines = lines[:points], lines[points:]
+        if len(lines) > faces and any(len(w) <= _count(w[0]) for w in lines[:faces]):
+            pieces, lines = lines, []
+            for words in pieces:  # a face may go over several lines, its colour ends with a line
+                if lines and len(lines[-1]) <= _count(lines[-1][0]):
+                    lines[-1] += words
+                else:
+                    lines.append(words)
     check_announced("faces", faces, len(lines))
     if len(lines) > faces:
         assets.warn(TRAILING, len(lines) - faces)

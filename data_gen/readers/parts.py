@@ -77,7 +77,7 @@ def material(
     return Material((r, g, b), (x, y, z), shininess, opacity, texture, one_line(name))
 
 
-def placed(part: Part, matrices: np.ndarray) -> Part:
+def transformed(part: Part, matrices: np.ndarray) -> Part:
     """The part transformed by a matrix for each vertex, [V, 4, 4], or for all, [1, 4, 4].
 
     We reverse polygons if the matrices of all their corners mirror.
@@ -123,17 +123,14 @@ def joined(parts: Sequence[Part], assets: Assets) -> dict[str, Any]:
     """
     blocks: dict[str, list[np.ndarray]] = collections.defaultdict(list)
     numbers: dict[Look, int] = {}
-    fields = {
-        "uv": (2, 0.0),
-        "normals": (3, 0.0),
-        "colours": (4, 1.0),
-    }  # number of columns, default
+    fields = {"uv": (2, 0.0), "normals": (3, 0.0), "colours": (4, 1.0)}  # columns, default
     for name in ("normals", "colours"):
         if all(getattr(part, name) is None for part in parts):
             del fields[name]
     offset = few = lost = 0
     total = sum(int(np.maximum(part.counts - 2, 0).sum()) for part in parts)
-    assets.add_faces(total - assets.faces)  # without those that the reader has counted
+    # Without the faces that the reader has counted.
+    assets.budget.charge(faces=max(total - assets.budget.spent["faces"], 0))
     for part in parts:
         counts, corners = part.counts, part.corners
         polygon = part.polygons()
@@ -148,7 +145,7 @@ def joined(parts: Sequence[Part], assets: Assets) -> dict[str, Any]:
         if (many := counts > MOST_CORNERS).any():
             what = f"polygons with more than {MOST_CORNERS} corners, bays may be filled"
             assets.warn(what, many.sum())
-        triangle, polygon = triangles(counts, corners, part.vertices)
+        triangle, polygon = triangles(counts, corners, part.vertices, assets.budget.charge)
         blocks["vertices"].append(part.vertices)
         blocks["faces"].append(corners[triangle] + offset)
         for name, (width, default) in fields.items():
@@ -195,6 +192,7 @@ def _dressed(
                 uv[own] = uv[own] @ look.uv_matrix[:, :2].T + look.uv_matrix[:, 2]
             if look.wraps != ("repeat", "repeat"):
                 texture, uv[own] = repeated(material.texture, np.nan_to_num(uv[own]), look.wraps)
+                assets.budget.charge(made=4 * texture.nbytes)
                 material = dataclasses.replace(material, texture=texture)
         variants = [material]
         if material.texture is None and (colour != 1).any():

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from data_gen.mesh import Material, UnusableModelError
-from data_gen.polygons import strip
 from data_gen.readers.model_files import DamagedError, check_announced, numbers
 from data_gen.readers.parts import Look, Part, picked, rgba
 from data_gen.readers.textures import TRAILING, TWO_COLOURS, Assets
@@ -44,7 +43,7 @@ def read_ply(data: bytes, assets: Assets) -> list[Part]:
     if vertices is None:
         raise DamagedError("it has no vertices with x, y and z")
     counts, corners = _lists(faces, "vertex_indices", "vertex_index")
-    triangles = _from_strips(_lists(strips, "vertex_indices", "vertex_index")[1].astype(np.int64))
+    triangles = _from_strips(_lists(strips, "vertex_indices", "vertex_index")[1], assets)
     if not len(counts) + len(triangles):
         raise UnusableModelError(f"it has {len(vertices)} points, but no faces")
     uv = next((c for names in _UV if (c := _columns(vertex, names)) is not None), None)
@@ -125,10 +124,7 @@ def _elements(data: bytes, assets: Assets) -> tuple[dict[str, _Rows], list[str]]
                 assets.warn("lines of the header not read", repr(line))
     if not form:
         raise DamagedError("the header has no line 'format'")
-    for name, count in counts.items():
-        if count > assets.max_faces and any(length for *_, length in properties[name]):
-            what = f"{count} rows of element {name!r} are more than the limit of"
-            raise UnusableModelError(f"{what} {assets.max_faces}")
+    assets.budget.charge(faces=counts.get("face", 0))
     body, lines = data[last.end() :], None
     if form == "ascii":  # each line is a row
         lines = [words for line in body.splitlines() if (words := line.split())]
@@ -139,7 +135,7 @@ def _elements(data: bytes, assets: Assets) -> tuple[dict[str, _Rows], list[str]]
     for name, count in counts.items():
         if not count or not properties[name]:
             continue
-        runs = list(_runs(properties[name], _ORDERS[form], count, body, at))
+        runs = list(_runs(properties[name], _ORDERS[form], count, body, at, assets))
         at += sum(run.nbytes for run in runs)
         done = sum(map(len, runs))
         if lines is not None:
@@ -162,7 +158,7 @@ def _elements(data: bytes, assets: Assets) -> tuple[dict[str, _Rows], list[str]]
 
 
 def _runs(
-    properties: list[_Property], order: str, count: int, data: bytes, at: int
+    properties: list[_Property], order: str, count: int, data: bytes, at: int, assets: Assets
 ) -> Iterator[np.ndarray]:
     """Arrays of rows with lists of equal lengths, up to the end of the data.
 
@@ -194,6 +190,7 @@ def _runs(
         for name in [name for name, _, _ in fields if name[0] == "n"]:
             same &= rows[name] == rows[name][0]
         found = there if same.all() else int(same.argmin())
+        assets.budget.charge(made=2048 * len(fields))  # an array for each field
         yield rows[:found]
         at, count = at + found * rows.itemsize, count - found
         most = 4 * found  # short runs need not compare all rows that follow
@@ -213,11 +210,18 @@ def _lists(rows: _Rows, *names: str) -> tuple[np.ndarray, np.ndarray]:
     return np.zeros(0, np.int64), np.zeros(0, np.int64)
 
 
-def _from_strips(corners: np.ndarray) -> np.ndarray:
+def _from_strips(corners: np.ndarray, assets: Assets) -> np.ndarray:
     """The corners of the triangles of strips. A strip ends with -1."""
-    strips = np.split(corners, np.flatnonzero(corners == -1) + 1)
-    strips = [one[one != -1] for one in strips]
-    return np.concatenate([one[strip(len(one)).ravel()] for one in strips])
+    place = np.arange(len(corners))
+    start = np.maximum.accumulate(np.where(corners == -1, place + 1, 0))
+    first = place[:-2][(place - start)[2:] >= 2]  # of three corners of the same strip
+    assets.budget.charge(faces=len(first))
+    odd = (first - start[first]) % 2
+    return (
+        corners[np.stack([first + odd, first + 1 - odd, first + 2], axis=1)]
+        .ravel()
+        .astype(np.int64)
+    )
 
 
 def _colours(rows: _Rows, assets: Assets) -> np.ndarray | None:

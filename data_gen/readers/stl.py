@@ -36,14 +36,13 @@ def read_stl(data: bytes, assets: Assets) -> list[Part]:
 def _from_text(text: str, assets: Assets) -> np.ndarray:
     """The corners [F, 3, 3] of the facets of a text in lower case."""
     end = text.rfind("endsolid")
-    if end < 0:
-        assets.warn("no line 'endsolid', the file may be cut off")
-    elif not re.search(r"\bfacet\s+normal\b", text[end:]):  # of an earlier solid
-        text = text[:end]
+    if re.search(r"\bfacet\s+normal\b", text[max(end, 0) :]):
+        raise UnusableModelError("the file is cut off: no line 'endsolid' after the last facet")
+    text = text[: end if end >= 0 else None]
     # Remove the names of solids, which may contain these words.
     text = re.sub(r"(?m)^[ \t]*(?:end)?solid\b.*?(?=\bfacet\s+normal\b|$)", "", text)
     facets = len(re.findall(r"\bfacet\b", text))
-    assets.add_faces(facets)
+    assets.budget.charge(faces=facets)
     if not facets:
         raise DamagedError("neither binary data nor a text with facets")
     words = re.findall(r"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", text)
@@ -59,7 +58,7 @@ def _from_binary(data: bytes, count: int, assets: Assets) -> tuple[np.ndarray, n
     if count == 0 and there > 0 and left == 0:
         assets.warn("0 facets announced, those after the header are read", there)
         count = there
-    assets.add_faces(count)
+    assets.budget.charge(faces=count)
     check_announced("facets", count, max(there, 0))
     if over := len(data) - _HEAD - _FACET.itemsize * count:
         assets.warn(TRAILING, over)

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from data_gen.mesh import MAX_FACES, Material, UnusableModelError
-from data_gen.readers.model_files import Files, reason
+from data_gen.mesh import MAX_FACES, Material
+from data_gen.readers.model_files import Budget, Files, OverBudgetError, reason
 from psgn_jax.system.untrusted import one_line
 
 MAX_DECODED_PIXELS = 40_000_000
@@ -25,7 +25,6 @@ TRAILING = "lines or bytes after the data not read"
 TWO_COLOURS = "colours of faces beside colours of vertices not read"
 
 _MAX_TEXELS = 1 << 24  # of all textures of a model, 64 MB
-_MAX_DECODED_TEXELS = 1 << 28  # before `Assets.bounded` reduces them, 1 GB
 
 NO_COORDINATES = "texture coordinates missing, 0 is used"
 
@@ -41,10 +40,11 @@ _MOST_TEXELS_ALONG = 4096  # of a clamped texture
 _PICTURE_FORMATS = ("PNG", "JPEG", "BMP", "TGA", "GIF", "WEBP", "TIFF", "PPM", "DDS", "SGI")
 
 
-def decode_texture(data: bytes, side: int = TEXTURE_SIDE) -> np.ndarray:
+def decode_texture(data: bytes, budget: Budget, side: int = TEXTURE_SIDE) -> np.ndarray:
     """An image as uint8 [H, W, 4] RGBA, with at most `side` pixels along a side.
 
     Raises:
+      OverBudgetError: see `model_files.Budget`.
       ValueError: it is not an image, damaged, or larger than `MAX_DECODED_PIXELS`.
     """
     with python_warnings.catch_warnings():
@@ -58,6 +58,9 @@ def decode_texture(data: bytes, side: int = TEXTURE_SIDE) -> np.ndarray:
             picture.draft(None, (round(width * factor) or 1, round(height * factor) or 1))
             if picture.width * picture.height > MAX_DECODED_PIXELS:
                 raise Image.DecompressionBombError
+            # The pixels, and four copies of the texture.
+            pixels = picture.width * picture.height
+            budget.charge(made=4 * pixels + 16 * min(pixels, side**2))
             # Palettes and 16-bit values cannot be averaged. The pixels are few enough for a copy.
             if picture.mode in ("P", "1"):
                 picture = picture.convert("RGBA" if "transparency" in picture.info else "RGB")
@@ -73,16 +76,6 @@ def decode_texture(data: bytes, side: int = TEXTURE_SIDE) -> np.ndarray:
             raise ValueError(reason(data) or "not an image of a known format") from error
         except (OSError, SyntaxError, struct.error, EOFError) as error:
             raise ValueError("the image is damaged or cut off") from error
-
-
-def with_alpha(texture: np.ndarray | None, alpha: np.ndarray) -> np.ndarray:
-    """The texture (None = white) with another alpha, uint8 [H, W]."""
-    if texture is None:
-        texture = np.full((*alpha.shape, 4), 255, np.uint8)
-    if alpha.shape != texture.shape[:2]:
-        height, width = texture.shape[:2]
-        alpha = np.asarray(Image.fromarray(alpha).resize((width, height)))
-    return np.concatenate([texture[..., :3], alpha[..., None]], axis=2)
 
 
 def repeated(
@@ -115,26 +108,24 @@ def repeated(
 
 
 class Assets:
-    """The files that a model in the folder `base` refers to, its limits and its warnings."""
+    """The files that the model `path` refers to, its budget and its warnings."""
 
-    def __init__(self, files: Files, base: str = "", max_faces: int = MAX_FACES) -> None:
-        self.files, self.base, self.max_faces = files, base, max_faces
-        self.faces = 0
+    def __init__(self, files: Files, path: str = "", max_faces: int = MAX_FACES) -> None:
+        self.files, self.budget = files, Budget(max_faces)
+        self.base, self.name = posixpath.split(path)
         self._kinds: dict[str, dict[str, None]] = {}
         self._textures: dict[tuple[object, object], np.ndarray | None] = {}
-        self._texels = 0
 
     def open(self, name: str, folder: str = "") -> bytes:
-        """The content of a file in the `folder` below `base`, or in `base`; see `Files.open`."""
-        folders = [posixpath.join(self.base, folder)] * bool(folder)
-        return self.files.open(name, *folders, self.base)
+        """The content of a file in the `folder` below `base`, or in `base`; see `Files.open`.
 
-    def add_faces(self, count: int) -> None:
-        """Adds to the number of faces; UnusableModelError if it is now above `max_faces`."""
-        self.faces += count
-        if self.faces > self.max_faces:
-            what = f"{self.faces} faces are more than the limit of {self.max_faces}"
-            raise UnusableModelError(what)
+        Models of robots have textures in `materials/textures` beside their folder `meshes`.
+        """
+        self.budget.charge(visits=10)  # a name stands for up to fifty paths
+        beside = posixpath.join(self.base, "../materials/textures")
+        data = self.files.open(name, posixpath.join(self.base, folder), self.base, beside)
+        self.budget.charge(made=len(data))
+        return data
 
     def warn(self, kind: str, what: object = "") -> None:
         """Adds a warning about a feature of the file that we do not read.
@@ -167,17 +158,25 @@ class Assets:
         """The texture in the bytes of `load`, once per key; None and a warning if it fails."""
         if key not in self._textures:
             self._textures[key] = None
-            if self._texels > _MAX_DECODED_TEXELS:
-                self.warn("too many textures, the plain colour is used for some of them")
-                return None
             try:
-                picture = self._textures[key] = decode_texture(load())
-                self._texels += picture.shape[0] * picture.shape[1]
+                self._textures[key] = decode_texture(load(), self.budget)
+            except OverBudgetError:
+                raise
             except FileNotFoundError:
                 self.warn(MISSING_TEXTURE, label)
             except (ValueError, OSError) as error:
                 self.warn(BROKEN_TEXTURE, f"{label} ({error})")
         return self._textures[key]
+
+    def with_alpha(self, texture: np.ndarray | None, alpha: np.ndarray) -> np.ndarray:
+        """The texture (None = white) with another alpha, uint8 [H, W]."""
+        if texture is None:
+            texture = np.full((*alpha.shape, 4), 255, np.uint8)
+        self.budget.charge(made=2 * texture.nbytes)
+        if alpha.shape != texture.shape[:2]:
+            height, width = texture.shape[:2]
+            alpha = np.asarray(Image.fromarray(alpha).resize((width, height)))
+        return np.concatenate([texture[..., :3], alpha[..., None]], axis=2)
 
     def bounded(self, materials: Sequence[Material]) -> tuple[Material, ...]:
         """The materials. We halve the largest textures until all are within `_MAX_TEXELS`.

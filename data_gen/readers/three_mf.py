@@ -2,41 +2,49 @@
 
 import functools
 import io
+import posixpath
+import urllib.parse
+from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from data_gen.mesh import UnusableModelError
 from data_gen.readers.collada import MAX_XML_BYTES, parsed_xml
 from data_gen.readers.model_files import DamagedError, ZipFiles, numbers
-from data_gen.readers.parts import Part, placed
+from data_gen.readers.parts import Part, transformed
 from data_gen.readers.textures import Assets
 
-_MOST_INSTANCES = 100_000  # an object may have several instances
+# Of extensions that a file may require: without colours and names of faces, the surface is right.
+_READ = ("/core/", "/production/", "/material/", "/materials/", "/trianglesets/")
+
+_KNOWN = ("mesh", "components", "vertices", "triangles", "trianglesets", "metadatagroup")
 
 
 def read_3mf(data: bytes, assets: Assets) -> list[Part]:
     """The triangles of a 3MF file. We do not read colours."""
     files = ZipFiles(io.BytesIO(data))
+    models = [name for name in files.names if name.endswith(".model")]
+    roots = models
+    if "_rels/.rels" in files.names:
+        relations = parsed_xml(files.read("_rels/.rels"), assets)
+        targets = [e.get("Target", "") for e in relations if e.get("Type", "").endswith("/3dmodel")]
+        paths = [posixpath.normpath(urllib.parse.unquote(t)).lstrip("/") for t in targets]
+        roots = [place for path in paths if (place := files.find(path))] or models
     objects: dict[tuple[str, str | None], Element] = {}
     stack: list[tuple[str, Element, np.ndarray]] = []
-    for name in files.names:
-        if name.endswith(".model"):
-            root = parsed_xml(files.read(name, MAX_XML_BYTES))
-            objects |= {(name, e.get("id")): e for e in root.iterfind("resources/object")}
-            stack += [(name, item, np.eye(4)) for item in root.iterfind("build/item")]
-            if any(element.get("pid") for element in root.iter()):
-                assets.warn("colours and textures of 3MF not read")
+    for name in dict.fromkeys([*roots, *models]):
+        root = _model(files.read(name, MAX_XML_BYTES), assets)
+        objects |= {(name, e.get("id")): e for e in root.iterfind("resources/object")}
+        stack += [(name, e, np.eye(4)) for e in root.iterfind("build/item") if name in roots]
     if not objects:
         raise DamagedError("it contains no .model file with objects")
     parts: list[Part] = []
-    mesh_of, instances = functools.cache(_mesh), 0
+    content_of = functools.cache(lambda e: (_mesh(e), e.findall("components/component")))
     while stack:
         name, instance, matrix = stack.pop()
-        instances += 1
-        if instances > _MOST_INSTANCES:
-            raise UnusableModelError(f"more than {_MOST_INSTANCES} instances of objects")
-        if words := (instance.get("transform") or "").split():  # in the order of columns
+        text = instance.get("transform", "")
+        assets.budget.charge(visits=1, made=64 * len(instance.attrib) + 16 * len(text))
+        if words := text.split():  # in the order of columns
             matrix = matrix @ np.vstack([numbers(words).reshape(4, 3).T, [0, 0, 0, 1]])
         paths = [v for k, v in instance.attrib.items() if k.endswith("}path")]
         path = (paths or [name])[0].lstrip("/")
@@ -44,12 +52,35 @@ def read_3mf(data: bytes, assets: Assets) -> list[Part]:
         if shape is None:
             assets.warn("objects of 3MF missing", instance.get("objectid"))
             continue
-        stack += [(path, inner, matrix) for inner in shape.iterfind("components/component")]
-        mesh = mesh_of(shape)
-        assets.add_faces(len(mesh.counts))
+        mesh, inner = content_of(shape)
+        assets.budget.charge(visits=len(inner), faces=len(mesh.counts))
+        stack += [(path, component, matrix) for component in inner]
         if len(mesh.counts):
-            parts.append(placed(mesh, matrix[None]))
+            parts.append(transformed(mesh, matrix[None]))
     return parts
+
+
+def _model(data: bytes, assets: Assets) -> Element:
+    """The root of a .model file. We refuse or name what we do not read."""
+    root, spaces = parsed_xml(data, assets), dict[str, str]()
+    required = root.get("requiredextensions", "").split()
+    events = ElementTree.iterparse(io.BytesIO(data.lstrip()), ("start-ns", "start"))
+    for event, value in events if required else ():
+        if event == "start":  # of the root
+            break
+        spaces |= [value]
+    for space in [spaces.get(prefix, prefix) for prefix in required]:
+        if not any(name in space for name in _READ):
+            raise DamagedError(f"it needs the extension {space!r}, which is not read")
+    if any(element.get("pid") for element in root.iter()):
+        assets.warn("colours and textures of 3MF not read")
+    for shape in root.iterfind("resources/object"):
+        if any(k.endswith("}meshresolution") and v == "lowres" for k, v in shape.attrib.items()):
+            assets.warn("slices of 3MF not read, the mesh is a stand-in", shape.get("id"))
+        for element in (*shape, *shape.iterfind("mesh/*")):
+            if element.tag not in _KNOWN:
+                assets.warn("parts of 3MF objects not read", element.tag)
+    return root
 
 
 def _mesh(shape: Element) -> Part:

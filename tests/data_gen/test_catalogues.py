@@ -82,7 +82,7 @@ def test_folder(trimesh, write, tmp_path, caplog):
     all_refused(lambda axes: open_catalogue("folder", tmp_path, **axes), ValueError, table)
 
 
-def test_folders_that_are_links_are_entered_once(write, tmp_path):
+def test_folders_behind_links_are_entered_once_and_not_outside(write, tmp_path, caplog):
     for name in ("root/b/a.obj", "other/chairs/a.obj", "other/textures/x.png"):
         write(name, BOX)
     for link, target in {
@@ -90,9 +90,16 @@ def test_folders_that_are_links_are_entered_once(write, tmp_path):
         "other/self": "other", "other/root": "root",
     }.items():  # fmt: skip
         (tmp_path / link).symlink_to(tmp_path / target)
-    entries = checked(open_catalogue("folder", tmp_path / "root"))
-    names = [e.model_id for e in entries]
-    assert names == ["b/a.obj", "z/a.obj"]
+    (tmp_path / "root/x.png").symlink_to(tmp_path / "other/textures/x.png")
+    inside = [e.model_id for e in checked(open_catalogue("folder", tmp_path / "root"))]
+    assert inside == ["b/a.obj"]
+    for part in ("more -> ", "z -> ", str(tmp_path / "other/chairs"), "linked"):
+        assert part in caplog.text
+    files = FolderFiles(tmp_path / "root")
+    assert [files.find(name) for name in ("z/a.obj", "more/textures/x.png", "x.png")] == [None] * 3
+    options = {"linked": (str(tmp_path / "other"),)}
+    entries = checked(open_catalogue("folder", tmp_path / "root", **options))
+    assert [e.model_id for e in entries] == ["b/a.obj", "z/a.obj"]
     assert len(entries[1].load().faces) == 12
 
 

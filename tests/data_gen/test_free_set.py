@@ -122,6 +122,17 @@ def test_a_grey_mesh_gets_a_material_and_a_damaged_index_is_named(meshes):
     all_refused(opened, ValueError, table)
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+def test_an_index_as_windows_programs_write_it(tmp_path, encoding, mark):
+    lines = ["File,Category ,Author", "a\\Stühle\\x.obj,chair,É", '"b; c.obj",mug,', ",,", ""]
+    text = "\r\n".join(lines).replace(",", mark)
+    (tmp_path / "index.csv").write_bytes(text.encode(encoding))
+    first, second = open_catalogue("indexed", tmp_path).models
+    assert (first.model_id, first.category) == ("a/Stühle/x.obj", "chair")
+    assert (second.model_id, second.category) == ("b; c.obj", "mug")
+
+
 def test_files_outside_of_an_indexed_folder_are_not_looked_at(meshes):
     rows = "B/Rock.OBJ\n../secret\n/etc/hostname\nnone.obj\n"
     (meshes / "meshes/index.csv").write_text(f"file\n{rows}")

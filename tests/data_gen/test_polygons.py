@@ -21,7 +21,7 @@ def comb(teeth):
 def test_polygons_with_many_corners_are_not_filled(teeth):
     points = comb(teeth)
     points = np.column_stack([points, np.zeros(len(points))])
-    result, polygon = triangles(np.array([len(points)]), np.arange(len(points)), points)
+    result, polygon = triangles(np.array([len(points)]), np.arange(len(points)), points, dict)
     assert len(result) == len(points) - 2
     assert not polygon.any()
     assert area(points, result) == pytest.approx((3 * teeth - 1, 3 * teeth - 1))
@@ -41,7 +41,7 @@ def test_holes_in_any_direction(turn):
     holes = [square(1, 1, 2)[::turn], square(6, 6, 1), square(6, 1, 1)[::-turn]]
     points = np.column_stack([np.concatenate([square(0, 0, 8), *holes]), np.zeros(16)])
     order = with_holes(points, [4, 4, 4, 4])
-    result, _ = triangles(np.array([len(order)]), order, points)
+    result, _ = triangles(np.array([len(order)]), order, points, dict)
     assert area(points, order[result]) == pytest.approx((58, 58))
 
 

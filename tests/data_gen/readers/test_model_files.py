@@ -2,6 +2,7 @@ import os
 
 import pytest
 from helpers.obj_text import CUBE, FACES, png
+from helpers.refusals import all_refused, refused
 
 from data_gen.mesh import UnusableModelError
 from data_gen.readers import model_files
@@ -41,7 +42,7 @@ def test_links_that_lead_out_are_not_followed(write, tmp_path):
     assert model.materials[0].texture is None
     assert model.materials[1].texture[0, 0].tolist() == [0, 255, 0, 255]
     (tmp_path / "root" / "b.obj").symlink_to(write("b.obj", CUBE + FACES))
-    with pytest.raises(UnusableModelError, match=r"'b.obj' is a link that leads out of the"):
+    with refused(UnusableModelError, "b.obj", "link"):
         load_model("b.obj", FolderFiles(tmp_path / "root"))
     # The file that the caller names and the root may be links.
     assert load_model(tmp_path / "root" / "b.obj").model_id == "b.obj"
@@ -52,13 +53,17 @@ def test_links_that_lead_out_are_not_followed(write, tmp_path):
 def test_what_is_no_file_or_too_large_is_refused(tmp_path, write, monkeypatch):
     os.mkfifo(tmp_path / "a.obj")
     (tmp_path / "b.obj").mkdir()
-    with pytest.raises(UnusableModelError, match=r"'a.obj' is a named pipe, expected a file"):
-        load_model(tmp_path / "a.obj")
-    with pytest.raises(UnusableModelError, match=r"'b.obj' is a folder, expected a file"):
-        load_model(tmp_path / "b.obj")
-    for name in ("none.obj", "x" * 5000 + ".obj", "a\0.obj"):
-        with pytest.raises(UnusableModelError, match="is missing"):
-            load_model(name, FolderFiles(tmp_path))
+    table = [("a.obj", "a.obj", "pipe"), ("b.obj", "b.obj", "folder")]
+    table += [(name, "missing") for name in ("none.obj", "x" * 5000 + ".obj", "a\0.obj")]
+    all_refused(lambda name: load_model(name, FolderFiles(tmp_path)), UnusableModelError, table)
     monkeypatch.setattr(model_files, "MAX_FILE_BYTES", 100)
-    with pytest.raises(UnusableModelError, match="more than the limit of 100"):
+    with refused(UnusableModelError, "c.obj", "100"):
         load_model(write("c.obj", CUBE + FACES))
+
+
+def test_textures_of_robots_are_beside_the_folder_of_meshes(write, tmp_path):
+    write("cup/materials/textures/texture.png", png((255, 0, 0)))
+    write("cup/meshes/model.mtl", "newmtl a\nmap_Kd texture.png\n")
+    write("cup/meshes/model.obj", f"mtllib model.mtl\n{CUBE}usemtl a\n{FACES}")
+    model = load_model("cup/meshes/model.obj", FolderFiles(tmp_path))
+    assert model.materials[0].texture[0, 0].tolist() == [255, 0, 0, 255]

@@ -1,6 +1,7 @@
 import pytest
 from helpers.features import outcome, promised
 from helpers.looks import BLUE, GREY, RED, area, colours
+from helpers.refusals import all_refused
 
 from data_gen.mesh import UnusableModelError
 from data_gen.readers.load import load_model
@@ -67,19 +68,23 @@ def test_off_polygons_free_form_and_refusals(write):
     assert len(load_model(write("a.off", off(faces=["4 0 1 2 3", "3 0 1 2"]))).faces) == 3
     assert area(load_model(write("a.off", " ".join(off().split())))) == 1
     assert area(load_model(write("a.off", off().replace("4 2 0\n", "4\n2\n0\n")))) == 1
-    for words, text in {
-        "4OFF is not read": off(head="4OFF\n"),
-        "nOFF is not read": off(head="nOFF\n3\n"),
-        "binary OFF is not read": "OFF BINARY\n",
-        "2 numbers in a vertex": off([p[2:] for p in POINTS]),
-        "cut off: faces: 2 announced, 1 there": off().rpartition("3 0")[0],
-        "cut off: vertices: 4 announced, 3 there": off(faces=[]).replace("0 1 0", ""),
-        "more than the limit": off().replace("4 2 0", "4 999999999 0"),
-        "a word that is not a number": off(faces=["3 0 1 x"]),
-        "lines of vertices differ in length": off(["0 0 0", "1 0 0 9", *POINTS[2:]]),
-        "not a number": off(faces=["-3 0 1 2"]),
-        "the numbers of vertices": "OFF\nabc\n",
-        "does not begin with a line 'OFF'": "abc\n",
-    }.items():
-        with pytest.raises(UnusableModelError, match=words):
-            load_model(write("a.off", text))
+    table = (
+        (off(head="4OFF\n"), "4OFF"),
+        (off(head="nOFF\n3\n"), "nOFF"),
+        ("OFF BINARY\n", "binary"),
+        (off([p[2:] for p in POINTS]), "2 announced, 1"),
+        (off().rpartition("3 0")[0], "faces: 2 announced, 1"),
+        (off(faces=[]).replace("0 1 0", ""), "vertices: 4 announced, 3"),
+        (off().replace("4 2 0", "4 999999999 0"), "999999999 faces", "400000"),
+        (off(faces=["3 0 1 x"]), "number"),
+        (off(["0 0 0", "1 0 0 9", *POINTS[2:]]), "vertices"),
+        (off(faces=["-3 0 1 2"]), "number"),
+        ("OFF\nabc\n", "vertices"),
+        ("abc\n", "OFF"),
+    )
+    all_refused(lambda text: load_model(write("a.off", text)), UnusableModelError, table)
+
+
+def test_off_faces_over_lines_keep_their_colours(write):
+    faces = ["3 0\n1\n2 255 0 0", "3\n0 2 3 0 0 255"]
+    assert colours(load_model(write("a.off", off(faces=faces)))) == [RED, BLUE]

@@ -9,6 +9,7 @@ from PIL import Image
 
 from data_gen.readers import textures
 from data_gen.readers.load import load_model
+from data_gen.readers.model_files import Budget
 from data_gen.readers.textures import decode_texture
 
 
@@ -29,7 +30,7 @@ def test_large_textures_are_not_decoded_or_reduced(write, monkeypatch):
     stream = io.BytesIO()
     Image.new("RGB", (4000, 2000), (200, 100, 50)).save(stream, "JPEG")
     monkeypatch.setattr(textures, "MAX_DECODED_PIXELS", 1_000_000)
-    texture = decode_texture(stream.getvalue(), 512)
+    texture = decode_texture(stream.getvalue(), Budget(), 512)
     assert texture.shape == (256, 512, 4)
     np.testing.assert_allclose(texture[0, 0], [200, 100, 50, 255], atol=4)
 
@@ -38,7 +39,7 @@ def test_large_textures_are_not_decoded_or_reduced(write, monkeypatch):
 def test_modes_of_pictures(mode):
     stream = io.BytesIO()
     Image.new("L", (300, 200), 255).convert(mode).save(stream, "TIFF")
-    texture = decode_texture(stream.getvalue(), 100)
+    texture = decode_texture(stream.getvalue(), Budget(), 100)
     assert texture.shape == (67, 100, 4)
     assert texture.dtype == np.uint8
 

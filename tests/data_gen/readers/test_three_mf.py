@@ -4,6 +4,7 @@ import zipfile
 import numpy as np
 import pytest
 from helpers.looks import area
+from helpers.refusals import all_refused, check_message, refused
 
 from data_gen.mesh import UnusableModelError, face_normals
 from data_gen.readers.load import load_model
@@ -47,23 +48,25 @@ def test_3mf_places_and_parts_in_other_files(write):
 
 
 def test_3mf_what_is_not_read_is_named_or_refused(write):
-    painted = SHAPE.replace("v3='1'", "v3='1' pid='7'")
-    (line,) = load_model(write("a.3mf", three_mf(painted))).warnings
-    assert line == "colours and textures of 3MF not read"
-    lost = three_mf(items="<item objectid='1'/><item objectid='9'/>")
-    assert load_model(write("a.3mf", lost)).warnings == ("objects of 3MF missing: 9",)
-    loop = "<object id='1'><components><component objectid='1'/></components></object>"
-    for words, content in {
-        "more than 100000 instances": three_mf(loop),
-        "no faces": three_mf(items=""),
-        "faces have missing vertices": three_mf(SHAPE.replace("v1='0'", "v1='9'")),
-        "XML entities": three_mf(head="<!DOCTYPE a [<!ENTITY b 'b'>]>"),
-        "not readable as 3MF: XML": three_mf(SHAPE[:-3]),
-        "not readable as 3MF: the file is damaged": three_mf()[:300],
-        "as 3MF: a word that is not a number": three_mf(SHAPE.replace("v1='0'", "v1='a'")),
-    }.items():
-        with pytest.raises(UnusableModelError, match=words):
-            load_model(write("a.3mf", content))
-    with pytest.raises(UnusableModelError, match="more than the limit of 3"):
+    lattice = SHAPE.replace("</mesh>", "<beamlattice/></mesh>")
+    for content, *words in (
+        (three_mf(SHAPE.replace("v3='1'", "v3='1' pid='7'")), "colours and textures"),
+        (three_mf(items="<item objectid='1'/><item objectid='9'/>"), "objects", "9"),
+        (three_mf(lattice), "beamlattice"),
+        (three_mf(SHAPE.replace("id=", "p:meshresolution='lowres' id=")), "slices", "1"),
+        (three_mf(SHAPE + "<object id='2'><booleanshape/></object>"), "booleanshape"),
+    ):
+        (line,) = load_model(write("a.3mf", content)).warnings
+        check_message(line, *words)
+    table = (
+        (three_mf(items=""), "no faces"),
+        (three_mf(SHAPE.replace("v1='0'", "v1='9'")), "vertices"),
+        (three_mf(head="<!DOCTYPE a [<!ENTITY b 'b'>]>"), "entities"),
+        (three_mf(SHAPE[:-3]), "3MF", "XML"),
+        (three_mf()[:300], "3MF", "damaged"),
+        (three_mf(SHAPE.replace("v1='0'", "v1='a'")), "number"),
+    )
+    all_refused(lambda content: load_model(write("a.3mf", content)), UnusableModelError, table)
+    with refused(UnusableModelError, "4 faces", "limit of 3"):
         load_model(write("a.3mf", three_mf()), max_faces=3)
     assert area(load_model(write("a.3mf", three_mf()))) == pytest.approx(1.5 + 3**0.5 / 2)
