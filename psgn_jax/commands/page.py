@@ -23,7 +23,7 @@ from psgn_jax.web.page.serve import server
 def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn page", __doc__)
     define_network_flags(flags)
-    flags.string("out", "page", "Folder for the page.")
+    flags.path("out", "page", "Folder for the page.")
     flags.enum("weights_as", "float16", list(ONNX_NAMES), "Type of the page's weights.")
     flags.string("runtime", "", "Folder or .tgz with onnxruntime-web; default: from npm.")
     flags.bool("serve", False, "Serve the page to this machine, until Ctrl-C.")

@@ -32,8 +32,8 @@ _OPTIONS = ("mask", "samples", "seed", "frame", "normal_form", "refine", "first"
 def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn predict IMAGE...", __doc__)
     define_network_flags(flags)
-    flags.string("out", "out", "Folder for the results.")
-    flags.string("mask", None, "File of the mask, or folder of masks.")
+    flags.path("out", "out", "Folder for the results.")
+    flags.path("mask", None, "File of the mask, or folder of masks.")
     flags.string(
         "mask_from", "auto", f"How to find a mask: {', '.join(masks.METHODS)} or rembg:MODEL."
     )

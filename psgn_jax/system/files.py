@@ -18,6 +18,17 @@ _TEMPORARY = re.compile(r"\..+\.[0-9a-f]{8}\.tmp", re.DOTALL)
 _NO_SYNC = {errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP}  # for folders on some network mounts
 
 
+def local_path(path: str | os.PathLike[str], name: str) -> str:
+    """A path for output on this machine, with `~` and `~user` expanded, as in `--out=~/results`.
+
+    `UserError` for an address such as gs://bucket; the message begins with `name`.
+    """
+    text = os.fspath(path)
+    if re.match(r"[a-zA-Z][\w+.-]+:/", text):
+        raise UserError(f"{name}={text}: expected a path on this machine, not an address")
+    return os.path.expanduser(text)
+
+
 def check_folder(folder: str | os.PathLike[str], name: str) -> None:
     """Checks that files can be written to a folder, without creating it.
 
@@ -25,7 +36,7 @@ def check_folder(folder: str | os.PathLike[str], name: str) -> None:
       UserError: no file can be written there; the message begins with `name`, a flag or argument.
       OSError: the disk is full.
     """
-    path = pathlib.Path(folder)
+    path = pathlib.Path(local_path(folder, name))
     if not os.fspath(folder):
         raise UserError(f"{name}=: the name is empty; expected a folder for files")
     there = next(p for p in (path, *path.parents) if os.path.lexists(p))
