@@ -19,11 +19,11 @@ FEW, _LEAST_AREA, _LEAST_AREA_OF_MANY, _STEP, _LEAST_FLAT = 16, 0.001, 0.005, 0.
 # Of the difference of the two levels: other pixels are near a level, or between them, or beyond
 # them. At most the share `_BEYOND` of the pixels is beyond.
 _NEAR, _BEYOND = 0.25, 2e-4
-# An edge of at most `_SHARP` pixels may have any levels. If wider edges exceed this share of the
-# object, all edges differ by at most `_ROUGH` from an even slope. The photographs of
-# docs/photos, 96 pixels wide or whole, differ by .09 and more. Their masks and others, blurred with
-# a deviation of up to 8 pixels, differ by at most .085, or have sharp edges.
-_SHARP, _MOST_WIDE, _ROUGH = 4, 0.06, 0.0875
+# Where a window of 5x5 pixels has both levels, the edge is sharp. If the other pixels between them
+# exceed the share `_MOST_BETWEEN` of the object's, they differ by at most `_ROUGH` from an even
+# slope. In the photographs of docs/photos, 96 pixels wide or whole, they exceed .2 and differ by
+# .09. In their masks and others, sharp or blurred by up to 8 pixels, one of the two is smaller.
+_MOST_BETWEEN, _ROUGH = 0.19, 0.0875
 
 _LUMA = np.array([299, 587, 114], np.int32)
 
@@ -162,9 +162,10 @@ def _is_step(position: np.ndarray) -> bool:
     if (np.abs(position - 0.5) > 0.5 + _NEAR).mean() > _BEYOND:
         return False
     off, on = position <= _NEAR, position >= 1 - _NEAR
-    away = [ndimage.distance_transform_edt(~level) for level in (off, on)]
-    between, width = ~off & ~on, away[0] + away[1] - 1
-    if (between & (width > _SHARP)).sum() <= _MOST_WIDE * min(off.sum(), on.sum()):
+    between = ~off & ~on
+    sharp = ndimage.maximum_filter(off, 5) & ndimage.maximum_filter(on, 5)
+    if (between & ~sharp).sum() <= _MOST_BETWEEN * min(off.sum(), on.sum()):
         return True
-    slope = _NEAR + (1 - 2 * _NEAR) * (away[0] - 0.5)[between] / width[between]
+    away = [ndimage.distance_transform_edt(~level)[between] for level in (off, on)]
+    slope = _NEAR + (1 - 2 * _NEAR) * (away[0] - 0.5) / (away[0] + away[1] - 1)
     return bool(np.abs(slope - position[between]).mean() <= _ROUGH)
