@@ -1,7 +1,7 @@
 """Predicts points from photos: `psgn predict IMAGE... --out DIR`.
 
-Images are PNG, JPEG, TIFF, WebP or AVIF files or folders of them; convert other formats, such as
-HEIC, to JPEG. `psgn_jax.prediction.predictor` describes how the object is found and framed,
+Images are PNG, JPEG, GIF, BMP, TIFF, WebP, PPM, TGA, JPEG 2000 or AVIF files, or folders of them;
+convert other formats, such as HEIC, to JPEG. `psgn_jax.prediction.predictor` describes how the object is found and framed,
 `psgn_jax.prediction.files` the output. If one image cannot be processed, the others still are. Exit
 codes: 0 all images were processed; 1 some failed; 2 all failed, or an argument is wrong; 5 the disk
 is full; 130 stopped by Ctrl-C.
@@ -104,7 +104,7 @@ def _main(flags: Flags) -> int:
         milliseconds = 1000 * sum(result.seconds.values())
         sys.stdout.write(
             f"{one_line(path)}: {len(result.points)} x {result.points.shape[1]} points, mask "
-            f"{result.mask_from}, {milliseconds:.0f} ms\n"
+            f"{one_line(result.mask_from)}, {milliseconds:.0f} ms\n"
         )
         sys.stdout.flush()
     sys.stdout.write(f"results: {one_line(values.out)}\n" if done else "")

@@ -167,6 +167,9 @@ class Prediction:
         another cloud has the spread of its partner in the first one.
         """
         image = Image.fromarray(self.photo.image)
+        if self.photo.alpha is not None:  # behind it, the colour of the renderings' background
+            grey = Image.new("RGB", image.size, (191, 191, 191))
+            image = Image.composite(image, grey, Image.fromarray(self.photo.alpha))
         image.thumbnail((512, 512), Image.Resampling.LANCZOS, reducing_gap=2)
         height, width = self.photo.image.shape[:2]
         enlarged = np.diag([width / image.width, height / image.height, 1.0])

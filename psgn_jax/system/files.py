@@ -56,12 +56,14 @@ def check_folder(folder: str | os.PathLike[str], name: str) -> None:
 
 
 def cache_folder() -> pathlib.Path:
-    """Folder for data and compiled programs: $PSGN_CACHE, or ~/.cache/psgn_jax.
+    """Folder for data and compiled programs: $PSGN_CACHE, or psgn_jax in the cache.
 
-    `UserError` if PSGN_CACHE is unset and the user has no home, as in `docker run -u 1234`.
+    The cache is $XDG_CACHE_HOME or ~/.cache. `UserError` if both are unset and the user has no home, as in `docker run -u 1234`.
     """
     if given := os.environ.get("PSGN_CACHE"):
         return pathlib.Path(given)
+    if os.path.isabs(given := os.environ.get("XDG_CACHE_HOME", "")):  # others are ignored
+        return pathlib.Path(given, "psgn_jax")
     try:
         return pathlib.Path.home() / ".cache" / "psgn_jax"
     except RuntimeError:
@@ -73,7 +75,8 @@ def cache_folder() -> pathlib.Path:
 
 def temporary_for(path: pathlib.Path) -> pathlib.Path:
     """A path beside `path` that no other process uses; `remove_temporaries` recognises it."""
-    return path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
+    # A name has at most 255 bytes, and a character up to 4.
+    return path.with_name(f".{path.name[:60]}.{secrets.token_hex(4)}.tmp")
 
 
 def write_atomic(path: str | os.PathLike[str], content: bytes | str, *, sync: bool = True) -> None:
@@ -95,7 +98,8 @@ def write_atomic(path: str | os.PathLike[str], content: bytes | str, *, sync: bo
             error.filename, error.filename2 = str(path), None
         raise
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # the write's error says more
+            temporary.unlink()
 
 
 def install(temporary: pathlib.Path, path: pathlib.Path) -> None:

@@ -206,7 +206,7 @@ for width, height, mode in json.loads(sys.argv[1]):
     mask = Image.new("L", (width, height))
     mask.paste(255, box)
     mask.save("mask.png", compress_level=1)
-    masks.find_mask(read.image, read.alpha)
+    masks.find_mask(read)
     try:
         framing.place(read.image, photo.read_mask("mask.png", read))
     except photo.PhotoError as error:
