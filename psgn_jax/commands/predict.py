@@ -1,10 +1,10 @@
 """Predicts points from photos: `psgn predict IMAGE... --out DIR`.
 
 Images are PNG, JPEG, GIF, BMP, TIFF, WebP, PPM, TGA, JPEG 2000 or AVIF files, or folders of them;
-convert other formats, such as HEIC, to JPEG. `psgn_jax.prediction.predictor` describes how the object is found and framed,
-`psgn_jax.prediction.files` the output. If one image cannot be processed, the others still are. Exit
-codes: 0 all images were processed; 1 some failed; 2 all failed, or an argument is wrong; 5 the disk
-is full; 130 stopped by Ctrl-C.
+convert other formats, such as HEIC, to JPEG. `psgn_jax.prediction.predictor` describes how the
+object is found and framed, `psgn_jax.prediction.files` the output. If one image cannot be
+processed, the others still are. Exit codes: 0 all images were processed; 1 some failed; 2 all
+failed, or an argument is wrong; 5 the disk is full; 130 stopped by Ctrl-C.
 
 In a notebook: `psgn_jax.load()(image)`.
 """

@@ -20,7 +20,7 @@ from psgn_jax.viewing import page, spheres
 def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn spheres NPZ... --out=FILE", __doc__)
     flags.path("out", None, "PNG file to write.")
-    flags.integer("columns", 1, "Columns of the sheet.", lower_bound=1, upper_bound=100)
+    flags.integer("columns", 1, "Columns of the sheet.", lower_bound=1)
     flags.integer("clouds", 4, "Largest number of clouds of each file.", lower_bound=1)
     flags.path("turntable", None, "GIF of the first prediction, rotating.")
     flags.bool("branch", False, "Also show the first cloud coloured by branch.")

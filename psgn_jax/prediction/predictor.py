@@ -119,7 +119,8 @@ class Predictor:
         fields = ("image", "mask", "intrinsics", "extrinsics")
         batch = {name: getattr(view, name)[None] for name in fields}
         options = {"refine": refine, "placed": view.placed, "samples": samples, "first": first}
-        fitted, clouds = self._network(self._params, batch, r, **options)
+        with jax.numpy_dtype_promotion("standard"):  # the caller may have set "strict"
+            fitted, clouds = self._network(self._params, batch, r, **options)
         points = np.asarray(fitted.points)[0]
         view = dataclasses.replace(view, extrinsics=np.asarray(fitted.extrinsics)[0])
         clock.lap("network")
@@ -140,7 +141,7 @@ class Predictor:
             points=points,
             colours=np.stack(colours),
             mask=found.mask,
-            warnings=found.warnings,
+            warnings=(*read.warnings, *found.warnings),
             outlier=outlier,
             seen=np.stack(seen),
             branch=branch,

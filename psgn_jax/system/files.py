@@ -58,7 +58,8 @@ def check_folder(folder: str | os.PathLike[str], name: str) -> None:
 def cache_folder() -> pathlib.Path:
     """Folder for data and compiled programs: $PSGN_CACHE, or psgn_jax in the cache.
 
-    The cache is $XDG_CACHE_HOME or ~/.cache. `UserError` if both are unset and the user has no home, as in `docker run -u 1234`.
+    The cache is $XDG_CACHE_HOME or ~/.cache. `UserError` if the variables are unset and the user
+    has no home, as in `docker run -u 1234`.
     """
     if given := os.environ.get("PSGN_CACHE"):
         return pathlib.Path(given)
