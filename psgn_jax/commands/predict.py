@@ -86,14 +86,13 @@ def _main(flags: Flags) -> int:
         predictor.warm_up(values.samples, refine=values.refine, first=values.first)
         return predictor
 
-    done, failed, uncertain = 0, 0, 0
+    done, failed = 0, 0
     options = {name: values[name].value for name in _OPTIONS}
     for path, result in predict_files(
         opened, flags.arguments, values.out, formats=values.formats, mask_options=how, **options
     ):
         if isinstance(result, Exception):
             failed += 1
-            uncertain += isinstance(result, masks.UncertainMaskError)
             name, message = one_line(path), message_line(result)
             named = message.startswith((f"{name}: ", f"{name} "))
             sys.stderr.write(f"failed: {message if named else f'{name}: {message}'}\n")
@@ -108,14 +107,6 @@ def _main(flags: Flags) -> int:
         )
         sys.stdout.flush()
     sys.stdout.write(f"results: {one_line(values.out)}\n" if done else "")
-    if uncertain:
-        sys.stderr.write(
-            f"masks of which the network is not certain: {uncertain}. Look at "
-            f"{one_line(values.out)}/*_overlay.png. To use all of them: --accept_mask. To choose "
-            "another part of a photo: --box=x0,y0,x1,y1 or --point=x,y. To correct a mask, use any "
-            "image editor (white on the object) or the page of `psgn page --serve`, and put "
-            "NAME_mask.png beside the photo\n"
-        )
     if failed:
         sys.stderr.write(f"{done} of {done + failed} images were processed\n")
     if not failed:

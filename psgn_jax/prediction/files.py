@@ -140,7 +140,8 @@ def _propose(mask: np.ndarray, read: photo.Photo, start: pathlib.Path) -> pathli
 
     A mask that was mended stays.
     """
-    image = ImageOps.contain(Image.fromarray(read.image), (1024, 1024))
+    side = min(max(*read.image.shape, 512), 1024)
+    image = ImageOps.contain(Image.fromarray(read.image), (side, side))
     overlay = masks.with_mask(np.asarray(image), resample.smooth_mask(mask, image.size[::-1]))
     full = resample.smooth_mask(mask, read.size) * np.uint8(255)
     for kind, picture in (("overlay", overlay), ("mask", full)):

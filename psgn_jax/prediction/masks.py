@@ -288,8 +288,8 @@ def _by_network(
     if certain < LEAST_CERTAINTY and not accept:
         raise UncertainMaskError(
             f"it is not certain which part is the object ({percent}%, expected at least "
-            f"{LEAST_CERTAINTY:.0%}); give its mask, a box or a point, or accept this one "
-            f"(accept_mask){note}",
+            f"{LEAST_CERTAINTY:.0%}); give its mask, --box=x0,y0,x1,y1 or --point=x,y, or accept "
+            f"this one (accept_mask){note}",
             mask,
         )
     doubtful = certain < DOUBTFUL_BELOW

@@ -121,7 +121,7 @@ async function lookFor(photo, hint) {
     return (await page.maskSession.run({ [input]: new ort.Tensor("float32", pixels, shape) }, [output]))[output].data;
   };
   const { mask, certainty } = await findMask(photo, about, run, hint);
-  const doubt = certainty >= about.doubtful_below ? "" : ` It is not certain which part is the object (${Math.floor(100 * certainty)} %): draw a frame around it or click on it with the tool Find, or correct the mask.`;
+  const doubt = hint || certainty >= about.doubtful_below ? "" : ` It is not certain which part is the object (${Math.floor(100 * certainty)} %): draw a frame around it or click on it with the tool Find, or correct the mask.`;
   return { mask, doubt };
 }
 
