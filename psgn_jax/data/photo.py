@@ -323,14 +323,10 @@ def _opened(path: Any, noun: str) -> Iterator[tuple[Image.Image, tuple[int, int]
 
 def _other_than_image(path: Any) -> str:
     """What a file is that is not an image; the sentence follows its name."""
-    start = b""
-    with contextlib.suppress(OSError):
-        if hasattr(path, "seek"):
-            path.seek(0)
-            start = path.read(512)
-        else:
-            with open(path, "rb") as file:
-                start = file.read(512)
+    opened = contextlib.nullcontext(path) if hasattr(path, "seek") else open(path, "rb")  # noqa: SIM115
+    with opened as file:
+        file.seek(0)
+        start = file.read(512)
     if start.startswith(b"version https://git-lfs"):
         return "is a Git LFS pointer, not an image; expected the file that `git lfs pull` fetches"
     if re.match(rb"\s*<(!doctype html|html)", start, re.IGNORECASE):

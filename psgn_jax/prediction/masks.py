@@ -89,6 +89,13 @@ class FoundMask(NamedTuple):
     doubtful: bool = False
 
 
+class _Hints(NamedTuple):
+    inside: np.ndarray  # pixels in the box, bool [h, w]
+    crops: list[Box]  # what the network sees
+    at: np.ndarray | None  # (row, column) of the point
+    given: bool
+
+
 class MaskOptions(TypedDict, total=False):
     """How a mask is read or found.
 
@@ -156,10 +163,9 @@ def find_mask(
         if key in given:
             raise ConfigError(f"{key}: accepted only with a given mask")
     hints = _hints(read, options)
-    found = _by_background(read, method, *hints)
+    found = _by_background(read, method, hints)
     if found is None:
-        accept = options.get("accept_mask", False)
-        found = _by_network(read, method, *hints, accept=accept, note=note)
+        found = _by_network(read, method, hints, options.get("accept_mask", False), note)
     return found._replace(warnings=(*found.warnings, *_doubts(found)))
 
 
@@ -230,17 +236,15 @@ def check_method(method: str) -> None:
         mask_networks.rembg_session(model or _REMBG)
 
 
-def _by_background(
-    read: photo.Photo, method: str, inside: np.ndarray, _: list[Box], at: np.ndarray | None
-) -> FoundMask | None:
+def _by_background(read: photo.Photo, method: str, hints: _Hints) -> FoundMask | None:
     """The mask by transparency or by a background of one colour; None if a network looks for it."""
     if read.alpha is not None and method in ("auto", "alpha"):
-        mask = _chosen(visible(read.alpha) & inside, at)
+        mask = _chosen(visible(read.alpha), hints)
         if mask.mean() < _SMALLEST:
             raise PhotoError("the image is transparent all over, expected an object")
         return FoundMask(mask, "alpha")
     if method in ("auto", "plain") and (found := plain(read.image)) is not None:
-        mask = _chosen(found & inside, at)
+        mask = _chosen(found, hints)
         if _SMALLEST <= mask.mean() <= _LARGEST:
             return FoundMask(mask, "plain")
     lacking = {"alpha": "a transparent background", "plain": "a background of one colour"}
@@ -258,25 +262,17 @@ def visible(alpha: np.ndarray) -> np.ndarray:
 
 
 def _by_network(
-    read: photo.Photo,
-    method: str,
-    inside: np.ndarray,
-    crops: list[Box],
-    at: np.ndarray | None,
-    *,
-    accept: bool,
-    note: str,
+    read: photo.Photo, method: str, hints: _Hints, accept: bool, note: str
 ) -> FoundMask:
     """The mask of one part that a network finds, where it is most certain.
 
     It looks at the crops that a box gives and, if no part is under a point, at smaller windows.
     """
-    certain, mask = -1.0, inside
-    for crop in (*crops, *_windows(at, crops[-1])):
-        if crop in crops or certain <= 0:
-            certain, mask = max(
-                (certain, mask), _in_crop(read.image, method, inside, crop, at), key=lambda x: x[0]
-            )
+    certain, mask = -1.0, hints.inside
+    for crop in (*hints.crops, *_windows(hints)):
+        if crop in hints.crops or certain <= 0:
+            found = _in_crop(read.image, method, hints, crop)
+            certain, mask = max((certain, mask), found, key=lambda each: each[0])
     if not _SMALLEST <= mask.mean() <= _LARGEST:
         raise PhotoError(
             f"no object found: the network's mask covers {mask.mean():.3%} of the image (expected "
@@ -293,22 +289,20 @@ def _by_network(
             mask,
         )
     doubtful = certain < DOUBTFUL_BELOW
-    told = doubtful and len(crops) == 1 and at is None  # once: the user has chosen the object
+    told = doubtful and not hints.given  # once: then the user has chosen the object
     return FoundMask(mask, f"network, {percent}% certain", (_DOUBTFUL,) * told, doubtful)
 
 
-def _in_crop(
-    image: np.ndarray, method: str, inside: np.ndarray, crop: Box, at: np.ndarray | None
-) -> tuple[float, np.ndarray]:
+def _in_crop(image: np.ndarray, method: str, hints: _Hints, crop: Box) -> tuple[float, np.ndarray]:
     """`certainty` and mask, bool [h, w], of one part that a network finds in a crop of an image."""
     left, top, right, bottom = crop
-    region = np.s_[top:bottom, left:right]
+    region, at = np.s_[top:bottom, left:right], hints.at
     if method.startswith("rembg"):
         model = method.partition(":")[2] or _REMBG
         p = mask_networks.by_rembg(np.ascontiguousarray(image[region]), model)
     else:
         p = mask_networks.probabilities(image, crop)
-    p = np.where(enlarged(inside[region], p.shape), p, np.float32(0))
+    p = np.where(enlarged(hints.inside[region], p.shape), p, np.float32(0))
     scale = np.divide(p.shape, (bottom - top, right - left))
     part = part_of(p, None if at is None else (at - (top, left)) * scale)
     mask = np.zeros(image.shape[:2], bool)
@@ -373,10 +367,7 @@ def enlarged(p: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
     return np.asarray(levels.resize((size[1], size[0]), Image.Resampling.BILINEAR)) > 127
 
 
-def _hints(
-    read: photo.Photo, options: MaskOptions
-) -> tuple[np.ndarray, list[Box], np.ndarray | None]:
-    """The pixels in the box, bool [h, w]; what the network sees; the point as (row, column)."""
+def _hints(read: photo.Photo, options: MaskOptions) -> _Hints:
     size = width, height = read.image.shape[1::-1]
     scale = np.divide(size, read.size[::-1])
     inside, crops, at = np.ones((height, width), bool), [(0, 0, width, height)], None
@@ -400,7 +391,7 @@ def _hints(
         for margin in (round(share * int(max(high - low))) for share in MARGINS):
             (left, top), (right, bottom) = np.maximum(low - margin, 0), high + margin
             crops.append((int(left), int(top), min(width, int(right)), min(height, int(bottom))))
-    return inside, crops, at
+    return _Hints(inside, crops, at, given=box is not None or point is not None)
 
 
 def _numbers(name: str, hint: Sequence[float], form: str) -> np.ndarray:
@@ -414,11 +405,12 @@ def _shown(numbers: Sequence[float] | np.ndarray) -> str:
     return ",".join(f"{value:g}" for value in np.ravel(numbers))
 
 
-def _windows(at: np.ndarray | None, crop: Box) -> Iterator[Box]:
-    """Smaller crops around a point, within a crop."""
+def _windows(hints: _Hints) -> Iterator[Box]:
+    """Smaller crops around a point, within the last one."""
+    at = hints.at
     if at is None:
         return
-    left, top, right, bottom = crop
+    left, top, right, bottom = hints.crops[-1]
     for share in WINDOWS:
         wide, high = round(share * (right - left)), round(share * (bottom - top))
         x = int(np.clip(round(at[1] - wide / 2), left, right - wide))
@@ -426,9 +418,10 @@ def _windows(at: np.ndarray | None, crop: Box) -> Iterator[Box]:
         yield x, y, x + wide, y + high
 
 
-def _chosen(mask: np.ndarray, at: np.ndarray | None) -> np.ndarray:
-    """The part of a mask at (row, column), or all of it."""
-    return mask if at is None else part_of(mask.astype(np.float32), at)
+def _chosen(mask: np.ndarray, hints: _Hints) -> np.ndarray:
+    """The mask in the box; of this the part at the point."""
+    mask = mask & hints.inside
+    return mask if hints.at is None else part_of(mask.astype(np.float32), hints.at)
 
 
 def _looks_inverted(mask: np.ndarray) -> bool:
