@@ -81,11 +81,11 @@ def temporary_for(path: pathlib.Path) -> pathlib.Path:
 
 
 def write_atomic(path: str | os.PathLike[str], content: bytes | str, *, sync: bool = True) -> None:
-    """Writes or replaces a file atomically, text as UTF-8; creates its folder.
+    """Writes or replaces a file (`local_path`) atomically, text as UTF-8; creates its folder.
 
     With `sync` the file also survives a crash of the machine.
     """
-    path = pathlib.Path(path)
+    path = pathlib.Path(local_path(path, "path"))
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = temporary_for(path)
     try:
