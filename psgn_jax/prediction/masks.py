@@ -163,9 +163,8 @@ def find_mask(
         if key in given:
             raise ConfigError(f"{key}: accepted only with a given mask")
     hints = _hints(read, options)
-    found = _by_background(read, method, hints)
-    if found is None:
-        found = _by_network(read, method, hints, options.get("accept_mask", False), note)
+    accept = options.get("accept_mask", False)
+    found = _by_background(read, method, hints) or _by_network(read, method, hints, accept, note)
     return found._replace(warnings=(*found.warnings, *_doubts(found)))
 
 
@@ -191,7 +190,7 @@ def images_named(folder: pathlib.Path, stem: str) -> list[pathlib.Path]:
     """
     wanted, order = same_name(stem), (*sorted(photo.SUFFIXES), *sorted(photo.HEIC))
     found = []
-    with contextlib.suppress(FileNotFoundError):
+    with contextlib.suppress(OSError):
         for name in os.listdir(folder):
             start, suffix = os.path.splitext(name)
             if same_name(start) == wanted and suffix.lower() in order:
