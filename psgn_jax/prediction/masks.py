@@ -38,6 +38,9 @@ LEAST_CERTAINTY = 0.8
 """`certainty` below which U2-Netp's mask is not used (**ours**, see docs/journal.md)."""
 DOUBTFUL_BELOW = 0.945
 """`certainty` below which a warning says that the mask may be wrong."""
+BORDER = 0.02
+"""It also says so if the mask is at most this fraction of the photo's larger side away from its
+border, as things behind the object often are."""
 _DOUBTFUL = (
     "the mask may be wrong: look at the result *_overlay.png (in Python: cloud.mask); if it is, "
     "choose the object by --box=x0,y0,x1,y1 or --point=x,y, or mend the result *_mask.png and put "
@@ -287,7 +290,9 @@ def _by_network(
             f"this one (accept_mask){note}",
             mask,
         )
-    doubtful = certain < DOUBTFUL_BELOW
+    (height, width), (top, bottom, left, right) = mask.shape, box_of(mask)
+    gap = min(top, left, height - bottom, width - right)
+    doubtful = certain < DOUBTFUL_BELOW or gap <= BORDER * max(mask.shape)
     told = doubtful and not hints.given  # once: then the user has chosen the object
     return FoundMask(mask, f"network, {percent}% certain", (_DOUBTFUL,) * told, doubtful)
 

@@ -54,11 +54,14 @@ def test_the_network_finds_objects_or_a_mask_is_asked_for(rng):
         masks.find_mask(rng.integers(0, 255, (64, 64, 3), np.uint8), mask_from="plain")
 
 
-@pytest.mark.parametrize(("p", "warns"), [(0.852, True), (0.972, False)])
-def test_a_doubtful_mask_is_used_with_a_warning(monkeypatch, p, warns):
-    monkeypatch.setattr(mask_networks, "probabilities", given_by({"whole": [(20, 20, 80, 80)]}, p))
+@pytest.mark.parametrize(
+    ("p", "top", "warns"), [(0.852, 20, True), (0.972, 20, False), (0.972, 2, True)]
+)
+def test_a_doubtful_mask_is_used_with_a_warning(monkeypatch, p, top, warns):
+    seen = given_by({"whole": [(20, top, 80, 80)]}, p)
+    monkeypatch.setattr(mask_networks, "probabilities", seen)
     found = masks.find_mask(np.zeros((100, 100, 3), np.uint8), mask_from="network")
-    assert masks.mask_iou(found.mask, square(20, 20, 80, 80)) > 0.95
+    assert masks.mask_iou(found.mask, square(20, top, 80, 80)) > 0.95
     assert found.method == f"network, {int(100 * p)}% certain"
     assert bool(found.warnings) == found.doubtful == warns
     assert all("_overlay.png" in each and "--box" in each for each in found.warnings)
