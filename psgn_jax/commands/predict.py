@@ -9,6 +9,7 @@ failed, or an argument is wrong; 5 the disk is full; 130 stopped by Ctrl-C.
 In a notebook: `psgn_jax.load()(image)`.
 """
 
+import re
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -69,6 +70,11 @@ def _numbers(name: str, texts: list[str] | None, kind: type = float) -> list[Any
         raise ConfigError(f"--{name}={','.join(texts or ())}: accepted: {what}") from None
 
 
+def _with_dashes(message: str) -> str:
+    """A message with the flags as one types them."""
+    return re.sub(r"\b(box=x|point=x|accept_mask)", r"--\1", message)
+
+
 def _main(flags: Flags) -> int:
     values = flags.values
     if not values.formats or not set(values.formats) <= set(FORMATS):
@@ -93,13 +99,13 @@ def _main(flags: Flags) -> int:
     ):
         if isinstance(result, Exception):
             failed += 1
-            name, message = one_line(path), message_line(result)
+            name, message = one_line(path), _with_dashes(message_line(result))
             named = message.startswith((f"{name}: ", f"{name} "))
             sys.stderr.write(f"failed: {message if named else f'{name}: {message}'}\n")
             continue
         done += 1
         for warning in result.warnings:
-            sys.stderr.write(f"warning: {one_line(path)}: {one_line(warning)}\n")
+            sys.stderr.write(f"warning: {one_line(path)}: {_with_dashes(one_line(warning))}\n")
         milliseconds = 1000 * sum(result.seconds.values())
         sys.stdout.write(
             f"{one_line(path)}: {len(result.points)} x {result.points.shape[1]} points, mask "

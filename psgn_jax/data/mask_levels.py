@@ -28,10 +28,6 @@ _MOST_BETWEEN, _ROUGH = 0.19, 0.0875
 _LUMA = np.array([299, 587, 114], np.int32)
 
 
-class MaskLevelsError(ValueError):
-    """The levels do not show one object; the message follows the mask's name."""
-
-
 def object_in(
     values: np.ndarray, ids: np.ndarray | None = None, label: int | Sequence[int] | None = None
 ) -> np.ndarray:
@@ -43,7 +39,8 @@ def object_in(
       label: the object's number in `ids`, or its colour; None = the brighter of two levels.
 
     Raises:
-      MaskLevelsError: there is no such label, or there are not two levels.
+      ValueError: there is no such label, or there are not two levels; the message follows the
+        mask's name.
     """
     light = values if values.ndim == 2 else values @ _LUMA
     values = np.atleast_3d(values)
@@ -55,17 +52,17 @@ def object_in(
         wanted = np.atleast_1d(label)
         among = values if len(wanted) == values.shape[2] == 3 else named
         if len(wanted) != among.shape[2] or not (inside := (among == wanted).all(2)).any():
-            raise MaskLevelsError(f"has no level {','.join(map(str, wanted))}; it has {shown}")
+            raise ValueError(f"has no level {','.join(map(str, wanted))}; it has {shown}")
         return inside
     small = sample(light)
     levels = small.ravel()[first]
     if len(levels) == 1:
         if levels[0] > 0:
-            raise MaskLevelsError("covers the whole image: expected a background without it")
-        raise MaskLevelsError("is empty: no pixel shows the object")
+            raise ValueError("covers the whole image: expected a background without it")
+        raise ValueError("is empty: no pixel shows the object")
     found = _two_levels(small, codes.reshape(small.shape), levels)
     if found is None:
-        raise MaskLevelsError(
+        raise ValueError(
             f"has {len(levels)} levels ({shown}): accepted: two, the object in white on black; of "
             "several labels name the object's by mask_label, or in Python give mask=array == label"
         )

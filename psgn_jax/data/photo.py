@@ -140,7 +140,7 @@ def read_mask(mask: Source, photo: Photo, label: int | Sequence[int] | None = No
         raise PhotoError(f"{name} has {bad} values that are not finite; expected finite levels")
     try:
         inside = mask_levels.object_in(values, ids, label)
-    except mask_levels.MaskLevelsError as error:
+    except ValueError as error:
         raise PhotoError(f"{name} {error}") from None
     return resample.smooth_mask(inside, photo.image.shape[:2])
 

@@ -43,8 +43,8 @@ BORDER = 0.02
 border, as things behind the object often are."""
 _DOUBTFUL = (
     "the mask may be wrong: look at the result *_overlay.png (in Python: cloud.mask); if it is, "
-    "choose the object by --box=x0,y0,x1,y1 or --point=x,y, or mend the result *_mask.png and put "
-    "it beside the photo"
+    "choose the object by box=x0,y0,x1,y1 or point=x,y, or mend the result *_mask.png and put it "
+    "beside the photo"
 )
 # Pixels that are connected by probabilities above the first value belong to one part. Parts smaller
 # than this fraction of the largest one are not taken for the object.
@@ -286,7 +286,7 @@ def _by_network(
     if certain < LEAST_CERTAINTY and not accept:
         raise UncertainMaskError(
             f"it is not certain which part is the object ({percent}%, expected at least "
-            f"{LEAST_CERTAINTY:.0%}); give its mask, --box=x0,y0,x1,y1 or --point=x,y, or accept "
+            f"{LEAST_CERTAINTY:.0%}); give its mask, box=x0,y0,x1,y1 or point=x,y, or accept "
             f"this one (accept_mask){note}",
             mask,
         )

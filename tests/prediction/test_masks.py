@@ -64,7 +64,7 @@ def test_a_doubtful_mask_is_used_with_a_warning(monkeypatch, p, top, warns):
     assert masks.mask_iou(found.mask, square(20, top, 80, 80)) > 0.95
     assert found.method == f"network, {int(100 * p)}% certain"
     assert bool(found.warnings) == found.doubtful == warns
-    assert all("_overlay.png" in each and "--box" in each for each in found.warnings)
+    assert all("_overlay.png" in each and "box=x0" in each for each in found.warnings)
     # A hint is an answer to the warning.
     hinted = masks.find_mask(np.zeros((100, 100, 3), np.uint8), mask_from="network", point=(50, 50))
     assert (hinted.warnings, hinted.doubtful) == ((), warns)
