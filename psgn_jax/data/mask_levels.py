@@ -13,9 +13,10 @@ from scipy import ndimage
 _SIDE = 512
 # A level fills areas if windows of 3x3 pixels without another level cover this share of the mask.
 # With more than `FEW` levels, which soft edges and JPEG cause, levels that differ by less than
-# `_STEP` of the range count as one, and the share is larger. With few levels, such windows cover
+# `_STEP` of the range count as one, up to `_WIDEST`, and the share is larger. With few levels, such windows cover
 # at least `_LEAST_FLAT` of the mask: less is noise, or stripes.
-FEW, _LEAST_AREA, _LEAST_AREA_OF_MANY, _STEP, _LEAST_FLAT = 16, 0.001, 0.005, 0.02, 0.5
+FEW, _LEAST_AREA, _LEAST_AREA_OF_MANY, _LEAST_FLAT = 16, 0.001, 0.005, 0.5
+_STEP, _WIDEST = 0.02, 0.4
 # Of the difference of the two levels: other pixels are near a level, or between them, or beyond
 # them. At most the share `_BEYOND` of the pixels is beyond.
 _NEAR, _BEYOND = 0.25, 2e-4
@@ -134,7 +135,7 @@ def _two_levels(light: np.ndarray, codes: np.ndarray, levels: np.ndarray) -> np.
         groups[filling[1:]] = np.cumsum(np.diff(heights[filling]) > _STEP)
     areas = np.flatnonzero(np.bincount(groups, inner) >= least * codes.size)
     ranges = [np.ptp(heights[(groups == group) & (inner > 0)]) for group in areas]
-    if len(areas) not in (1, 2) or max(ranges) > _NEAR:
+    if len(areas) not in (1, 2) or max(ranges) > _WIDEST:
         return None
     # The most frequent level of each group. A thin object has none: the level that differs most.
     two = [int(np.where(groups == group, inner, -1).argmax()) for group in areas]
