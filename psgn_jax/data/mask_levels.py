@@ -13,8 +13,8 @@ from scipy import ndimage
 _SIDE = 512
 # A level fills areas if windows of 3x3 pixels without another level cover this share of the mask.
 # With more than `FEW` levels, which soft edges and JPEG cause, levels that differ by less than
-# `_STEP` of the range count as one, up to `_WIDEST`, and the share is larger. With few levels, such windows cover
-# at least `_LEAST_FLAT` of the mask: less is noise, or stripes.
+# `_STEP` of the range count as one, up to `_WIDEST`, and the share is larger. With few levels, such
+# windows cover at least `_LEAST_FLAT` of the mask: less is noise, or stripes.
 FEW, _LEAST_AREA, _LEAST_AREA_OF_MANY, _LEAST_FLAT = 16, 0.001, 0.005, 0.5
 _STEP, _WIDEST = 0.02, 0.4
 # Of the difference of the two levels: other pixels are near a level, or between them, or beyond
