@@ -90,10 +90,8 @@ def read_photo(image: Source | Photo) -> Photo:
     """
     if isinstance(image, Photo):
         return image
-    stored = _stored(image, "the image")
-    read = _upright(stored, stored.orientation)
     path = pathlib.Path(image) if isinstance(image, str | os.PathLike) else None
-    return dataclasses.replace(read, path=path)
+    return dataclasses.replace(_read(image), path=path)
 
 
 def read_mask(mask: Source, photo: Photo, label: int | Sequence[int] | None = None) -> np.ndarray:
@@ -201,9 +199,9 @@ def _with_numpy(image: Source, noun: str) -> Source:
     return np.asarray(image)
 
 
-def _stored(image: Source, noun: str) -> Photo:
-    """The first frame as stored; `noun` names it in messages."""
-    image = _with_numpy(image, noun)
+def _read(image: Source) -> Photo:
+    """The first frame."""
+    image = _with_numpy(image, "the image")
     if isinstance(image, np.ndarray):
         if image.dtype != np.uint8 or image.ndim < 2 or image.shape[2:] not in ((), (3,), (4,)):
             raise ValueError(
@@ -211,11 +209,11 @@ def _stored(image: Source, noun: str) -> Photo:
                 "(RGB) or [h, w, 4] (RGBA)"
             )
         size = image.shape[0], image.shape[1]
-        _check_size(noun, size)
+        _check_size("the image", size)
         colours = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
         alpha = colours[..., 3] if colours.shape[2] == 4 else None
         return Photo(colours[..., :3], useful_alpha(alpha), size)
-    with _opened(image, noun) as (file, size):
+    with _opened(image, "the image") as (file, size):
         file.load()
         return _from_picture(file, size)
 
@@ -236,19 +234,9 @@ def _from_picture(picture: Image.Image, size: tuple[int, int]) -> Photo:
         film = float(picture.getexif().get_ifd(_EXIF).get(_FOCAL_35MM, 0))
         focal = film * math.hypot(*size) / math.hypot(36, 24) if 0 < film < 1e4 else None
     colours, alpha, doubts = _to_rgb(picture)
-    return Photo(
-        np.asarray(colours), useful_alpha(alpha), size, orientation, focal, warnings=doubts
-    )
-
-
-def _upright(stored: Photo, orientation: int) -> Photo:
-    """A photo that is stored with an EXIF orientation, turned upright."""
-    if orientation not in _TURNS:
-        return stored
-    alpha = None if stored.alpha is None else turned(stored.alpha, orientation)
-    size = _upright_size(stored.size, orientation)
-    image = turned(stored.image, orientation)
-    return dataclasses.replace(stored, image=image, alpha=alpha, size=size)
+    image, size = np.asarray(_transposed(colours, orientation)), _upright_size(size, orientation)
+    alpha = None if alpha is None else turned(alpha, orientation)
+    return Photo(image, useful_alpha(alpha), size, orientation, focal, warnings=doubts)
 
 
 def turned(plane: np.ndarray, orientation: int) -> np.ndarray:
