@@ -2,6 +2,7 @@
 
 import json
 
+import jax
 import numpy as np
 import pytest
 import trimesh
@@ -54,7 +55,11 @@ def test_arrays_in_arrays_out(predictor):
     assert np.abs(other.points - result.points).max() > 0
     assert np.abs(result.points[0] - result.points[1]).max() > 0
     alpha = (photo_of_a_box()[..., :1] != 191) * np.uint8(255)
-    rgba = predictor(np.concatenate([photo_of_a_box(), alpha], axis=2), samples=2, seed=1)
+    rgba = np.concatenate([photo_of_a_box(), alpha], axis=2)
+    with jax.numpy_dtype_promotion("strict"):  # of the caller
+        rgba = predictor(rgba, samples=2, seed=1)
+    # Behind a transparent photo, pages show the background of the renderings.
+    assert (rgba.arrays()["photo"][0, 0] == 191).all()
     assert rgba.mask_from == "alpha"
     np.testing.assert_array_equal(rgba.points, result.points)
 
