@@ -396,7 +396,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command and returns its exit code."""
     flags = Flags("python scripts/free_set.py --packages=FOLDER", __doc__)
     flags.string("packages", None, "Folder of the unpacked packages.")
-    flags.string("out", None, "Folder of the training set.")
+    flags.path("out", None, "Folder of the training set.")
     flags.list("sources", [], f"Names of sources, of {', '.join(SOURCES)}; empty = all.")
     share = {"lower_bound": 0.0, "upper_bound": 1.0}
     flags.float("fraction", 1.0, "Fraction of each source's models, at least 3 models.", **share)

@@ -25,7 +25,7 @@ from psgn_jax.config.structured import ConfigError, suggestion
 from psgn_jax.data.conversion import LAYOUTS, convert_authors, convert_models
 from psgn_jax.data.sources import shapenet
 from psgn_jax.system.errors import Exit
-from psgn_jax.system.files import check_folder
+from psgn_jax.system.files import check_folder, local_path
 from psgn_jax.system.untrusted import one_line
 
 
@@ -44,6 +44,7 @@ def _main(flags: Flags) -> int:
         raise ConfigError(
             f"{layout}: no such layout; {hint}expected one of {', '.join(['authors', *LAYOUTS])}"
         )
+    destination = local_path(destination, "DST")
     check_folder(destination, "DST")
     if layout == "authors":
         if given := flags.given("views", "points"):

@@ -72,7 +72,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     define_network_flags(flags)
     flags.string("split", None, "Split; default: data.eval_split of the run.")
     flags.string("data", None, "Folder of records in place of those of the run.")
-    flags.string(
+    flags.path(
         "out", None, "Folder for the tables; default: a folder in the workdir, or for weights in "
         "the current folder.",
     )  # fmt: skip
@@ -88,7 +88,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "image's and fitted to the mask; default: eval.refine of the run.",
     )  # fmt: skip
     flags.bool("baselines", False, "Compare the network with simple baselines instead.")
-    flags.string("report", None, "Folder for a gallery of all samples, as web pages.")
+    flags.path("report", None, "Folder for a gallery of all samples, as web pages.")
     flags.string("compare", None, "Folder of a second run for the gallery.")
     define_process_flags(flags)
     return flags.run(_main, argv)

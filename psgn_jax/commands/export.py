@@ -21,7 +21,7 @@ from psgn_jax.weights.run_folder import Trained
 def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn export --out=FOLDER", __doc__)
     define_network_flags(flags)
-    flags.string("out", None, "Folder for the files.")
+    flags.path("out", None, "Folder for the files.")
     flags.list("weights_as", list(ONNX_NAMES), "Weights of the ONNX files: float32, float16.")
     return flags.run(_main, argv)
 

@@ -60,7 +60,7 @@ def _score(folder: pathlib.Path, values: Any) -> None:
 def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn human [ARGUMENT...]", __doc__)
     flags.string("data", "", "Folder of records; with `score`: only if it was moved.")
-    flags.string("out", "", "Folder for the page; with `score`: for tables and figure.")
+    flags.path("out", "", "Folder for the page; with `score`: for tables and figure.")
     flags.string("split", "validation", "Split of the records.")
     flags.integer("cases", 16, "Number of cases, evenly spaced over the split.")
     flags.string("answers", "", "File saved by the page; default: STUDY/human.json.")

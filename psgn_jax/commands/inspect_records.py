@@ -22,7 +22,7 @@ from psgn_jax.viewing.inspection import make_sheet, report
 
 def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn inspect PATH", __doc__)
-    flags.string("sheet", "", "Contact sheet; default: PATH/sheet.png.")
+    flags.path("sheet", "", "Contact sheet; default: PATH/sheet.png.")
     flags.integer("samples", 12, "Samples on the sheet.", lower_bound=1)
     flags.integer("check", 256, "Samples to check in each split.", lower_bound=1)
     return flags.run(_main, argv, wrong_input=(ValueError,))

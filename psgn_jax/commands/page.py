@@ -16,6 +16,7 @@ from psgn_jax.commands.common import define_network_flags
 from psgn_jax.commands.export import open_to_export
 from psgn_jax.config.command_line import Flags
 from psgn_jax.portable.folder import ONNX_NAMES
+from psgn_jax.system.untrusted import one_line
 from psgn_jax.web.page.build import build_page
 from psgn_jax.web.page.serve import server
 
@@ -23,7 +24,7 @@ from psgn_jax.web.page.serve import server
 def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn page", __doc__)
     define_network_flags(flags)
-    flags.string("out", "page", "Folder for the page.")
+    flags.path("out", "page", "Folder for the page.")
     flags.enum("weights_as", "float16", list(ONNX_NAMES), "Type of the page's weights.")
     flags.string("runtime", "", "Folder or .tgz with onnxruntime-web; default: from npm.")
     flags.bool("serve", False, "Serve the page to this machine, until Ctrl-C.")
@@ -35,7 +36,7 @@ def _main(flags: Flags) -> None:
     values = flags.values
     network = open_to_export(values)
     size = build_page(network, values.out, weights=values.weights_as, runtime=values.runtime)
-    sys.stdout.write(f"{values.out}: {size / 1e6:.1f} MB\n")
+    sys.stdout.write(f"{one_line(values.out)}: {size / 1e6:.1f} MB\n")
     if not values.serve:
         return
     with server(pathlib.Path(values.out), values.port) as running:

@@ -1,14 +1,15 @@
 """Predicts points from photos: `psgn predict IMAGE... --out DIR`.
 
-Images are PNG, JPEG, TIFF, WebP or AVIF files or folders of them; convert other formats, such as
-HEIC, to JPEG. `psgn_jax.prediction.predictor` describes how the object is found and framed,
-`psgn_jax.prediction.files` the output. If one image cannot be processed, the others still are. Exit
-codes: 0 all images were processed; 1 some failed; 2 all failed, or an argument is wrong; 5 the disk
-is full; 130 stopped by Ctrl-C.
+Images are PNG, JPEG, GIF, BMP, TIFF, WebP, PPM, TGA, JPEG 2000 or AVIF files, or folders of them;
+convert other formats, such as HEIC, to JPEG. `psgn_jax.prediction.predictor` describes how the
+object is found and framed, `psgn_jax.prediction.files` the output. If one image cannot be
+processed, the others still are. Exit codes: 0 all images were processed; 1 some failed; 2 all
+failed, or an argument is wrong; 5 the disk is full; 130 stopped by Ctrl-C.
 
 In a notebook: `psgn_jax.load()(image)`.
 """
 
+import re
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -32,8 +33,8 @@ _OPTIONS = ("mask", "samples", "seed", "frame", "normal_form", "refine", "first"
 def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn predict IMAGE...", __doc__)
     define_network_flags(flags)
-    flags.string("out", "out", "Folder for the results.")
-    flags.string("mask", None, "File of the mask, or folder of masks.")
+    flags.path("out", "out", "Folder for the results.")
+    flags.path("mask", None, "File of the mask, or folder of masks.")
     flags.string(
         "mask_from", "auto", f"How to find a mask: {', '.join(masks.METHODS)} or rembg:MODEL."
     )
@@ -69,6 +70,11 @@ def _numbers(name: str, texts: list[str] | None, kind: type = float) -> list[Any
         raise ConfigError(f"--{name}={','.join(texts or ())}: accepted: {what}") from None
 
 
+def _with_dashes(message: str) -> str:
+    """A message with the flags as one types them."""
+    return re.sub(r"\b(box=x|point=x|accept_mask)", r"--\1", message)
+
+
 def _main(flags: Flags) -> int:
     values = flags.values
     if not values.formats or not set(values.formats) <= set(FORMATS):
@@ -86,36 +92,27 @@ def _main(flags: Flags) -> int:
         predictor.warm_up(values.samples, refine=values.refine, first=values.first)
         return predictor
 
-    done, failed, uncertain = 0, 0, 0
+    done, failed = 0, 0
     options = {name: values[name].value for name in _OPTIONS}
     for path, result in predict_files(
         opened, flags.arguments, values.out, formats=values.formats, mask_options=how, **options
     ):
         if isinstance(result, Exception):
             failed += 1
-            uncertain += isinstance(result, masks.UncertainMaskError)
-            name, message = one_line(path), message_line(result)
+            name, message = one_line(path), _with_dashes(message_line(result))
             named = message.startswith((f"{name}: ", f"{name} "))
             sys.stderr.write(f"failed: {message if named else f'{name}: {message}'}\n")
             continue
         done += 1
         for warning in result.warnings:
-            sys.stderr.write(f"warning: {one_line(path)}: {one_line(warning)}\n")
+            sys.stderr.write(f"warning: {one_line(path)}: {_with_dashes(one_line(warning))}\n")
         milliseconds = 1000 * sum(result.seconds.values())
         sys.stdout.write(
             f"{one_line(path)}: {len(result.points)} x {result.points.shape[1]} points, mask "
-            f"{result.mask_from}, {milliseconds:.0f} ms\n"
+            f"{one_line(result.mask_from)}, {milliseconds:.0f} ms\n"
         )
         sys.stdout.flush()
     sys.stdout.write(f"results: {one_line(values.out)}\n" if done else "")
-    if uncertain:
-        sys.stderr.write(
-            f"masks of which the network is not certain: {uncertain}. Look at "
-            f"{one_line(values.out)}/*_overlay.png. To use all of them: --accept_mask. To choose "
-            "another part of a photo: --box=x0,y0,x1,y1 or --point=x,y. To correct a mask, use any "
-            "image editor (white on the object) or the page of `psgn page --serve`, and put "
-            "NAME_mask.png beside the photo\n"
-        )
     if failed:
         sys.stderr.write(f"{done} of {done + failed} images were processed\n")
     if not failed:

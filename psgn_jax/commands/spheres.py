@@ -19,10 +19,10 @@ from psgn_jax.viewing import page, spheres
 
 def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn spheres NPZ... --out=FILE", __doc__)
-    flags.string("out", None, "PNG file to write.")
+    flags.path("out", None, "PNG file to write.")
     flags.integer("columns", 1, "Columns of the sheet.", lower_bound=1)
     flags.integer("clouds", 4, "Largest number of clouds of each file.", lower_bound=1)
-    flags.string("turntable", None, "GIF of the first prediction, rotating.")
+    flags.path("turntable", None, "GIF of the first prediction, rotating.")
     flags.bool("branch", False, "Also show the first cloud coloured by branch.")
     flags.integer("height", 144, "Height of each picture in pixels; 480 is good for slides.",
                   lower_bound=48, upper_bound=2160)  # fmt: skip

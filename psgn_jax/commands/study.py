@@ -75,7 +75,7 @@ _OPTIONS = ("seeds", "steps", "only", "eval_data", "measure")
 
 def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn study NAME", __doc__)
-    flags.string("workdir", None, "Folder of the runs and the results; default: runs/NAME.")
+    flags.path("workdir", None, "Folder of the runs and the results; default: runs/NAME.")
     flags.string(
         "data", None, "Folder of records; default: records/authors if it exists, or the default "
         "data set; ambiguity and comparison render their own.",

@@ -32,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return Exit.ERROR
     flags = Flags("psgn train --config=FILE|NAME", __doc__, lambda: f"\nConfigurations\n{_names()}")
     flags.config(Config(), path_of)
-    flags.string(
+    flags.path(
         "workdir", None, "Folder of the run; default: runs/<name of the configuration file>."
     )
     define_process_flags(flags)

@@ -12,7 +12,7 @@ from psgn_jax.viewing import page
 
 def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn view NPZ... --out=FILE", __doc__)
-    flags.string("out", None, "HTML file to write.")
+    flags.path("out", None, "HTML file to write.")
     flags.string("title", "psgn_jax", "Title of the page.")
     return flags.run(_main, argv, wrong_input=(ValueError,))
 

@@ -29,8 +29,8 @@ from psgn_jax.weights.run_folder import Trained, open_run
 
 def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn weights COMMAND [NAME|FILE...]", __doc__)
-    flags.string("workdir", "", "export: folder of the run.")
-    flags.string("out", "", "export: file to be written, *.safetensors.")
+    flags.path("workdir", "", "export: folder of the run.")
+    flags.path("out", "", "export: file to be written, *.safetensors.")
     flags.enum("checkpoint", "best", ["best", "last"], "export: checkpoint of the run.")
     flags.bool("ema", True, "export: the averaged parameters, if the run has them.")
     flags.enum("dtype", "float16", list(DTYPES), "export: type of the numbers.")

@@ -21,6 +21,7 @@ from absl import flags as absl_flags
 
 from psgn_jax.config.structured import ConfigError, flatten, suggestion
 from psgn_jax.system.errors import Exit, exit_code_of
+from psgn_jax.system.files import local_path
 from psgn_jax.system.terminal import log_to_terminal, nothing_reads_output
 from psgn_jax.system.untrusted import message_line
 
@@ -47,6 +48,7 @@ class Flags:
           details: returns the text below the flags.
         """
         self._usage, self._doc, self._details = usage, doc, details
+        self._paths: list[str] = []
         self._config: tuple[Any, Callable[[str], str]] | None = None
         self.values: Any = absl_flags.FlagValues()  # by name; set by `run`
         self.arguments: list[str] = []  # without the flags
@@ -61,6 +63,11 @@ class Flags:
         self.enum = functools.partial(absl_flags.DEFINE_enum, **here)
         self.list = functools.partial(absl_flags.DEFINE_list, **here)
         self.multi_string = functools.partial(absl_flags.DEFINE_multi_string, **here)
+
+    def path(self, name: str, default: str | None, text: str) -> None:
+        """Defines a flag for a file or folder on this machine; each output has such a flag."""
+        self._paths.append(name)
+        self.string(name, default, text)
 
     def config(self, defaults: Any, path_of: Callable[[str], str] = str, file: str = "") -> None:
         """Defines `--config=FILE` (default: `file`) and `--config.FIELD=VALUE`.
@@ -115,6 +122,8 @@ class Flags:
             self.arguments = self.values(["psgn", *(x for x in argv if x in others)])[1:]
         except (absl_flags.Error, TypeError, ValueError) as error:
             raise ConfigError(str(error)) from error
+        for flag in (self.values[name] for name in self._paths):
+            flag.value = flag.value and local_path(flag.value, f"--{flag.name}")
         _, _, *needed = self._usage.split()
         for flag in re.findall(r"--(\w+)=", self._usage):
             if not self.values[flag].value:

@@ -1,41 +1,32 @@
 """Finds the object's pixels in a mask from its grey levels, palette indices or colours.
 
-A mask has two levels, with sharp or soft edges between them. We refuse a mask of several labels,
-because it does not say which label is the object's, and a photograph.
+A mask has two levels, with a sharp or soft edge between them. We refuse anything else: a mask of
+several labels does not say which label is the object's.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
-from PIL import Image
 from scipy import ndimage
 
 # We judge the levels on a sample of at most this many pixels a side.
 _SIDE = 512
-# A level fills areas if 3x3 windows without another level cover at least this share of the mask.
-# With more than `FEW` levels, most come from soft edges or JPEG. Then at least half of the pixels
-# at a level's border must also differ by `_STEP` of the range.
-_LEAST_AREA, FEW, _STEP = 0.001, 16, 0.02
-# A third level is this far beyond the mask's two levels or from the line between them, in units of
-# their difference, and has this share of the pixels.
-_OUTSIDE, _LEAST_SHARE = 0.1, 2e-4
-# Soft edges, in the same unit: a pixel is between the levels if it is farther than `_NEAR` from
-# both, or than `_OFF` from their line. Where a window of 5x5 pixels has both levels, the edge is
-# sharp. If the other pixels between them exceed `_MOST_BETWEEN` of the object, they must differ by
-# at most `_MOST_DIFFERENT` from a blurred mask. In the ten photographs of docs/photos, whole in
-# grey or at 96 pixels in colour, these pixels are at least .2 of the object and differ by at least
-# .124 on average. In their masks, at 96 pixels or whole, blurred with a deviation of up to 2
-# pixels, they are fewer or differ by at most .117.
-_NEAR, _OFF, _MOST_BETWEEN, _MOST_DIFFERENT = 0.25, 0.5, 0.17, 0.12
-_MANY = 64  # more levels are a photograph's, unless areas of three levels cover half of the mask
-_BLURS = (2, 4, 8, 16, 32)  # factors by which the mask is reduced
+# A level fills areas if windows of 3x3 pixels without another level cover this share of the mask.
+# With more than `FEW` levels, which soft edges and JPEG cause, levels that differ by less than
+# `_STEP` of the range count as one, up to `_WIDEST`, and the share is larger. With few levels, such
+# windows cover at least `_LEAST_FLAT` of the mask: less is noise, or stripes.
+FEW, _LEAST_AREA, _LEAST_AREA_OF_MANY, _LEAST_FLAT = 16, 0.001, 0.005, 0.5
+_STEP, _WIDEST = 0.02, 0.4
+# Of the difference of the two levels: other pixels are near a level, or between them, or beyond
+# them. At most the share `_BEYOND` of the pixels is beyond.
+_NEAR, _BEYOND = 0.25, 2e-4
+# Where a window of 5x5 pixels has both levels, the edge is sharp. If the other pixels between them
+# exceed the share `_MOST_BETWEEN` of the object's, they differ by at most `_ROUGH` from an even
+# slope. In the photographs of docs/photos, 96 pixels wide or whole, they exceed .2 and differ by
+# .09. In their masks and others, sharp or blurred by up to 8 pixels, one of the two is smaller.
+_MOST_BETWEEN, _ROUGH = 0.19, 0.0875
 
-_LUMA = np.array([0.299, 0.587, 0.114])
-_BILINEAR = Image.Resampling.BILINEAR
-
-
-class MaskLevelsError(ValueError):
-    """The levels do not show one object; the message follows the mask's name."""
+_LUMA = np.array([299, 587, 114], np.int32)
 
 
 def object_in(
@@ -49,44 +40,36 @@ def object_in(
       label: the object's number in `ids`, or its colour; None = the brighter of two levels.
 
     Raises:
-      MaskLevelsError: there is no such label, there are not two levels, or it is a photograph.
+      ValueError: there is no such label, or there are not two levels; the message follows the
+        mask's name.
     """
+    light = values if values.ndim == 2 else values @ _LUMA
     values = np.atleast_3d(values)
     named = values if ids is None else np.atleast_3d(ids)
-    small, small_named = sample(values), sample(named)
-    codes, first, counts = _numbered(small)
-    names = small_named.reshape(codes.size, -1)[first]
-    shown = _shown(names, counts)
+    small = sample(named)
+    _, first, codes, counts = np.unique(_single(small), True, True, True)
+    shown = _shown(small.reshape(codes.size, -1)[first], counts)
     if label is not None:
         wanted = np.atleast_1d(label)
         among = values if len(wanted) == values.shape[2] == 3 else named
         if len(wanted) != among.shape[2] or not (inside := (among == wanted).all(2)).any():
-            raise MaskLevelsError(f"has no level {','.join(map(str, wanted))}; it has {shown}")
+            raise ValueError(f"has no level {','.join(map(str, wanted))}; it has {shown}")
         return inside
-    levels = small.reshape(codes.size, -1)[first].astype(np.float64)
+    small = sample(light)
+    levels = small.ravel()[first]
     if len(levels) == 1:
-        if levels.max() > 0:
-            raise MaskLevelsError("covers the whole image: expected a background without it")
-        raise MaskLevelsError("is empty: no pixel shows the object")
-    areas = _fill_areas(codes, levels)
-    low, high = _two_levels(areas, levels)
-    if len(levels) <= FEW:  # count the levels of thin areas, such as outlines
-        position, off = _between(levels, levels[low], levels[high])
-        far = (position < -_OUTSIDE) | (position > 1 + _OUTSIDE) | (off > _OUTSIDE)
-        areas |= far & (counts >= _LEAST_SHARE * codes.size)
-    share = _share_between(*_between(small, levels[low], levels[high]))
-    if share or areas.sum() > 2:
-        labelled = areas.sum() > 2 and counts[areas].sum() > 0.5 * codes.size
-        if len(levels) > _MANY and not labelled:
-            raise MaskLevelsError(
-                f"looks like a photograph: {share:.0%} of it is neither dark nor bright; accepted: "
-                "white on the object, black elsewhere"
-            )
-        raise MaskLevelsError(
-            f"has {len(levels)} levels ({shown}): accepted: two, the object and the rest; name the "
-            "object's by mask_label, or in Python give mask=array == level"
+        if levels[0] > 0:
+            raise ValueError("covers the whole image: expected a background without it")
+        raise ValueError("is empty: no pixel shows the object")
+    found = _two_levels(small, codes.reshape(small.shape), levels)
+    if found is None:
+        raise ValueError(
+            f"has {len(levels)} levels ({shown}): accepted: two, the object in white on black; of "
+            "several labels name the object's by mask_label, or in Python give mask=array == label"
         )
-    return _between(values, levels[low], levels[high])[0] > 0.5
+    low, high = found.tolist()
+    # Exact for any numbers.
+    return light > (low / 2 + high / 2 if isinstance(low, float) else (low + high) // 2)
 
 
 def sample(values: np.ndarray) -> np.ndarray:
@@ -110,12 +93,6 @@ def _single(values: np.ndarray) -> np.ndarray:
     return values.astype(np.int64) @ np.array([1 << 16, 1 << 8, 1])
 
 
-def _numbered(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Level numbers [h, w]; index of a pixel of each level; pixels of each level."""
-    _, first, codes, counts = np.unique(_single(values), True, True, True)
-    return codes.reshape(values.shape[:2]), first, counts
-
-
 def _shown(names: np.ndarray, counts: np.ndarray) -> str:
     """The most frequent levels as text."""
     order = np.argsort(-counts, kind="stable")
@@ -126,61 +103,67 @@ def _shown(names: np.ndarray, counts: np.ndarray) -> str:
     return ", ".join(texts) + ", ..." * (len(order) > 5)
 
 
-def _neighbours(codes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The two levels at each pair of neighbouring pixels with different levels, in both orders."""
-    pairs = [(codes[1:], codes[:-1]), (codes[:, 1:], codes[:, :-1])]
-    one = np.concatenate([a.ravel() for a, _ in pairs] + [b.ravel() for _, b in pairs])
-    other = np.concatenate([b.ravel() for _, b in pairs] + [a.ravel() for a, _ in pairs])
-    return one[one != other], other[one != other]
+def _two_levels(light: np.ndarray, codes: np.ndarray, levels: np.ndarray) -> np.ndarray | None:
+    """The darker and the brighter level of a mask, or None if it is no mask.
+
+    Args:
+      light: brightness [h, w].
+      codes: numbers of the labels, int [h, w].
+      levels: brightness of each label.
+    """
+    flat = ndimage.maximum_filter(codes, 3) == ndimage.minimum_filter(codes, 3)
+    few = len(levels) <= FEW
+    if few and flat.mean() < _LEAST_FLAT:
+        return None
+    if len(levels) == 2:
+        return np.sort(levels) if levels[0] != levels[1] else None
+    lowest, span = float(levels.min()), float(levels.max()) - float(levels.min())
+    if not 0 < span < np.inf:
+        return None
+    light, heights = ((each - lowest) / span for each in (light, levels))
+    groups, least = np.arange(len(levels)), _LEAST_AREA
+    inner = np.bincount(codes[flat], minlength=len(levels))
+    if not few:
+        if _jumps(light, flat):
+            return None
+        flat = ndimage.maximum_filter(light, 3) - ndimage.minimum_filter(light, 3) <= _STEP
+        inner = np.bincount(codes[flat], minlength=len(levels))
+        # Levels that fill areas belong together, unless there is a gap between them.
+        order = np.argsort(heights)
+        filling = order[inner[order] > 0]
+        groups[:], least = 0, _LEAST_AREA_OF_MANY
+        groups[filling[1:]] = np.cumsum(np.diff(heights[filling]) > _STEP)
+    areas = np.flatnonzero(np.bincount(groups, inner) >= least * codes.size)
+    ranges = [np.ptp(heights[(groups == group) & (inner > 0)]) for group in areas]
+    if len(areas) not in (1, 2) or max(ranges) > _WIDEST:
+        return None
+    # The most frequent level of each group. A thin object has none: the level that differs most.
+    two = [int(np.where(groups == group, inner, -1).argmax()) for group in areas]
+    two += [int(np.abs(heights - heights[two[0]]).argmax())] * (len(two) == 1)
+    low, high = np.sort(heights[two])
+    if low == high or not _is_step((light - low) / (high - low)):
+        return None
+    return np.sort(levels[two])
 
 
-def _fill_areas(codes: np.ndarray, levels: np.ndarray) -> np.ndarray:
-    """Which levels fill areas, unlike those of soft edges and noise; see `_LEAST_AREA`."""
-    inner = ndimage.maximum_filter(codes, 3) == ndimage.minimum_filter(codes, 3)
-    number = len(levels)
-    areas = np.bincount(codes[inner], minlength=number) >= _LEAST_AREA * codes.size
-    if number > FEW:
-        one, other = _neighbours(codes)
-        step = np.abs(levels[one] - levels[other]).max(axis=1) > _STEP * np.ptp(levels)
-        sharp = np.bincount(one, step, minlength=number)
-        areas &= sharp >= 0.5 * np.bincount(one, minlength=number)
-    return areas
+def _jumps(light: np.ndarray, flat: np.ndarray) -> bool:
+    """Whether areas of levels that differ a little have sharp borders, as many labels have."""
+    total = 0
+    for one, other in ((np.s_[3:], np.s_[:-3]), (np.s_[:, 3:], np.s_[:, :-3])):
+        jump = np.abs(light[one] - light[other])
+        total += (flat[one] & flat[other] & (jump > _STEP) & (jump < _NEAR)).sum()
+    return bool(total > _BEYOND * light.size)
 
 
-def _two_levels(areas: np.ndarray, levels: np.ndarray) -> tuple[int, int]:
-    """The darker and the brighter level: two that fill areas, or else two that differ most."""
-    light = levels @ _LUMA if levels.shape[1] == 3 else levels[:, 0]
-    one, *others = np.flatnonzero(areas).tolist() or [int(light.argmin())]
-    apart = np.abs(levels - levels[one]).max(axis=1)
-    other = others[0] if others else int(apart.argmax())
-    return (one, other) if light[one] <= light[other] else (other, one)
-
-
-def _between(
-    values: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Position of values [..., c] between two levels (0 to 1), and distance from their line."""
-    axis = (high - low).astype(np.float32)
-    channels = [values[..., c] - np.float32(low[c]) for c in range(len(axis))]
-    position = sum(
-        (x * (a / (axis @ axis)) for x, a in zip(channels, axis, strict=True)), np.zeros(())
-    )
-    off = [np.abs(x - position * a) for x, a in zip(channels, axis, strict=True)]
-    return position, np.maximum.reduce(off) / np.abs(axis).max()
-
-
-def _share_between(position: np.ndarray, off: np.ndarray) -> float:
-    """The share of pixels between the levels; 0 if all belong to soft edges."""
-    inside = position > 0.5
-    near = (np.abs(position - inside) <= _NEAR) & (off <= _OFF)
-    lowest, highest = ndimage.minimum_filter(position, 5), ndimage.maximum_filter(position, 5)
-    between = ~near & ((lowest > _NEAR) | (highest < 1 - _NEAR))
-    if between.sum() <= _MOST_BETWEEN * min(inside.sum(), (~inside).sum()):
-        return 0.0
-    height, width = position.shape
-    picture, differences = Image.fromarray(inside.astype(np.uint8) * np.uint8(255)), []
-    for factor in _BLURS:
-        small = picture.resize((-(-width // factor), -(-height // factor)), _BILINEAR)
-        soft = np.asarray(small.resize((width, height), _BILINEAR)) / np.float32(255)
-        differences.append(float(np.maximum(np.abs(soft - position), off)[between].mean()))
-    return float((~near).mean()) if min(differences) > _MOST_DIFFERENT else 0.0
+def _is_step(position: np.ndarray) -> bool:
+    """Whether positions [h, w], 0 and 1 at two levels, are a step with a sharp or even slope."""
+    if (np.abs(position - 0.5) > 0.5 + _NEAR).mean() > _BEYOND:
+        return False
+    off, on = position <= _NEAR, position >= 1 - _NEAR
+    between = ~off & ~on
+    sharp = ndimage.maximum_filter(off, 5) & ndimage.maximum_filter(on, 5)
+    if (between & ~sharp).sum() <= _MOST_BETWEEN * min(off.sum(), on.sum()):
+        return True
+    away = [ndimage.distance_transform_edt(~level)[between] for level in (off, on)]
+    slope = _NEAR + (1 - 2 * _NEAR) * (away[0] - 0.5) / (away[0] + away[1] - 1)
+    return bool(np.abs(slope - position[between]).mean() <= _ROUGH)

@@ -5,15 +5,17 @@
 
 import contextlib
 import dataclasses
+import io
 import math
 import os
 import pathlib
+import re
 import warnings
 from collections.abc import Iterator, Sequence
 from typing import IO, Any
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image, ImageCms, UnidentifiedImageError
 
 from psgn_jax.data import mask_levels, resample
 from psgn_jax.system.errors import UserError
@@ -42,6 +44,7 @@ _ADVICE = (
 )
 _ORIENTATION, _EXIF, _FOCAL_35MM = 0x0112, 0x8769, 0xA405  # tags of EXIF
 _LEAST_TRANSPARENT = 0.005
+_OF_PROFILES = {"GRAY": "L", "CMYK": "CMYK"}  # kind of an ICC profile -> Pillow's mode
 _TURNS = {
     2: Image.Transpose.FLIP_LEFT_RIGHT, 3: Image.Transpose.ROTATE_180,
     4: Image.Transpose.FLIP_TOP_BOTTOM, 5: Image.Transpose.TRANSPOSE,
@@ -64,6 +67,7 @@ class Photo:
     orientation: int = 1  # EXIF's number, 1 = as stored
     focal: float | None = None  # in pixels of `size`, from EXIF's focal length for 35 mm film
     path: pathlib.Path | None = None  # None if the photo was not read from a path
+    warnings: tuple[str, ...] = ()
 
 
 Source = str | os.PathLike[str] | IO[bytes] | Image.Image | np.ndarray
@@ -71,7 +75,9 @@ Source = str | os.PathLike[str] | IO[bytes] | Image.Image | np.ndarray
 
 
 def read_photo(image: Source | Photo) -> Photo:
-    """Reads an image of any common format: the first frame, upright, as 8-bit RGB.
+    """Reads an image of any common format: the first frame, upright, as 8-bit sRGB.
+
+    Colours with an embedded ICC profile are converted; a warning says if that fails.
 
     Args:
       image: a path, a binary file such as `io.BytesIO`, a PIL image, or an array of NumPy or JAX,
@@ -84,10 +90,8 @@ def read_photo(image: Source | Photo) -> Photo:
     """
     if isinstance(image, Photo):
         return image
-    stored = _stored(image, "the image")
-    read = _upright(stored, stored.orientation)
     path = pathlib.Path(image) if isinstance(image, str | os.PathLike) else None
-    return dataclasses.replace(read, path=path)
+    return dataclasses.replace(_read(image), path=path)
 
 
 def read_mask(mask: Source, photo: Photo, label: int | Sequence[int] | None = None) -> np.ndarray:
@@ -134,7 +138,7 @@ def read_mask(mask: Source, photo: Photo, label: int | Sequence[int] | None = No
         raise PhotoError(f"{name} has {bad} values that are not finite; expected finite levels")
     try:
         inside = mask_levels.object_in(values, ids, label)
-    except mask_levels.MaskLevelsError as error:
+    except ValueError as error:
         raise PhotoError(f"{name} {error}") from None
     return resample.smooth_mask(inside, photo.image.shape[:2])
 
@@ -195,9 +199,9 @@ def _with_numpy(image: Source, noun: str) -> Source:
     return np.asarray(image)
 
 
-def _stored(image: Source, noun: str) -> Photo:
-    """The first frame as stored; `noun` names it in messages."""
-    image = _with_numpy(image, noun)
+def _read(image: Source) -> Photo:
+    """The first frame."""
+    image = _with_numpy(image, "the image")
     if isinstance(image, np.ndarray):
         if image.dtype != np.uint8 or image.ndim < 2 or image.shape[2:] not in ((), (3,), (4,)):
             raise ValueError(
@@ -205,11 +209,11 @@ def _stored(image: Source, noun: str) -> Photo:
                 "(RGB) or [h, w, 4] (RGBA)"
             )
         size = image.shape[0], image.shape[1]
-        _check_size(noun, size)
+        _check_size("the image", size)
         colours = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
         alpha = colours[..., 3] if colours.shape[2] == 4 else None
         return Photo(colours[..., :3], useful_alpha(alpha), size)
-    with _opened(image, noun) as (file, size):
+    with _opened(image, "the image") as (file, size):
         file.load()
         return _from_picture(file, size)
 
@@ -229,17 +233,10 @@ def _from_picture(picture: Image.Image, size: tuple[int, int]) -> Photo:
     with contextlib.suppress(Exception):  # of damaged metadata
         film = float(picture.getexif().get_ifd(_EXIF).get(_FOCAL_35MM, 0))
         focal = film * math.hypot(*size) / math.hypot(36, 24) if 0 < film < 1e4 else None
-    colours, alpha = _to_rgb(picture)
-    return Photo(np.asarray(colours), useful_alpha(alpha), size, orientation, focal)
-
-
-def _upright(stored: Photo, orientation: int) -> Photo:
-    """A photo that is stored with an EXIF orientation, turned upright."""
-    if orientation not in _TURNS:
-        return stored
-    alpha = None if stored.alpha is None else turned(stored.alpha, orientation)
-    size = _upright_size(stored.size, orientation)
-    return Photo(turned(stored.image, orientation), alpha, size, orientation, stored.focal)
+    colours, alpha, doubts = _to_rgb(picture)
+    image, size = np.asarray(_transposed(colours, orientation)), _upright_size(size, orientation)
+    alpha = None if alpha is None else turned(alpha, orientation)
+    return Photo(image, useful_alpha(alpha), size, orientation, focal, warnings=doubts)
 
 
 def turned(plane: np.ndarray, orientation: int) -> np.ndarray:
@@ -302,7 +299,7 @@ def _opened(path: Any, noun: str) -> Iterator[tuple[Image.Image, tuple[int, int]
     except PhotoError:
         raise
     except UnidentifiedImageError:
-        raise PhotoError(f"{shown} is not an image of a known format; {_ADVICE}") from None
+        raise PhotoError(f"{shown} {_other_than_image(path)}") from None
     except Image.DecompressionBombError:
         raise PhotoError(f"{shown} is too large: accepted: up to {MAX_PIXELS:,} pixels") from None
     except MemoryError:
@@ -312,19 +309,48 @@ def _opened(path: Any, noun: str) -> Iterator[tuple[Image.Image, tuple[int, int]
         raise PhotoError(f"{shown} is damaged or unreadable: {why}") from None
 
 
-def _to_rgb(picture: Image.Image) -> tuple[Image.Image, np.ndarray | None]:
-    """RGB and alpha, reduced as described at `MAX_SIDE`."""
+def _other_than_image(path: Any) -> str:
+    """What a file is that is not an image; the sentence follows its name."""
+    opened = contextlib.nullcontext(path) if hasattr(path, "seek") else open(path, "rb")  # noqa: SIM115
+    with opened as file:
+        file.seek(0)
+        start = file.read(512)
+    if start.startswith(b"version https://git-lfs"):
+        return "is a Git LFS pointer, not an image; expected the file that `git lfs pull` fetches"
+    if re.match(rb"\s*<(!doctype html|html)", start, re.IGNORECASE):
+        return "is a web page, not an image; expected the image that the page shows"
+    return f"is not an image of a known format; {_ADVICE}"
+
+
+def _to_rgb(picture: Image.Image) -> tuple[Image.Image, np.ndarray | None, tuple[str, ...]]:
+    """Colours in sRGB and alpha, reduced as described at `MAX_SIDE`, and warnings."""
+    profile = picture.info.get("icc_profile")
     if picture.mode.startswith(("I", "F")):
         picture = Image.fromarray(_to_bytes(np.asarray(picture)))
     elif picture.has_transparency_data:
         picture = picture if picture.mode == "RGBA" else picture.convert("RGBA")
-    elif picture.mode != "RGB":
+    elif picture.mode != "RGB" and not (profile and picture.mode in _OF_PROFILES.values()):
         picture = picture.convert("RGB")
     factor = max(picture.size) // MAX_SIDE
     if factor > 1:
         picture = picture.reduce(max(1, min(factor, min(picture.size) // MIN_SIDE)))
     alpha = np.asarray(picture.getchannel("A")) if picture.mode == "RGBA" else None
-    return picture.convert("RGB"), alpha
+    try:
+        return _in_srgb(picture, profile), alpha, ()
+    except (ImageCms.PyCMSError, OSError, TypeError, ValueError) as error:
+        why = f"its colour profile cannot be used ({brief(error)}); colours are read as sRGB"
+        return picture.convert("RGB"), alpha, (why,)
+
+
+def _in_srgb(picture: Image.Image, profile: bytes | None) -> Image.Image:
+    """A picture with an ICC profile or None, in RGB."""
+    source = ImageCms.ImageCmsProfile(io.BytesIO(profile)) if profile else None
+    if source is None or "sRGB" in ImageCms.getProfileDescription(source):
+        return picture.convert("RGB")
+    given = picture.convert(_OF_PROFILES.get(source.profile.xcolor_space.strip(), "RGB"))
+    goal = ImageCms.createProfile("sRGB")
+    converted = ImageCms.profileToProfile(given, source, goal, outputMode="RGB")
+    return converted or given
 
 
 def _to_bytes(values: np.ndarray) -> np.ndarray:

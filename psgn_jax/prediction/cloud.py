@@ -16,7 +16,7 @@ from PIL import Image
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from psgn_jax.data import camera
+from psgn_jax.data import camera, schema
 from psgn_jax.data.framing import Framed
 from psgn_jax.data.photo import Photo
 from psgn_jax.prediction import formats, surface
@@ -197,6 +197,9 @@ class Prediction:
         another cloud has the spread of its partner in the first one.
         """
         image = Image.fromarray(self.photo.image)
+        if self.photo.alpha is not None:  # behind it, the colour of the renderings' background
+            grey = Image.new("RGB", image.size, (schema.BACKGROUND_GREY,) * 3)
+            image = Image.composite(image, grey, Image.fromarray(self.photo.alpha))
         image.thumbnail((512, 512), Image.Resampling.LANCZOS, reducing_gap=2)
         height, width = self.photo.image.shape[:2]
         enlarged = np.diag([width / image.width, height / image.height, 1.0])

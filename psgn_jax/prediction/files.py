@@ -1,9 +1,9 @@
 """Predicts clouds for image files and writes the results as files.
 
 For each image NAME.*, these are the cloud as PLY, XYZ, OBJ and NPZ (`prediction.formats`); the view
-that the network saw, `NAME_view.png`; and `NAME.json` with camera, configuration, checkpoint and
-times. If the mask is not certain, they are the proposed mask, `NAME_mask.png`, and the photo in
-blue outside it, `NAME_overlay.png`.
+that the network saw, `NAME_input.png`; and `NAME.json` with camera, configuration, checkpoint and
+times. If the mask is not certain, there are also the found mask, `NAME_mask.png`, and the photo in
+blue outside it, `NAME_overlay.png`; if it is not used, there are only these two.
 """
 
 import contextlib
@@ -11,22 +11,21 @@ import dataclasses
 import json
 import os
 import pathlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from absl import logging
-from PIL import Image
+from PIL import Image, ImageOps
 
 from psgn_jax.config.experiment import ConfigError, to_dict
-from psgn_jax.data import photo
+from psgn_jax.data import photo, resample
 from psgn_jax.prediction import masks
 from psgn_jax.prediction.cloud import FC, Prediction
 from psgn_jax.prediction.formats import DEFAULT_FORMATS, VERSION
 from psgn_jax.prediction.predictor import Clock, Predictor
 from psgn_jax.system.errors import UserError, is_disk_full
-from psgn_jax.system.files import write_atomic
+from psgn_jax.system.files import local_path, write_atomic
 from psgn_jax.system.untrusted import read_json
 
 _FORMAT = "psgn_jax prediction"
@@ -51,16 +50,17 @@ def predict_files(
 ) -> Iterator[tuple[pathlib.Path, Prediction | Exception]]:
     """Predicts clouds for files and folders of images, one by one, and writes them to `out`.
 
-    In a folder, we leave out HEIC files with a converted copy, and the results of earlier runs. We
-    overwrite only files that `NAME.json` lists; otherwise we number the new ones. `earlier_files`
-    in it are results of runs before, with other formats or another number of samples.
+    In a folder, we leave out masks, HEIC files with a converted copy, and the results of earlier
+    runs. We overwrite only files that a `NAME.json` of the same photo lists; otherwise we number
+    the new ones. `earlier_files` in it are results of runs before, with other formats or another
+    number of samples.
 
     Args:
-      open_predictor: returns the network; called after the first image and its given mask were
-        read, so that wrong files are reported before a network is compiled. A mask that is not
-        given is found meanwhile. Its errors end the iteration.
+      open_predictor: returns the network; called after the first image and its mask were read or
+        found, so that wrong files are reported before a network is compiled. Its errors end the
+        iteration.
       mask: file of the mask (for one image), or folder of masks: of `NAME.jpg`, an image
-        `NAME_mask.*` or another `NAME.*`. None = automatic (`masks.mask_of`).
+        `NAME_mask.*` or another `NAME.*`. None = automatic (`masks.find_mask`).
       mask_options: how masks are found or read.
       formats: of the clouds, some of `formats.FORMATS`.
       options: of `Predictor.__call__`.
@@ -69,7 +69,7 @@ def predict_files(
       The path of each image, with its prediction or the error.
     """
     how = mask_options or {}
-    paths, out = _expand(images), pathlib.Path(out)
+    paths, out = _expand(images), pathlib.Path(local_path(out, "out"))
     if not paths:
         raise ConfigError(f"no image in {', '.join(map(str, images)) or 'the arguments'}")
     count = sum(path.suffix.lower() not in photo.HEIC for path in paths)  # the others are refused
@@ -77,42 +77,46 @@ def predict_files(
         raise ConfigError(f"mask={mask}: accepted for {count} images: a folder of masks")
     for name in ("box", "point"):
         if count > 1 and how.get(name) is not None:
-            raise ConfigError(f"{name}: accepted for one image, not {count}")
+            raise ConfigError(
+                f"{name}: accepted for one image, not {count}; its numbers have commas, no spaces"
+            )
     masks.check_method(how.get("mask_from", "auto"))
 
-    def read(path: pathlib.Path) -> tuple[photo.Photo, Future[masks.FoundMask], Clock]:
+    predictor: Any = None
+    taken: set[str] = set()
+
+    def prepare(path: pathlib.Path) -> tuple[photo.Photo, masks.FoundMask, _Target, Clock]:
         clock = Clock()
         image = photo.read_photo(path)
-        search = masks.search_of(image, None if mask is None else _mask_of(path, mask), **how)
+        target = _target(path, out, taken, formats, options.get("samples", 1))
+        given = None if mask is None else _mask_of(path, mask)
         clock.lap("read")
-
-        def find() -> masks.FoundMask:
-            found = search()
-            clock.lap("mask")
-            return found
-
-        return image, beside.submit(find), clock
+        try:
+            found = masks.find_mask(image, given, **how)
+        except masks.UncertainMaskError as error:
+            proposal = _propose(error.mask, image, target.start)
+            message = f"{error}; its proposal is {proposal}"
+            raise masks.UncertainMaskError(message, error.mask) from None
+        # The proposal of an earlier run would show another mask.
+        if found.doubtful or (given is None and _with(target.start, "_mask.png").exists()):
+            _propose(found.mask, image, target.start)
+        clock.lap("mask")
+        return image, found, target, clock
 
     def predict(
-        target: _Target, image: photo.Photo, found: Future[masks.FoundMask], clock: Clock
+        image: photo.Photo, found: masks.FoundMask, target: _Target, clock: Clock
     ) -> Prediction:
-        try:
-            result = predictor(image, found.result(), **options)
-        except masks.UncertainMaskError as error:
-            raise _proposed(error, image, target.start) from None
+        result = predictor(image, found, **options)
         result = dataclasses.replace(result, seconds=clock.laps | result.seconds)
         _write(predictor, result, target, formats, options.get("seed", 0))
         return result
 
-    predictor: Any = None
-    targets = _targets(paths, out, formats, options.get("samples", 1))
-    with ThreadPoolExecutor(1) as beside:
-        for path, target in zip(paths, targets, strict=True):
-            result: Any = _tried(path, read, path)
-            if not isinstance(result, Exception):
-                predictor = predictor or open_predictor()
-                result = _tried(path, predict, target, *result)
-            yield path, result
+    for path in paths:
+        result: Any = _tried(path, prepare, path)
+        if not isinstance(result, Exception):
+            predictor = predictor or open_predictor()
+            result = _tried(path, predict, *result)
+        yield path, result
 
 
 def _tried(path: pathlib.Path, function: Callable[..., Any], *arguments: Any) -> Any:
@@ -131,19 +135,20 @@ def _with(start: pathlib.Path, end: str) -> pathlib.Path:
     return start.with_name(start.name + end)
 
 
-def _proposed(
-    error: masks.UncertainMaskError, read: photo.Photo, start: pathlib.Path
-) -> masks.UncertainMaskError:
-    """Writes the proposed mask, and the photo with it; returns an error that names the mask."""
-    overlay = Image.fromarray(masks.with_mask(read.image, error.mask))
-    overlay.thumbnail((1024, 1024))
-    pictures = {"mask": error.mask * np.uint8(255), "overlay": np.asarray(overlay)}
-    for kind, picture in pictures.items():
+def _propose(mask: np.ndarray, read: photo.Photo, start: pathlib.Path) -> pathlib.Path:
+    """Writes a found mask in the photo's full size, and the photo with it; returns the mask's file.
+
+    A mask that was mended stays.
+    """
+    side = min(max(*read.image.shape, 512), 1024)
+    image = ImageOps.contain(Image.fromarray(read.image), (side, side))
+    overlay = masks.with_mask(np.asarray(image), resample.smooth_mask(mask, image.size[::-1]))
+    full = resample.smooth_mask(mask, read.size) * np.uint8(255)
+    for kind, picture in (("overlay", overlay), ("mask", full)):
         file = _with(start, f"_{kind}.png")
-        if not file.exists() or masks.is_result(file):  # a mask that was mended stays
+        if not file.exists() or masks.is_result(file):
             write_atomic(file, masks.result_png(picture), sync=False)
-    proposal = _with(start, "_mask.png")
-    return masks.UncertainMaskError(f"{error}; its proposal is {proposal}", error.mask)
+    return file
 
 
 def _write(
@@ -151,7 +156,7 @@ def _write(
 ) -> None:
     """Writes the results for an image."""
     clouds = _clouds(target.start.name, formats, len(result.points))
-    view = _with(target.start, "_view.png")
+    view = _with(target.start, "_input.png")
     files = [*clouds, view.name]
     folder = target.start.parent
     earlier = [name for name in sorted(target.earlier - {*files}) if (folder / name).exists()]
@@ -181,7 +186,7 @@ def _record(
     view, camera = result.view, result.camera()
     return {
         "format": f"{_FORMAT} {VERSION}",
-        "image": str(result.photo.path),
+        "image": os.path.abspath(str(result.photo.path)),
         "image_size": list(result.photo.size),
         "files": files,
         "earlier_files": earlier,
@@ -232,52 +237,59 @@ def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
     for image in map(pathlib.Path, images):
         paths += _images_in(image) if image.is_dir() else [image]
     if paths[1:] or paths != list(map(pathlib.Path, images)):  # a file alone is always meant
-        masks_of = {p.with_name(f"{p.stem}_mask") for p in paths}
+        listed = {(p.parent, masks.same_name(p.stem)) for p in paths}
         paths = [
             p
             for p in paths
-            if p.with_suffix("") not in masks_of and not (p.suffix == ".png" and masks.is_result(p))
+            if not _is_mask(p, listed) and not (p.suffix == ".png" and masks.is_result(p))
         ]
     return list(dict.fromkeys(paths))
+
+
+def _is_mask(path: pathlib.Path, listed: set[tuple[pathlib.Path, str]]) -> bool:
+    """Whether a file is the mask of a photo that is listed or beside it."""
+    stem, folder = path.stem[: -len("_mask")], path.parent
+    return masks.same_name(path.stem).endswith("_mask") and (
+        (folder, masks.same_name(stem)) in listed or bool(masks.images_named(folder, stem))
+    )
 
 
 def _images_in(folder: pathlib.Path) -> list[pathlib.Path]:
     """The images of a folder by their suffix, and HEIC files that have no converted copy there."""
     files = [p for p in folder.iterdir() if p.name[0] != "." and p.is_file()]
     images = [p for p in files if p.suffix.lower() in photo.SUFFIXES]
-    copied = {p.stem for p in images}
-    heic = [p for p in files if p.suffix.lower() in photo.HEIC and p.stem not in copied]
+    copied = {masks.same_name(p.stem) for p in images}
+    heic = [p for p in files if p.suffix.lower() in photo.HEIC]
+    heic = [p for p in heic if masks.same_name(p.stem) not in copied]
     return sorted(images + heic)
 
 
-def _results(record: pathlib.Path) -> frozenset[str]:
-    """The names of the files that a `NAME.json` lists as results."""
+def _results(record: pathlib.Path, image: pathlib.Path) -> frozenset[str]:
+    """The names of the files that a `NAME.json` lists as results of this image."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
         stated = read_json(record)
-        if stated["format"].startswith(_FORMAT):
+        same = os.path.abspath(stated["image"]) == os.path.abspath(image)
+        if same and stated["format"].startswith(_FORMAT):
             return frozenset([*stated["files"], *stated.get("earlier_files", [])])
     return frozenset()
 
 
-def _targets(
-    paths: Iterable[pathlib.Path], out: pathlib.Path, formats: Sequence[str], samples: int
-) -> Iterator[_Target]:
-    """A target for the results of each image; names are unique even if case is ignored."""
-    taken: set[str] = set()
-    for path in paths:
-        name, number = path.stem or "image", 1
-        while True:
-            record = out / f"{name}.json"
-            earlier = _results(record)
-            files = {*_clouds(name, formats, samples), f"{name}_view.png"} - earlier
-            there = any((out / file).exists() for file in files)
-            foreign = record.exists() and not earlier
-            if name.lower() not in taken and not there and not foreign:
-                break
-            number += 1
-            name = f"{path.stem}-{number}"
-        taken.add(name.lower())
-        yield _Target(out / name, earlier)
+def _target(
+    path: pathlib.Path, out: pathlib.Path, taken: set[str], formats: Sequence[str], samples: int
+) -> _Target:
+    """A target for the results of an image; its name is unique even if case is ignored."""
+    name, number = path.stem or "image", 1
+    while True:
+        record = out / f"{name}.json"
+        earlier = _results(record, path)
+        files = {*_clouds(name, formats, samples), f"{name}_input.png"} - earlier
+        there = any((out / file).exists() for file in files)
+        foreign = record.exists() and not earlier
+        if masks.same_name(name) not in taken and not there and not foreign:
+            taken.add(masks.same_name(name))
+            return _Target(out / name, earlier)
+        number += 1
+        name = f"{path.stem}-{number}"
 
 
 def _mask_of(path: pathlib.Path, mask: str) -> pathlib.Path:

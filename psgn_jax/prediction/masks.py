@@ -10,12 +10,15 @@ Without a mask `NAME_mask.*` beside `NAME.jpg`, "auto" tries three methods in th
 nearest to the middle. A box or a point in the photo chooses another one.
 """
 
+import contextlib
 import io
+import os
 import pathlib
+import unicodedata
 import warnings
 import zlib
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple, TypedDict, Unpack
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
 from PIL import Image, ImageFilter, PngImagePlugin
@@ -35,17 +38,22 @@ LEAST_CERTAINTY = 0.8
 """`certainty` below which U2-Netp's mask is not used (**ours**, see docs/journal.md)."""
 DOUBTFUL_BELOW = 0.945
 """`certainty` below which a warning says that the mask may be wrong."""
+BORDER = 0.02
+"""It also says so if the mask is at most this fraction of the photo's larger side away from its
+border, as things behind the object often are."""
 _DOUBTFUL = (
-    "the mask may be wrong: look at the result *_view.png (in Python: cloud.mask); if it is, put "
-    "your own, named as the photo with _mask.png, beside the photo"
+    "the mask may be wrong: look at the result *_overlay.png (in Python: cloud.mask); if it is, "
+    "choose the object by box=x0,y0,x1,y1 or point=x,y, or mend the result *_mask.png and put it "
+    "beside the photo"
 )
 # Pixels that are connected by probabilities above the first value belong to one part. Parts smaller
 # than this fraction of the largest one are not taken for the object.
 JOINED, LEAST_PART = 0.1, 0.1
 # A part is under a point if it is at most this fraction of the larger side away from it.
 REACH = 0.02
-# The network sees the box of the object and this fraction of its larger side around it.
-MARGIN = 0.2
+# The network sees the box of the object and these fractions of its larger side around it. We take
+# the mask of which it is more certain.
+MARGINS = (0.0, 0.2)
 # Windows around a point that has no part under it, as fractions of the photo's sides.
 WINDOWS = (0.6, 0.36)
 
@@ -73,11 +81,22 @@ Box = tuple[int, int, int, int]  # left, top, right, bottom
 
 
 class FoundMask(NamedTuple):
-    """The mask of an object, bool [h, w], where it is from, and warnings, a line each."""
+    """The mask of an object, bool [h, w], where it is from, and warnings, a line each.
+
+    `doubtful`: a network found it and is not certain.
+    """
 
     mask: np.ndarray
     method: str
     warnings: tuple[str, ...] = ()
+    doubtful: bool = False
+
+
+class _Hints(NamedTuple):
+    inside: np.ndarray  # pixels in the box, bool [h, w]
+    crops: list[Box]  # what the network sees
+    at: np.ndarray | None  # (row, column) of the point
+    given: bool
 
 
 class MaskOptions(TypedDict, total=False):
@@ -109,60 +128,47 @@ class UncertainMaskError(PhotoError):
         self.mask = mask
 
 
-def mask_of(
-    read: photo.Photo, mask: photo.Source | None = None, **options: Unpack[MaskOptions]
+def find_mask(
+    image: photo.Source | photo.Photo,
+    mask: photo.Source | None = None,
+    **options: Unpack[MaskOptions],
 ) -> FoundMask:
     """The mask of a photo: `mask`; without it, for "auto", `NAME_mask.*` beside it; else found.
 
-    Warnings say if the photo's border cuts the object off, and if the mask has two large parts.
-    With a box or a point, a mask beside the photo is not used.
+    Warnings say if the mask may be wrong, if the photo's border cuts the object off, and if the
+    mask has two large parts. With a box or a point, a mask beside the photo is not used.
 
     Raises:
-      PhotoError: the mask cannot be used, or no object was found.
+      PhotoError: the photo or the mask cannot be used, or no object was found.
       UncertainMaskError: the network is not certain.
-      ValueError: an option is wrong or has no effect; `ConfigError` as in `find_mask`.
+      ConfigError: an option is wrong or has no effect, or rembg cannot load its model.
     """
-    return search_of(read, mask, **options)()
-
-
-def search_of(
-    read: photo.Photo, mask: photo.Source | None = None, **options: Unpack[MaskOptions]
-) -> Callable[[], FoundMask]:
-    """`mask_of` in two steps: this one reads a given mask, and the result finds any other one."""
+    read, name, note = photo.read_photo(image), "given", ""
+    given = {key: value for key, value in options.items() if value is not None}
     method = options.get("mask_from", "auto")
     check_method(method)
-    set_options = {name: value for name, value in options.items() if value is not None}
-    for name in ("invert_mask", "accept_mask"):
-        if not isinstance(set_options.get(name, False), bool | np.bool_):
-            raise ConfigError(f"{name}={set_options[name]!r}: accepted: True or False")
-    hints: dict[str, Any] = {n: set_options[n] for n in ("box", "point") if n in set_options}
-    name, note = "given", ""
-    if mask is not None and hints:
-        raise ValueError(f"{next(iter(hints))}: accepted only without a mask")
-    if mask is None and method == "auto" and read.path is not None and not hints:
+    for key in ("invert_mask", "accept_mask"):
+        if not isinstance(given.get(key, False), bool | np.bool_):
+            raise ConfigError(f"{key}={given[key]!r}: accepted: True or False")
+    hint = next((key for key in ("box", "point") if key in given), None)
+    if mask is not None and hint:
+        raise ConfigError(f"{hint}: accepted only without a mask")
+    if mask is None and method == "auto" and read.path is not None and not hint:
         # A result that nobody has changed is not used.
-        files = list(images_named(read.path.parent, f"{read.path.stem}_mask"))
+        files = images_named(read.path.parent, f"{read.path.stem}_mask")
         mask = next((file for file in files if not is_result(file)), None)
         name = mask.name if mask else name
-        if files:
-            note = f"; {files[0].name}, beside the photo, is an unchanged proposal"
+        note = f"; {files[0].name}, beside the photo, is an unchanged proposal" if files else ""
     if mask is not None:
-        given = _given(read, mask, name, options)
-        return lambda: _with_doubts(given)
-    for name in ("invert_mask", "mask_label"):
-        if name in set_options:
-            raise ValueError(f"{name}: accepted only with a given mask")
-    scale = np.divide(read.image.shape[1::-1], read.size[::-1])
-    scaled: dict[str, Any] = {key: _scaled(key, hint, scale) for key, hint in hints.items()}
+        found = _given(read, mask, name, options)
+        return found._replace(warnings=(*found.warnings, *_doubts(found)))
+    for key in ("invert_mask", "mask_label"):
+        if key in given:
+            raise ConfigError(f"{key}: accepted only with a given mask")
+    hints = _hints(read, options)
     accept = options.get("accept_mask", False)
-
-    def search() -> FoundMask:
-        try:
-            return _with_doubts(find_mask(read.image, read.alpha, method, accept=accept, **scaled))
-        except UncertainMaskError as error:
-            raise UncertainMaskError(f"{error}{note}", error.mask) from None
-
-    return search
+    found = _by_background(read, method, hints) or _by_network(read, method, hints, accept, note)
+    return found._replace(warnings=(*found.warnings, *_doubts(found)))
 
 
 def _given(read: photo.Photo, mask: photo.Source, name: str, options: MaskOptions) -> FoundMask:
@@ -179,12 +185,25 @@ def _given(read: photo.Photo, mask: photo.Source, name: str, options: MaskOption
     return FoundMask(pixels, name, tuple(warnings))
 
 
-def images_named(folder: pathlib.Path, stem: str) -> Iterator[pathlib.Path]:
-    """The image files `stem.*` in a folder; HEIC last, which cannot be read."""
-    for suffix in (*sorted(photo.SUFFIXES), *sorted(photo.HEIC)):
-        for file in (folder / f"{stem}{suffix}", folder / f"{stem}{suffix.upper()}"):
-            if file.is_file():
-                yield file
+def images_named(folder: pathlib.Path, stem: str) -> list[pathlib.Path]:
+    """The image files `stem.*` in a folder; HEIC last, which cannot be read.
+
+    Upper and lower case are equal, and so are the Unicode forms of a name, because programs and
+    systems change them; a file of the very same name comes first.
+    """
+    wanted, order = same_name(stem), (*sorted(photo.SUFFIXES), *sorted(photo.HEIC))
+    found = []
+    with contextlib.suppress(OSError):
+        for name in os.listdir(folder):
+            start, suffix = os.path.splitext(name)
+            if same_name(start) == wanted and suffix.lower() in order:
+                found.append((start != stem, order.index(suffix.lower()), name))
+    return [file for *_, name in sorted(found) if (file := folder / name).is_file()]
+
+
+def same_name(name: str) -> str:
+    """A form that is equal for names that people take for the same one."""
+    return unicodedata.normalize("NFC", name).casefold()
 
 
 def result_png(picture: np.ndarray) -> bytes:
@@ -211,59 +230,51 @@ def is_result(path: pathlib.Path) -> bool:
 
 
 def check_method(method: str) -> None:
-    """Raises `ValueError` for an unknown method, or `ConfigError` for a missing rembg."""
+    """Raises `ConfigError` for an unknown method or a missing rembg."""
     name, colon, model = method.partition(":")
     if name not in METHODS or (colon and (name != "rembg" or not model)):
-        raise ValueError(f"mask_from={method!r}: accepted: {', '.join(METHODS)}, rembg:MODEL")
+        raise ConfigError(f"mask_from={method!r}: accepted: {', '.join(METHODS)}, rembg:MODEL")
     if name == "rembg":
         mask_networks.rembg_session(model or _REMBG)
 
 
-def find_mask(
-    image: np.ndarray,
-    alpha: np.ndarray | None = None,
-    method: str = "auto",
-    *,
-    accept: bool = False,
-    box: Sequence[float] | None = None,
-    point: Sequence[float] | None = None,
-) -> FoundMask:
-    """Finds the object in an image, uint8 [h, w, 3] RGB.
-
-    Args:
-      alpha: uint8 [h, w], see `photo.useful_alpha`.
-      method: one of `METHODS`, or `rembg:MODEL`.
-      accept: whether the network's mask is returned even if it is not certain.
-      box: left, top, right and bottom of a box around the object, in pixels.
-      point: column and row of a pixel of the object.
-
-    Raises:
-      UncertainMaskError: the network is not certain.
-      PhotoError: no object was found.
-      ValueError: an unknown method, or a box or point outside the image.
-      ConfigError: rembg is not installed, or cannot load the model.
-    """
-    check_method(method)
-    size = image.shape[:2]
-    inside, crop = _boxes(box, size)
-    at = None if point is None else _row_and_column(point, size)
-    if alpha is not None and method in ("auto", "alpha"):
-        mask = _chosen(visible(alpha) & inside, at)
+def _by_background(read: photo.Photo, method: str, hints: _Hints) -> FoundMask | None:
+    """The mask by transparency or by a background of one colour; None if a network looks for it."""
+    if read.alpha is not None and method in ("auto", "alpha"):
+        mask = _chosen(visible(read.alpha), hints)
         if mask.mean() < _SMALLEST:
             raise PhotoError("the image is transparent all over, expected an object")
         return FoundMask(mask, "alpha")
-    if method in ("auto", "plain"):
-        found = plain(image)
-        if found is not None:
-            mask = _chosen(found & inside, at)
-            if _SMALLEST <= mask.mean() <= _LARGEST:
-                return FoundMask(mask, "plain")
+    if method in ("auto", "plain") and (found := plain(read.image)) is not None:
+        mask = _chosen(found, hints)
+        if _SMALLEST <= mask.mean() <= _LARGEST:
+            return FoundMask(mask, "plain")
     lacking = {"alpha": "a transparent background", "plain": "a background of one colour"}
     if method in lacking:
         raise PhotoError(
             f"no object found; mask_from={method} expects {lacking[method]}; try mask_from=auto"
         )
-    mask, certain = _by_network(image, method, inside, crop, at)
+    return None
+
+
+def visible(alpha: np.ndarray) -> np.ndarray:
+    """The object in an alpha channel [h, w]: what is opaque or, of a glass, also what is faint."""
+    opaque, faint = alpha > 127, alpha > _FAINT
+    return faint if opaque.sum() < _OPAQUE_SHARE * faint.sum() else opaque
+
+
+def _by_network(
+    read: photo.Photo, method: str, hints: _Hints, accept: bool, note: str
+) -> FoundMask:
+    """The mask of one part that a network finds, where it is most certain.
+
+    It looks at the crops that a box gives and, if no part is under a point, at smaller windows.
+    """
+    certain, mask = -1.0, hints.inside
+    for crop in (*hints.crops, *_windows(hints)):
+        if crop in hints.crops or certain <= 0:
+            found = _in_crop(read.image, method, hints, crop)
+            certain, mask = max((certain, mask), found, key=lambda each: each[0])
     if not _SMALLEST <= mask.mean() <= _LARGEST:
         raise PhotoError(
             f"no object found: the network's mask covers {mask.mean():.3%} of the image (expected "
@@ -275,43 +286,32 @@ def find_mask(
     if certain < LEAST_CERTAINTY and not accept:
         raise UncertainMaskError(
             f"it is not certain which part is the object ({percent}%, expected at least "
-            f"{LEAST_CERTAINTY:.0%}); give its mask, a box or a point, or accept this one "
-            "(accept_mask)",
+            f"{LEAST_CERTAINTY:.0%}); give its mask, box=x0,y0,x1,y1 or point=x,y, or accept "
+            f"this one (accept_mask){note}",
             mask,
         )
-    doubtful = certain < DOUBTFUL_BELOW
-    return FoundMask(mask, f"network, {percent}% certain", (_DOUBTFUL,) * doubtful)
+    (height, width), (top, bottom, left, right) = mask.shape, box_of(mask)
+    gap = min(top, left, height - bottom, width - right)
+    doubtful = certain < DOUBTFUL_BELOW or gap <= BORDER * max(mask.shape)
+    told = doubtful and not hints.given  # once: then the user has chosen the object
+    return FoundMask(mask, f"network, {percent}% certain", (_DOUBTFUL,) * told, doubtful)
 
 
-def visible(alpha: np.ndarray) -> np.ndarray:
-    """The object in an alpha channel [h, w]: what is opaque or, of a glass, also what is faint."""
-    opaque, faint = alpha > 127, alpha > _FAINT
-    return faint if opaque.sum() < _OPAQUE_SHARE * faint.sum() else opaque
-
-
-def _by_network(
-    image: np.ndarray,
-    method: str,
-    inside: np.ndarray,
-    crop: Box,
-    at: np.ndarray | None,
-) -> tuple[np.ndarray, float]:
-    """The mask of one part, bool [h, w], in a crop of an image, and its `certainty`."""
-    model = method.partition(":")[2] or _REMBG
-    for left, top, right, bottom in (crop, *_windows(at, crop)):
-        region = np.s_[top:bottom, left:right]
-        if method.startswith("rembg"):
-            p = mask_networks.by_rembg(np.ascontiguousarray(image[region]), model)
-        else:
-            p = mask_networks.probabilities(image, (left, top, right, bottom))
-        p = np.where(enlarged(inside[region], p.shape), p, np.float32(0))
-        scale = np.divide(p.shape, (bottom - top, right - left))
-        part = part_of(p, None if at is None else (at - (top, left)) * scale)
-        if part.any():
-            break
+def _in_crop(image: np.ndarray, method: str, hints: _Hints, crop: Box) -> tuple[float, np.ndarray]:
+    """`certainty` and mask, bool [h, w], of one part that a network finds in a crop of an image."""
+    left, top, right, bottom = crop
+    region, at = np.s_[top:bottom, left:right], hints.at
+    if method.startswith("rembg"):
+        model = method.partition(":")[2] or _REMBG
+        p = mask_networks.by_rembg(np.ascontiguousarray(image[region]), model)
+    else:
+        p = mask_networks.probabilities(image, crop)
+    p = np.where(enlarged(hints.inside[region], p.shape), p, np.float32(0))
+    scale = np.divide(p.shape, (bottom - top, right - left))
+    part = part_of(p, None if at is None else (at - (top, left)) * scale)
     mask = np.zeros(image.shape[:2], bool)
     mask[region] = enlarged(np.where(part, p, 0), mask[region].shape)
-    return mask, certainty(p, part) if at is None else certainty(np.where(part, p, 0), part)
+    return certainty(p if at is None else np.where(part, p, 0), part), mask
 
 
 def part_of(p: np.ndarray, at: Sequence[float] | np.ndarray | None = None) -> np.ndarray:
@@ -371,55 +371,50 @@ def enlarged(p: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
     return np.asarray(levels.resize((size[1], size[0]), Image.Resampling.BILINEAR)) > 127
 
 
-def _scaled(name: str, hint: Sequence[float] | None, scale: np.ndarray) -> np.ndarray:
-    """A box or a point, with columns and rows multiplied by `scale`."""
+def _hints(read: photo.Photo, options: MaskOptions) -> _Hints:
+    size = width, height = read.image.shape[1::-1]
+    scale = np.divide(size, read.size[::-1])
+    inside, crops, at = np.ones((height, width), bool), [(0, 0, width, height)], None
+    if (point := options.get("point")) is not None:
+        x, y = _numbers("point", point, "x,y") * scale
+        if not (0 <= x < width and 0 <= y < height):
+            raise ConfigError(f"point={_shown(point)}: accepted: a place in the image")
+        at = np.array([y, x])
+    if (box := options.get("box")) is not None:
+        corners = _numbers("box", box, "x0,y0,x1,y1").reshape(2, 2) * scale
+        low = np.clip(np.floor(corners[0]), 0, size).astype(int)
+        high = np.clip(np.ceil(corners[1]), 0, size).astype(int)
+        if min(high - low) < photo.MIN_SIDE:
+            raise ConfigError(
+                f"box={_shown(box)}: accepted: x0,y0,x1,y1 with at least {photo.MIN_SIDE} pixels "
+                f"a side in the image of {read.size[1]}x{read.size[0]}"
+            )
+        inside[:] = False
+        inside[low[1] : high[1], low[0] : high[0]] = True
+        crops = []
+        for margin in (round(share * int(max(high - low))) for share in MARGINS):
+            (left, top), (right, bottom) = np.maximum(low - margin, 0), high + margin
+            crops.append((int(left), int(top), min(width, int(right)), min(height, int(bottom))))
+    return _Hints(inside, crops, at, given=box is not None or point is not None)
+
+
+def _numbers(name: str, hint: Sequence[float], form: str) -> np.ndarray:
     numbers = np.asarray(hint, float)
-    count = {"box": 4, "point": 2}[name]
-    if numbers.shape != (count,) or not np.isfinite(numbers).all():
-        names = "x0,y0,x1,y1" if name == "box" else "x,y"
-        raise ValueError(f"{name}={_shown(numbers)}: accepted: {names} in pixels of the photo")
-    return numbers * np.tile(scale, count // 2)
+    if numbers.shape != (form.count(",") + 1,) or not np.isfinite(numbers).all():
+        raise ConfigError(f"{name}={_shown(numbers)}: accepted: {form} in pixels of the photo")
+    return numbers
 
 
 def _shown(numbers: Sequence[float] | np.ndarray) -> str:
     return ",".join(f"{value:g}" for value in np.ravel(numbers))
 
 
-def _boxes(box: Sequence[float] | None, size: tuple[int, ...]) -> tuple[np.ndarray, Box]:
-    """The pixels in a box, bool [h, w], and the crop that the network sees, in whole pixels."""
-    height, width = size
-    if box is None:
-        return np.ones(size, bool), (0, 0, width, height)
-    x0, y0, x1, y1 = box
-    low = np.clip(np.floor([x0, y0]), 0, [width, height]).astype(int)
-    high = np.clip(np.ceil([x1, y1]), 0, [width, height]).astype(int)
-    if min(high - low) < photo.MIN_SIDE:
-        raise ValueError(
-            f"box={_shown(box)}: accepted: x0,y0,x1,y1 with at least {photo.MIN_SIDE} pixels a "
-            f"side in the image of {width}x{height}"
-        )
-    inside = np.zeros(size, bool)
-    inside[low[1] : high[1], low[0] : high[0]] = True
-    margin = round(MARGIN * int(max(high - low)))
-    (left, top), (right, bottom) = np.maximum(low - margin, 0), high + margin
-    return inside, (int(left), int(top), min(width, int(right)), min(height, int(bottom)))
-
-
-def _row_and_column(point: Sequence[float], size: tuple[int, ...]) -> np.ndarray:
-    """A point as (row, column)."""
-    x, y = point
-    if not (0 <= x < size[1] and 0 <= y < size[0]):
-        raise ValueError(
-            f"point={_shown(point)}: accepted: a place in the image of {size[1]}x{size[0]}"
-        )
-    return np.array([y, x], float)
-
-
-def _windows(at: np.ndarray | None, crop: Box) -> Iterator[Box]:
-    """Smaller crops around a point, within a crop."""
+def _windows(hints: _Hints) -> Iterator[Box]:
+    """Smaller crops around a point, within the last one."""
+    at = hints.at
     if at is None:
         return
-    left, top, right, bottom = crop
+    left, top, right, bottom = hints.crops[-1]
     for share in WINDOWS:
         wide, high = round(share * (right - left)), round(share * (bottom - top))
         x = int(np.clip(round(at[1] - wide / 2), left, right - wide))
@@ -427,18 +422,15 @@ def _windows(at: np.ndarray | None, crop: Box) -> Iterator[Box]:
         yield x, y, x + wide, y + high
 
 
-def _chosen(mask: np.ndarray, at: np.ndarray | None) -> np.ndarray:
-    """The part of a mask at (row, column), or all of it."""
-    return mask if at is None else part_of(mask.astype(np.float32), at)
+def _chosen(mask: np.ndarray, hints: _Hints) -> np.ndarray:
+    """The mask in the box; of this the part at the point."""
+    mask = mask & hints.inside
+    return mask if hints.at is None else part_of(mask.astype(np.float32), hints.at)
 
 
 def _looks_inverted(mask: np.ndarray) -> bool:
     border = _border(mask).mean()
     return bool(border >= _INVERTED or (border >= 0.5 and mask.mean() >= _INVERTED_WITHIN))
-
-
-def _with_doubts(found: FoundMask) -> FoundMask:
-    return found._replace(warnings=(*found.warnings, *_doubts(found)))
 
 
 def _doubts(found: FoundMask) -> Iterator[str]:

@@ -78,7 +78,7 @@ class Predictor:
           image: a path, an open file, a PIL image, an array uint8 [h, w, 3] (RGB), [h, w, 4]
             (RGBA) or [h, w] (grey), or what `photo.read_photo` has read; any size.
           mask: a path, an open file, a PIL image, or an array [h, w], bright on the object; None =
-            automatic (`masks.mask_of`).
+            automatic (`masks.find_mask`).
           samples: number of clouds, up to 64; more than one needs a network with a random input r.
             The first cloud is the prediction for r = 0, averaged with the mirror image's. The
             others are draws: of 16 (or twice `samples`), those that differ most from the clouds
@@ -115,7 +115,7 @@ class Predictor:
         clock = Clock()
         read, found = photo.read_photo(image), mask
         if not isinstance(found, masks.FoundMask):
-            found = masks.mask_of(read, found, **mask_options)
+            found = masks.find_mask(read, found, **mask_options)
             clock.lap("mask")
         move = frame == "place" or (frame == "auto" and not framing.is_framed(read.image))
         view = framing.place(read.image, found.mask, self.config.data.image_size, move=move)
@@ -123,7 +123,8 @@ class Predictor:
         fields = ("image", "mask", "intrinsics", "extrinsics")
         batch = {name: getattr(view, name)[None] for name in fields}
         options = {"refine": refine, "placed": view.placed, "samples": samples, "first": first}
-        fitted, clouds = self._network(self._params, batch, r, **options)
+        with jax.numpy_dtype_promotion("standard"):  # the caller may have set "strict"
+            fitted, clouds = self._network(self._params, batch, r, **options)
         points = np.asarray(fitted.points)[0]
         view = dataclasses.replace(view, extrinsics=np.asarray(fitted.extrinsics)[0])
         clock.lap("network")
@@ -144,7 +145,7 @@ class Predictor:
             points=points,
             colours=np.stack(colours),
             mask=found.mask,
-            warnings=found.warnings,
+            warnings=(*read.warnings, *found.warnings),
             outlier=outlier,
             seen=np.stack(seen),
             branch=branch,
@@ -171,6 +172,8 @@ class Predictor:
             accepted = f"1 to {most}" if size else "1, as this network has no random input"
             raise ConfigError(f"samples={samples}: accepted: {accepted}")
         if not size:
+            if seed:
+                raise ConfigError(f"seed={seed}: accepted: 0, as this network has no random input")
             return None
         if not isinstance(seed, int | np.integer) or not -(2**31) <= seed < 2**31:
             raise ConfigError(f"seed={seed}: accepted: an integer of 32 bits")

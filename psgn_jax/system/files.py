@@ -18,6 +18,17 @@ _TEMPORARY = re.compile(r"\..+\.[0-9a-f]{8}\.tmp", re.DOTALL)
 _NO_SYNC = {errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP}  # for folders on some network mounts
 
 
+def local_path(path: str | os.PathLike[str], name: str) -> str:
+    """A path for output on this machine, with `~` and `~user` expanded, as in `--out=~/results`.
+
+    `UserError` for an address such as gs://bucket; the message begins with `name`.
+    """
+    text = os.fspath(path)
+    if re.match(r"[a-zA-Z][\w+.-]+:/", text):
+        raise UserError(f"{name}={text}: expected a path on this machine, not an address")
+    return os.path.expanduser(text)
+
+
 def check_folder(folder: str | os.PathLike[str], name: str) -> None:
     """Checks that files can be written to a folder, without creating it.
 
@@ -25,7 +36,7 @@ def check_folder(folder: str | os.PathLike[str], name: str) -> None:
       UserError: no file can be written there; the message begins with `name`, a flag or argument.
       OSError: the disk is full.
     """
-    path = pathlib.Path(folder)
+    path = pathlib.Path(local_path(folder, name))
     if not os.fspath(folder):
         raise UserError(f"{name}=: the name is empty; expected a folder for files")
     there = next(p for p in (path, *path.parents) if os.path.lexists(p))
@@ -45,12 +56,15 @@ def check_folder(folder: str | os.PathLike[str], name: str) -> None:
 
 
 def cache_folder() -> pathlib.Path:
-    """Folder for data and compiled programs: $PSGN_CACHE, or ~/.cache/psgn_jax.
+    """Folder for data and compiled programs: $PSGN_CACHE, or psgn_jax in the cache.
 
-    `UserError` if PSGN_CACHE is unset and the user has no home, as in `docker run -u 1234`.
+    The cache is $XDG_CACHE_HOME or ~/.cache. `UserError` if the variables are unset and the user
+    has no home, as in `docker run -u 1234`.
     """
     if given := os.environ.get("PSGN_CACHE"):
         return pathlib.Path(given)
+    if os.path.isabs(given := os.environ.get("XDG_CACHE_HOME", "")):  # others are ignored
+        return pathlib.Path(given, "psgn_jax")
     try:
         return pathlib.Path.home() / ".cache" / "psgn_jax"
     except RuntimeError:
@@ -62,15 +76,16 @@ def cache_folder() -> pathlib.Path:
 
 def temporary_for(path: pathlib.Path) -> pathlib.Path:
     """A path beside `path` that no other process uses; `remove_temporaries` recognises it."""
-    return path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
+    # A name has at most 255 bytes, and a character up to 4.
+    return path.with_name(f".{path.name[:60]}.{secrets.token_hex(4)}.tmp")
 
 
 def write_atomic(path: str | os.PathLike[str], content: bytes | str, *, sync: bool = True) -> None:
-    """Writes or replaces a file atomically, text as UTF-8; creates its folder.
+    """Writes or replaces a file (`local_path`) atomically, text as UTF-8; creates its folder.
 
     With `sync` the file also survives a crash of the machine.
     """
-    path = pathlib.Path(path)
+    path = pathlib.Path(local_path(path, "path"))
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = temporary_for(path)
     try:
@@ -84,7 +99,8 @@ def write_atomic(path: str | os.PathLike[str], content: bytes | str, *, sync: bo
             error.filename, error.filename2 = str(path), None
         raise
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # the write's error says more
+            temporary.unlink()
 
 
 def install(temporary: pathlib.Path, path: pathlib.Path) -> None:

@@ -160,6 +160,7 @@ def sheet(rows: Sequence[tuple[str, Mapping[str, np.ndarray]]], *, columns: int)
     wide, high = max(lengths), next(iter(rows[0][1].values())).shape[0]
     font = ImageFont.load_default(max(10, high // 14))
     margin, head = 12, max(16, high // 9)
+    columns = min(columns, len(rows))
     lines = -(-len(rows) // columns)
     size = columns * (wide + margin) + margin, lines * (high + head) + margin
     page = Image.new("RGB", size, "white")

@@ -140,7 +140,9 @@ def test_every_command_has_help_without_foreign_flags(capsys):
     [["inspect", "https://a.b/c"], ["predict", "https://a.b/c"],
      ["predict", f"{PHOTOS}/cup.jpg", "--mask=https://a.b/c"],
      ["train", "--config=debug", "--config.data.path=https://a.b/c"],
-     ["evaluate", "--workdir=https://a.b/c"]],
+     ["evaluate", "--workdir=https://a.b/c"], ["view", "a.npz", "--out=https://a.b/c"],
+     ["train", "--config=debug", "--workdir=https://a.b/c"],
+     ["convert", "authors", ".", "https://a.b/c"]],
 )  # fmt: skip
 def test_addresses_keep_their_slashes_in_messages(arguments, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

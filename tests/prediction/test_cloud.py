@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 from helpers.commands import PHOTOS
-from PIL import Image
+from helpers.refusals import all_refused, refused
 
 import psgn_jax
 from psgn_jax.data import camera, framing, photo
@@ -82,10 +82,8 @@ def test_samples_are_saved_by_number_and_shown_on_a_page(tmp_path):
     read = read_prediction(tmp_path / "b.npz", FIELDS)
     np.testing.assert_array_equal(read["points"], two.points)
     assert document_of([case_of("b", read)]) == page
-    with pytest.raises(ValueError, match="sample=-1: accepted: 0 to 0"):
-        prediction().save(tmp_path / "a.ply", sample=-1)
-    with pytest.raises(ValueError, match=r"accepted: a name that ends in \.ply"):
-        prediction().save(tmp_path / "car.stl")
+    table = [(("a.ply", -1), "sample=-1"), (("car.stl", 0), "car.stl", ".ply")]
+    all_refused(lambda given: prediction().save(tmp_path / given[0], given[1]), ValueError, table)
 
 
 @pytest.mark.parametrize("middle", [(230, 330), (380, 90)])
@@ -124,10 +122,9 @@ def test_the_photos_camera(rng, middle):
     np.testing.assert_allclose(metres.points, metres.unit * assumed.points)
     moved = camera.to_camera(metres.unit * points[0], metres.extrinsics)
     assert np.abs(moved - metres.points).max() < 0.1 * metres.unit
-    for wrong in (np.nan, 0, -1, 1e300, 1e-300, "300"):
-        for name in ("focal", "height"):
-            with pytest.raises(ValueError, match=f"{name}=.*accepted: a number from 1e-06 to 1e"):
-                cloud.camera(**{name: wrong})
+    wrong = (np.nan, 0, -1, 1e300, 1e-300, "300")
+    table = [({name: value}, f"{name}=") for value in wrong for name in ("focal", "height")]
+    all_refused(lambda options: cloud.camera(**options), ValueError, table)
     assert np.isfinite(cloud.camera(focal=1e6, height=1e6).points).all()
 
 
@@ -137,7 +134,7 @@ def test_the_focal_length_of_exif_is_used_if_it_can_be_true():
         cloud = prediction(photo=photo.Photo(image, None, (192, 256), focal=focal))
         used = focal if focal == 300 else cloud.photo_intrinsics[0, 0]
         assert cloud.camera().intrinsics[0, 0] == pytest.approx(used)
-    with pytest.raises(ValueError, match="focal=3: the camera would be inside the object"):
+    with refused(ValueError, "focal=3"):
         cloud.camera(focal=3)
 
 
@@ -181,22 +178,6 @@ def test_outliers_are_found_and_left_out(tmp_path):
 @pytest.fixture(scope="module")
 def model():
     return psgn_jax.load()
-
-
-def test_paths_images_and_arrays_give_the_same_cloud(model):
-    path, mask = PHOTOS / "chair.jpg", PHOTOS / "chair_mask.png"
-    cloud = model(path, mask=str(mask))
-    image, pixels = Image.open(path), np.array(Image.open(mask))
-    assert cloud.points.shape == (1, 1024, 3)
-    np.testing.assert_array_equal(cloud.mask, pixels)
-    with path.open("rb") as stream:
-        for source, other in (
-            (image, Image.open(mask)),
-            (image, pixels.astype(np.uint8)),
-            (stream, 255 * pixels.astype(np.uint8)),
-            (np.array(image), pixels),
-        ):
-            np.testing.assert_array_equal(model(source, mask=other).points, cloud.points)
 
 
 def outside(cloud, points=None):

@@ -5,7 +5,7 @@ import os
 import zipfile
 
 import numpy as np
-import pytest
+from helpers.refusals import check_message, refused
 
 from psgn_jax.commands import spheres as spheres_command
 from psgn_jax.commands import view
@@ -46,61 +46,55 @@ def header(count):
 
 
 NESTED = b"{'descr': '<f4', 'fortran_order': False, 'shape': " + b"(" * 9000
-UNREADABLE, NO_ARCHIVE = "cannot be read as a prediction", "expected a file NAME.npz"
 WHOLE = io.BytesIO()
 np.savez(WHOLE, **arrays())
 WHOLE = WHOLE.getvalue()
 
-# The content of points.npy in a file, and what is said about it.
+# The content of points.npy in a file, and what is named.
 MEMBERS = {
-    "nested": (b"\x93NUMPY\x01\x00" + len(NESTED).to_bytes(2, "little") + NESTED, UNREADABLE),
-    "claims": (header(10**12), r"points is float32 \[1, 1000000000000, 3\] in [0-9]+ bytes"),
-    "bomb": (bytes(140 << 20), "points takes [0-9]+ bytes, expected at most"),
+    "nested": (b"\x93NUMPY\x01\x00" + len(NESTED).to_bytes(2, "little") + NESTED, ""),
+    "claims": (header(10**12), "points is float32 [1, 1000000000000, 3]"),
+    "bomb": (bytes(140 << 20), "points"),
 }
 # The content of a file that is no archive.
 CONTENTS = {
-    "text": (b"nothing", NO_ARCHIVE),
-    "cut": (WHOLE[:3000], NO_ARCHIVE),
-    "flipped": (WHOLE[:300] + b"x" * 200 + WHOLE[500:], UNREADABLE),
-}
+    "text": b"nothing", "cut": WHOLE[:3000], "flipped": WHOLE[:300] + b"x" * 200 + WHOLE[500:]
+}  # fmt: skip
 # Arrays that replace those of a prediction.
 MILLION = {"points": np.zeros((1, 10**6, 3), "f4"), "seen": np.ones((1, 10**6), bool)}
 ARRAYS = {
-    "object": ({"points": np.array([{}, []], object)}, UNREADABLE),
-    "shape": ({"colours": np.zeros((2, 49, 3), np.uint8)}, r"\[2, 49, 3\], expected uint8 \[k, n"),
-    "huge": ({"image": np.zeros((2049, 1000, 3), np.uint8)}, "expected uint8 .* with h up to 2048"),
-    "million": (MILLION, "with k up to 64, n up to 262144"),
-    "spread": ({"spread": np.zeros(50)}, r"spread is float64 \[50\], expected float \[k, n\]"),
-    "nan": ({"points": np.full((2, 50, 3), np.nan)}, "points is not finite"),
+    "object": ({"points": np.array([{}, []], object)}, ""),
+    "shape": ({"colours": np.zeros((2, 49, 3), np.uint8)}, "colours", "[2, 49, 3]", "uint8 [k, n"),
+    "huge": ({"image": np.zeros((2049, 1000, 3), np.uint8)}, "image", "h up to 2048"),
+    "million": (MILLION, "k up to 64, n up to 262144"),
+    "spread": ({"spread": np.zeros(50)}, "spread", "[50]", "float [k, n]"),
+    "nan": ({"points": np.full((2, 50, 3), np.nan)}, "points"),
     "camera": ({"extrinsics": np.ones((3, 4))}, "extrinsics"),
-    "branch": ({"branch": np.full(50, 2, np.uint8)}, "branch is 2, expected 0 or 1"),
-    "shear": ({"to_view": np.ones((3, 3))}, "to_view is no scale and shift"),
+    "branch": ({"branch": np.full(50, 2, np.uint8)}, "branch"),
+    "shear": ({"to_view": np.ones((3, 3))}, "to_view"),
 }
 
 
 def test_what_is_no_prediction_is_refused_in_one_line(tmp_path, capsys):
-    expected = {
-        "pipe": "it is a named pipe, expected a file",
-        "folder": "it is a folder, expected a file",
-        "absent": "no such file",
-        "lacks": "it has no array",
-    }
+    table = [("pipe", "a named pipe"), ("folder", "a folder"), ("absent",), ("lacks", "array")]
     os.mkfifo(tmp_path / "pipe.npz")
     (tmp_path / "folder.npz").mkdir()
     np.savez(tmp_path / "lacks.npz", points=np.zeros((1, 5, 3)))
-    for name, (changes, expected[name]) in ARRAYS.items():
+    for name, (changes, *names) in ARRAYS.items():
         np.savez(tmp_path / f"{name}.npz", **arrays(**changes))
-    for name, (content, expected[name]) in CONTENTS.items():
+        table.append((name, *names))
+    for name, content in CONTENTS.items():
         (tmp_path / f"{name}.npz").write_bytes(content)
-    for name, (content, expected[name]) in MEMBERS.items():
+        table.append((name,))
+    for name, (content, *names) in MEMBERS.items():
         with zipfile.ZipFile(tmp_path / f"{name}.npz", "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr("points.npy", content)
-    for name, message in expected.items():
-        with pytest.raises(PredictionFileError, match=message) as error:
+        table.append((name, *names))
+    for name, *names in table:
+        with refused(PredictionFileError, f"{name}.npz", *names) as error:
             read_prediction(tmp_path / f"{name}.npz", FIELDS)
         assert "pickle" not in str(error.value)
-        assert "\n" not in str(error.value)
     for command in (view.main, spheres_command.main):
         assert command([str(tmp_path / "bomb.npz"), "--out", str(tmp_path / "out")]) == 2
-        assert capsys.readouterr().err.count("\n") == 1
+        check_message(capsys.readouterr().err, "bomb.npz" if command is view.main else "out")
     assert not (tmp_path / "out").exists()

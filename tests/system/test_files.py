@@ -6,7 +6,9 @@ import stat
 
 import pytest
 from helpers.disk import without_room
+from helpers.refusals import all_refused, refused
 
+from psgn_jax.config.command_line import Flags
 from psgn_jax.system import errors, files
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import check_folder, write_atomic
@@ -23,24 +25,26 @@ def test_a_write_that_fails_names_its_file_and_leaves_it(tmp_path):
     assert [p.name for p in path.parent.iterdir()] == ["file"]
 
 
-@pytest.mark.parametrize(
-    ("folder", "why"),
-    [
-        ("FILE", "it is a file"),
-        ("FILE/a", "Not a directory"),
-        ("new/" + "a" * 300, "File name too long"),
-        ("", "the name is empty"),
-    ],
-)
-def test_folders_that_cannot_be_written(folder, why, tmp_path, monkeypatch):
+def test_folders_that_cannot_be_written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    file = tmp_path / "file"
-    file.touch()
-    with pytest.raises(UserError, match=why) as caught:
-        check_folder(folder.replace("FILE", str(file)), "--out")
-    assert str(caught.value).startswith("--out=")
-    assert len(str(caught.value)) < 200
+    (tmp_path / "file").touch()
+    table = [("file", "a file"), ("file/a",), ("new/" + "a" * 300, "aaa..."), ("", "empty")]
+    table += [(address, address) for address in ("gs://bucket/x", "hdfs://a/b", "https://a.b/c")]
+    table = [(folder, "--out=", *names) for folder, *names in table]
+    all_refused(lambda folder: check_folder(folder, "--out"), UserError, table)
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_the_home_of_a_user_is_found_in_every_output(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    flags = Flags("psgn anything", "")
+    flags.path("out", "~/results", "A folder.")
+    assert flags.run(lambda flags: print(flags.values.out), ["--out=~/x"]) == 0
+    assert capsys.readouterr().out == f"{tmp_path}/x\n"
+    assert files.local_path("~/results", "out") == f"{tmp_path}/results"
+    assert files.local_path("a~/b", "out") == "a~/b"
+    home = os.path.expanduser("~root")
+    assert files.local_path("~root/x", "out") == f"{home}/x"
 
 
 def test_folders_that_can_be_written_are_left_as_they_were(tmp_path, monkeypatch):
@@ -101,5 +105,8 @@ def test_a_user_without_a_home_is_told_to_name_a_cache(monkeypatch, tmp_path):
     monkeypatch.setenv("PSGN_CACHE", str(tmp_path))
     assert files.cache_folder() == tmp_path
     monkeypatch.delenv("PSGN_CACHE")
-    with pytest.raises(UserError, match="the environment variable PSGN_CACHE"):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert files.cache_folder() == tmp_path / "psgn_jax"
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")
+    with refused(UserError, "PSGN_CACHE"):
         files.cache_folder()

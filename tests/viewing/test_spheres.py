@@ -72,6 +72,7 @@ def test_the_command_on_predictions(rng, tmp_path, capsys):
         assert moving.n_frames == 36
     wider, _ = red("--branch")
     assert wider > wide
+    assert red("--columns=1000000000")[0] == wide
     np.savez(file, **{k: v.repeat(5, 0) if k in SEVERAL else v for k, v in arrays.items()})
     columns = [red(*flags)[0] for flags in ((), ("--clouds=2",))]
     # The image, and each cloud from two sides; the first file had one cloud.

@@ -13,7 +13,7 @@ from psgn_jax.web.page.browser_runtime import runtime_files
 from psgn_jax.weights.run_folder import Trained
 
 _WASM = "runtime/ort-wasm-simd-threaded.wasm"
-MASK_RULES = ["DOUBTFUL_BELOW", "JOINED", "LEAST_PART", "REACH", "MARGIN", "WINDOWS"]
+MASK_RULES = ["DOUBTFUL_BELOW", "BORDER", "JOINED", "LEAST_PART", "REACH", "MARGINS", "WINDOWS"]
 STATIC = pathlib.Path(__file__).resolve().parent / "static"
 
 

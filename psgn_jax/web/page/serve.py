@@ -26,9 +26,13 @@ def server(folder: pathlib.Path, port: int = 0) -> http.server.ThreadingHTTPServ
     """
     handler = functools.partial(_Handler, directory=str(folder.resolve()))
     try:
-        return http.server.ThreadingHTTPServer(("127.0.0.1", port), handler)
+        return _Server(("127.0.0.1", port), handler)
     except (OSError, OverflowError) as error:
         raise UserError(f"port={port}: cannot listen there: {error}") from error
+
+
+class _Server(http.server.ThreadingHTTPServer):
+    request_queue_size = 128  # of browsers that wait; by default 5
 
 
 class _Handler(http.server.SimpleHTTPRequestHandler):

@@ -157,7 +157,7 @@ def test_a_mask_is_found_as_by_python_or_proposed_and_corrected(open_page, tmp_p
     for name in ("cup", "pan"):
         file = CHAIR.with_stem(name)
         give(page, file)
-        found = masks.find_mask(np.asarray(Image.open(file)), method="network")
+        found = masks.find_mask(np.asarray(Image.open(file)), mask_from="network")
         assert masks.mask_iou(mask_of(page, found.mask.shape), found.mask) > 0.999
         percent = re.findall(r"\d+ ?%", found.method)[0].replace("%", " %")
         doubt = f"not certain which part is the object ({percent})"
@@ -166,7 +166,7 @@ def test_a_mask_is_found_as_by_python_or_proposed_and_corrected(open_page, tmp_p
     chair = np.asarray(Image.open(CHAIR))
     two = np.concatenate([chair, chair[:, ::-1]], axis=1)
     with pytest.raises(masks.UncertainMaskError) as error:
-        masks.find_mask(two, method="network")
+        masks.find_mask(two, mask_from="network")
     Image.fromarray(two).save(tmp_path / "two.png")
     give(page, tmp_path / "two.png")
     assert masks.mask_iou(mask_of(page, two.shape[:2]), error.value.mask) > 0.999
@@ -187,7 +187,7 @@ def test_a_mask_is_found_as_by_python_or_proposed_and_corrected(open_page, tmp_p
         if end:
             page.mouse.move(box["x"] + end[0] * scale, box["y"] + end[1] * scale - 1)
         settled(page, page.mouse.up)
-        found = masks.find_mask(two, method="network", accept=True, **hint).mask
+        found = masks.find_mask(two, mask_from="network", accept_mask=True, **hint).mask
         assert masks.mask_iou(mask_of(page, two.shape[:2]), found) > 0.9, hint
     settled(page, lambda: page.click("#undo"))
     assert mask_of(page, two.shape[:2])[:, : wide // 2].any()

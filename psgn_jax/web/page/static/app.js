@@ -121,7 +121,9 @@ async function lookFor(photo, hint) {
     return (await page.maskSession.run({ [input]: new ort.Tensor("float32", pixels, shape) }, [output]))[output].data;
   };
   const { mask, certainty } = await findMask(photo, about, run, hint);
-  const doubt = certainty >= about.doubtful_below ? "" : ` It is not certain which part is the object (${Math.floor(100 * certainty)} %): draw a frame around it or click on it with the tool Find, or correct the mask.`;
+  const { width, height } = photo, least = about.border * Math.max(width, height);
+  const near = mask.some((on, i) => on && Math.min(i % width, width - 1 - i % width, Math.floor(i / width), height - 1 - Math.floor(i / width)) <= least);
+  const doubt = hint || certainty >= about.doubtful_below && !near ? "" : ` It is not certain which part is the object (${Math.floor(100 * certainty)} %): draw a frame around it or click on it with the tool Find, or correct the mask.`;
   return { mask, doubt };
 }
 

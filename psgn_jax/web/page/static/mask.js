@@ -43,14 +43,16 @@ function partOf(p, side, at, { joined, least_part: leastPart, reach }) {
   return Uint8Array.from(parts, number => +(number === chosen));
 }
 
-/** What the network sees of a photo with a box: [left, top, right, bottom] of the box and of the crop. */
-function crops(box, width, height, margin) {
-  if (!box) return [[0, 0, width, height], [0, 0, width, height]];
+/** A box in a photo, [left, top, right, bottom], and the crops that the network sees. */
+function crops(box, width, height, margins) {
+  if (!box) return [[0, 0, width, height], [[0, 0, width, height]]];
   const [left, top] = box.slice(0, 2).map((v, i) => limited(Math.floor(v), 0, [width, height][i]));
   const [right, bottom] = box.slice(2).map((v, i) => limited(Math.ceil(v), 0, [width, height][i]));
   if (Math.min(right - left, bottom - top) < MIN_SIDE) throw new PhotoError(`The frame needs at least ${MIN_SIDE} pixels of the photo per side.`);
-  const more = Math.round(margin * Math.max(right - left, bottom - top));
-  return [[left, top, right, bottom], [Math.max(left - more, 0), Math.max(top - more, 0), Math.min(right + more, width), Math.min(bottom + more, height)]];
+  return [[left, top, right, bottom], margins.map(margin => {
+    const more = Math.round(margin * Math.max(right - left, bottom - top));
+    return [Math.max(left - more, 0), Math.max(top - more, 0), Math.min(right + more, width), Math.min(bottom + more, height)];
+  })];
 }
 
 /** Smaller crops around a point, within a crop. */
@@ -65,8 +67,10 @@ const windows = ([x, y], [left, top, right, bottom], shares) => shares.map(share
  * `run` gives the network's probabilities for its input; a box [left, top, right, bottom] or a point [x, y] chooses the object.
  */
 export async function findMask({ rgb, width, height }, about, run, { box, point } = {}) {
-  const { side, mean, deviation } = about, [inside, crop] = crops(box, width, height, about.margin), mask = new Uint8Array(width * height);
-  for (const region of [crop, ...point ? windows(point, crop, about.windows) : []]) {
+  const { side, mean, deviation } = about, [inside, seen] = crops(box, width, height, about.margins);
+  let best = { mask: new Uint8Array(width * height), certainty: 0 };
+  for (const region of [...seen, ...point ? windows(point, seen.at(-1), about.windows) : []]) {
+    if (!seen.includes(region) && best.certainty) break;
     const [left, top, right, bottom] = region, wide = right - left, high = bottom - top;
     const small = resize(rgb, width, height, 3, side, side, region, LANCZOS), most = small.reduce((a, b) => Math.max(a, b), 1);
     const input = new Float32Array(3 * side * side).map((_, i) => {
@@ -81,9 +85,11 @@ export async function findMask({ rgb, width, height }, about, run, { box, point 
     const p = allowed ? raw.map((v, i) => v * allowed[i]) : raw;
     const part = partOf(p, side, point && [(point[0] - left) * side / wide, (point[1] - top) * side / high], about);
     if (!part.includes(1)) continue;
-    const own = p.map((v, i) => v * part[i]), on = own.filter(v => v > 0.5);
+    const own = p.map((v, i) => v * part[i]), on = own.filter(v => v > 0.5), mask = new Uint8Array(width * height);
+    const certainty = sum(on) / (on.length + sum(point ? own : p) - sum(on));
+    if (certainty <= best.certainty) continue;
     enlarged(own, side, side, wide, high).forEach((v, i) => { mask[(top + Math.floor(i / wide)) * width + left + i % wide] = v; });
-    return { mask, certainty: sum(on) / (on.length + sum(point ? own : p) - sum(on)) };
+    best = { mask, certainty };
   }
-  return { mask, certainty: 0 };
+  return best;
 }
