@@ -59,6 +59,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                "that of r = 0, or the mean of all draws.")  # fmt: skip
     flags.integer("seed", 0, "Seed of the random input.")
     flags.list("formats", list(DEFAULT_FORMATS), "Formats of the clouds: ply, xyz, obj, npz, glb.")
+    flags.bool("surface", False, "Write a closed, textured surface, NAME_surface.glb.")
+    flags.list("height", None, "Height of the object in metres, for the surface.")
     return flags.run(_main, argv)
 
 
@@ -84,6 +86,9 @@ def _main(flags: Flags) -> int:
     how: Any = {n: values[n].value for n in ("mask_from", "invert_mask", "accept_mask")}
     how |= {name: _numbers(name, values[name].value) for name in ("box", "point")}
     how["mask_label"] = _numbers("mask_label", values.mask_label, int)
+    height = _numbers("height", values["height"].value)
+    if height and not (len(height) == 1 and 1e-6 < height[0] < 1e6 and values.surface):
+        raise ConfigError(f"--height={height[0]:g}: accepted: metres > 0, with --surface")
     check_folder(values.out, "--out")
 
     def opened() -> Predictor:
@@ -94,6 +99,7 @@ def _main(flags: Flags) -> int:
 
     done, failed = 0, 0
     options = {name: values[name].value for name in _OPTIONS}
+    options |= {"surface": values.surface, "height": height[0] if height else None}
     for path, result in predict_files(
         opened, flags.arguments, values.out, formats=values.formats, mask_options=how, **options
     ):

@@ -3,7 +3,8 @@
 For each image NAME.*, these are the cloud as PLY, XYZ, OBJ and NPZ (`prediction.formats`); the view
 that the network saw, `NAME_input.png`; and `NAME.json` with camera, configuration, checkpoint and
 times. If the mask is not certain, there are also the found mask, `NAME_mask.png`, and the photo in
-blue outside it, `NAME_overlay.png`; if it is not used, there are only these two.
+blue outside it, `NAME_overlay.png`; if it is not used, there are only these two. With surfaces,
+`NAME_surface.glb` (`prediction.surface`).
 """
 
 import contextlib
@@ -24,10 +25,12 @@ from psgn_jax.prediction import masks
 from psgn_jax.prediction.cloud import FC, Prediction
 from psgn_jax.prediction.formats import DEFAULT_FORMATS, VERSION
 from psgn_jax.prediction.predictor import Clock, Predictor
+from psgn_jax.prediction.surface import SurfaceError, glb
 from psgn_jax.system.errors import UserError, is_disk_full
 from psgn_jax.system.files import local_path, write_atomic
 from psgn_jax.system.untrusted import read_json
 
+SURFACE = "surface"
 _FORMAT = "psgn_jax prediction"
 
 
@@ -46,6 +49,8 @@ def predict_files(
     mask: str | None = None,
     mask_options: masks.MaskOptions | None = None,
     formats: Sequence[str] = DEFAULT_FORMATS,
+    surface: bool = False,
+    height: float | None = None,
     **options: Any,
 ) -> Iterator[tuple[pathlib.Path, Prediction | Exception]]:
     """Predicts clouds for files and folders of images, one by one, and writes them to `out`.
@@ -63,12 +68,14 @@ def predict_files(
         `NAME_mask.*` or another `NAME.*`. None = automatic (`masks.find_mask`).
       mask_options: how masks are found or read.
       formats: of the clouds, some of `formats.FORMATS`.
+      surface: whether to write `NAME_surface.glb` (`Prediction.surface`).
+      height: of the objects in metres, for the surfaces; None = the unit of the clouds.
       options: of `Predictor.__call__`.
 
     Yields:
       The path of each image, with its prediction or the error.
     """
-    how = mask_options or {}
+    how, kinds = mask_options or {}, (*formats, *[SURFACE] * surface)
     paths, out = _expand(images), pathlib.Path(local_path(out, "out"))
     if not paths:
         raise ConfigError(f"no image in {', '.join(map(str, images)) or 'the arguments'}")
@@ -88,7 +95,7 @@ def predict_files(
     def prepare(path: pathlib.Path) -> tuple[photo.Photo, masks.FoundMask, _Target, Clock]:
         clock = Clock()
         image = photo.read_photo(path)
-        target = _target(path, out, taken, formats, options.get("samples", 1))
+        target = _target(path, out, taken, kinds, options.get("samples", 1))
         given = None if mask is None else _mask_of(path, mask)
         clock.lap("read")
         try:
@@ -108,7 +115,19 @@ def predict_files(
     ) -> Prediction:
         result = predictor(image, found, **options)
         result = dataclasses.replace(result, seconds=clock.laps | result.seconds)
-        _write(predictor, result, target, formats, options.get("seed", 0))
+        files = _files(target.start.name, kinds, len(result.points))
+        contents: dict[str, bytes] = {}
+        clock = Clock()
+        for name, (kind, k) in files.items():
+            if kind == SURFACE:
+                try:
+                    contents[name] = glb(result.surface(k, height))
+                except SurfaceError as error:
+                    result = dataclasses.replace(result, warnings=(*result.warnings, str(error)))
+        if surface:
+            clock.lap("surface")
+            result = dataclasses.replace(result, seconds=result.seconds | clock.laps)
+        _write(predictor, result, target, formats, contents, options.get("seed", 0))
         return result
 
     for path in paths:
@@ -152,30 +171,38 @@ def _propose(mask: np.ndarray, read: photo.Photo, start: pathlib.Path) -> pathli
 
 
 def _write(
-    predictor: Predictor, result: Prediction, target: _Target, formats: Sequence[str], seed: int
+    predictor: Predictor,
+    result: Prediction,
+    target: _Target,
+    formats: Sequence[str],
+    surfaces: dict[str, bytes],
+    seed: int,
 ) -> None:
     """Writes the results for an image."""
-    clouds = _clouds(target.start.name, formats, len(result.points))
+    clouds = _files(target.start.name, formats, len(result.points))
     view = _with(target.start, "_input.png")
-    files = [*clouds, view.name]
+    files = [*clouds, *surfaces, view.name]
     folder = target.start.parent
     earlier = [name for name in sorted(target.earlier - {*files}) if (folder / name).exists()]
     document = _record(predictor, result, files, earlier, seed)
     text = json.dumps(document, indent=2, allow_nan=False) + "\n"
     # First, because it marks the others as results if we are killed.
     write_atomic(_with(target.start, ".json"), text, sync=False)
-    for name, k in clouds.items():
+    for name, (_, k) in clouds.items():
         result.save(folder / name, k)
+    for name, content in surfaces.items():
+        write_atomic(folder / name, content, sync=False)
     write_atomic(view, masks.result_png(result.view.image), sync=False)
 
 
-def _clouds(name: str, formats: Sequence[str], samples: int) -> dict[str, int]:
-    """The files of the clouds, and the number of the sample in each; NPZ has all samples."""
+def _files(name: str, kinds: Sequence[str], samples: int) -> dict[str, tuple[str, int]]:
+    """The files of clouds and surfaces, with kind and number of the sample; NPZ has all samples."""
     files = {}
-    for suffix in formats:
-        several = samples > 1 and suffix != "npz"
+    for kind in kinds:
+        several = samples > 1 and kind != "npz"
+        end = "_surface.glb" if kind == SURFACE else f".{kind}"
         for k in range(samples if several else 1):
-            files[f"{name}_{k}.{suffix}" if several else f"{name}.{suffix}"] = k
+            files[f"{name}_{k}{end}" if several else f"{name}{end}"] = kind, k
     return files
 
 
@@ -275,14 +302,14 @@ def _results(record: pathlib.Path, image: pathlib.Path) -> frozenset[str]:
 
 
 def _target(
-    path: pathlib.Path, out: pathlib.Path, taken: set[str], formats: Sequence[str], samples: int
+    path: pathlib.Path, out: pathlib.Path, taken: set[str], kinds: Sequence[str], samples: int
 ) -> _Target:
     """A target for the results of an image; its name is unique even if case is ignored."""
     name, number = path.stem or "image", 1
     while True:
         record = out / f"{name}.json"
         earlier = _results(record, path)
-        files = {*_clouds(name, formats, samples), f"{name}_input.png"} - earlier
+        files = {*_files(name, kinds, samples), f"{name}_input.png"} - earlier
         there = any((out / file).exists() for file in files)
         foreign = record.exists() and not earlier
         if masks.same_name(name) not in taken and not there and not foreign:

@@ -72,7 +72,7 @@ def test_folder(trimesh, write, tmp_path, caplog):
     categories = {name: e.category for name, e in entries.items()}
     others = dict.fromkeys(("a.obj.gz", "top.STL", "top.glb"), "")
     assert categories == {"chairs/red/model.obj": "chairs", **others}
-    assert "f.fbx; 2 archives, such as c.zip" in caplog.text
+    assert "1 .fbx, 1 .tar, 1 .zip" in caplog.text
     # In STL files, up is +z and the front is -y. In glTF files, up is +y and the front is +z.
     assert proportions(entries["top.STL"]) == [2, 1, 3]
     assert proportions(entries["top.glb"]) == [3, 1, 2]
