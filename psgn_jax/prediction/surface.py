@@ -29,7 +29,7 @@ from scipy.spatial import KDTree
 from psgn_jax.data import camera
 from psgn_jax.system.errors import UserError
 
-VOXELS = 76
+VOXELS = 80
 """Voxels along the longest side of the cloud."""
 
 FACES = 12_000
@@ -40,7 +40,7 @@ MOST_FACES = 20_000
 FINE, COARSE = 0.4, 0.8  # standard deviations of the densities
 LEVEL = 0.45  # of a solid, relative to the density at the points
 THINNEST = 0.2  # half thickness that the shift leaves
-INSIDE = 0.65  # depth of the coarse solid below the points
+INSIDE = 0.75  # depth of the coarse solid below the points
 ASIDE = 0.8  # largest sideways move
 
 DRAWS = 0.7
