@@ -86,7 +86,7 @@ def surface_of(
       draws: [m, 3], points of other clouds of the same object in the same frame.
 
     Raises:
-      SurfaceError: the points are not finite, less than 4, or all in one place.
+      SurfaceError: the points are not finite, in less than 4 places, or the surface is empty.
     """
     points = np.asarray(points, np.float64)
     if points.ndim != 2 or points.shape[1:] != (3,) or not np.isfinite(points).all():
@@ -101,6 +101,10 @@ def surface_of(
     if seen and view.depth:
         field = _cut(field, grid, _inside(seen, view.depth, grid))
     field = _without_small_parts(np.clip(field, -_FAR, _FAR))
+    if not (field > 0).any():
+        raise SurfaceError(
+            "the cloud's parts are too far apart, or its mask too thin, for a surface"
+        )
     vertices, faces = _mesh(field)
     return Surface(view.back(vertices * grid.step + grid.low).astype(np.float32), faces)
 
@@ -213,7 +217,7 @@ def _field(grid: _Grid) -> np.ndarray:
     coarse = 2 * solid(halved, grid.points / 2 - 0.25, COARSE * wide / 2, 2)
     coarse = _smooth(coarse.repeat(2, 0).repeat(2, 1).repeat(2, 2), 1.2)
     coarse -= depths(coarse, 1.2, 1.5) + INSIDE * wide
-    return through(_smooth(np.maximum(fine, coarse), 1.5), 1.2)
+    return through(_smooth(np.maximum(fine, coarse), 1.9), 1.5)
 
 
 class _Seen(NamedTuple):
@@ -267,18 +271,18 @@ def _cut(field: np.ndarray, grid: _Grid, inside: np.ndarray) -> np.ndarray:
         field[i, j + 1] * (1 - p) + field[i + 1, j + 1] * p
     ) * q
 
-    across, depths = grid.points[:, :2], grid.points[:, 2]
-    count = _splat(across, np.ones(len(across)), field.shape[:2])
-    total = _splat(across, depths, field.shape[:2])
-    counts, totals = (
-        _smooth(a, 0.5 * grid.spacing) + 1e-3 * _smooth(a, 2 * grid.spacing) for a in (count, total)
-    )
-    depth = _smooth(totals / np.maximum(counts, 1e-12), 1.0)
+    shape = field.shape[:2]
+    columns = np.argwhere(inside > -2)
+    away, nearest = KDTree(grid.points[:, :2]).query(columns, min(5, len(grid.points)))
+    depth, near = np.full(shape, grid.points[:, 2].mean()), np.zeros(shape, np.bool_)
+    depth[tuple(columns.T)] = np.median(grid.points[nearest, 2], axis=1)
+    near[tuple(columns.T)] = away[:, 0] < 4 * grid.spacing
+    depth = _smooth(ndimage.median_filter(depth, 7), 1.5)
     thick = np.minimum(np.minimum(inside, 0.5 * grid.spacing), max(0.7, THINNEST * grid.spacing))
-    empty = (field.max(axis=2) < thick) & (inside > 0) & (counts > 1e-7)
+    empty = (field.max(axis=2) < thick) & (inside > 0) & near
     steep = np.sqrt(1 + np.minimum(2, np.square(np.gradient(depth)).sum(axis=0)))
-    away = np.abs(np.arange(field.shape[2]) - depth[..., None]) / steep[..., None]
-    thin = np.where(empty, thick, -_FAR)[..., None] - 0.7 * away
+    behind = np.abs(np.arange(field.shape[2]) - depth[..., None]) / steep[..., None]
+    thin = np.where(empty, thick, -_FAR)[..., None] - 0.7 * behind
     return np.minimum(np.maximum(field, thin), inside[..., None]).astype(np.float32)
 
 
@@ -303,19 +307,17 @@ def _mesh(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     import trimesh
     from skimage.measure import marching_cubes
 
-    for step in (1, 2, 3, 4):
-        vertices, faces, _, _ = marching_cubes(field, 0.0, step_size=step, allow_degenerate=False)
+    for step in (1, 2, 3, 4):  # a coarser grid if a mesh is too large
+        vertices, faces, _, _ = marching_cubes(field, 0.0, step_size=step)
         mesh = trimesh.Trimesh(vertices, faces[:, ::-1], process=False)
         trimesh.smoothing.filter_taubin(mesh, iterations=10)
-        if len(faces) > FACES:
-            vertices, faces = fast_simplification.simplify(
-                mesh.vertices.astype(np.float32), mesh.faces, target_count=FACES
-            )
-            small = trimesh.Trimesh(vertices, faces, process=False)
-            mesh = small if _is_closed(small) else mesh
-        if len(mesh.faces) <= MOST_FACES:
-            break
-    return np.asarray(mesh.vertices), np.asarray(mesh.faces, np.int32)
+        vertices, faces = fast_simplification.simplify(
+            mesh.vertices.astype(np.float32), mesh.faces, target_count=min(FACES, len(faces) - 1)
+        )
+        for made in (trimesh.Trimesh(vertices, faces, process=False), mesh):
+            if len(made.faces) <= MOST_FACES and _is_closed(made):
+                return np.asarray(made.vertices), np.asarray(made.faces, np.int32)
+    raise SurfaceError("the surface cannot be closed")
 
 
 def _is_closed(mesh: Any) -> bool:
@@ -349,7 +351,7 @@ def textured(
     cropped = Image.fromarray(image[top:bottom, left:right]).resize(goal, reducing_gap=2)
     inside = Image.fromarray(mask[top:bottom, left:right]).resize(goal, Image.Resampling.NEAREST)
     border = max(1.5, 0.008 * goal.max())
-    distance = ndimage.distance_transform_edt(np.pad(inside, 1))[1:-1, 1:-1]
+    distance = ndimage.distance_transform_edt(np.pad(np.asarray(inside), 1))[1:-1, 1:-1]
     thickest = ndimage.maximum_filter(distance, size=2 * int(border) + 1)
     outside = distance < np.minimum(border, 0.7 * thickest) + 1e-6
     nearest = ndimage.distance_transform_edt(outside, return_distances=False, return_indices=True)
@@ -368,5 +370,7 @@ def textured(
 def glb(mesh: Any) -> bytes:
     """Binary glTF 2.0 of a mesh, with normals; +y points up, so (x, y, z) -> (y, z, x)."""
     turned = mesh.copy()
+    # A copied image has lost its format, and would be stored as a larger PNG.
+    turned.visual.material.baseColorTexture = mesh.visual.material.baseColorTexture
     turned.apply_transform(np.eye(4)[[1, 2, 0, 3]])
     return bytes(turned.export(file_type="glb", include_normals=True))
