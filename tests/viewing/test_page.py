@@ -8,11 +8,14 @@ import shutil
 
 import numpy as np
 import pytest
+from helpers.refusals import all_refused
 from PIL import Image
 
 from psgn_jax.commands import view
 from psgn_jax.data import camera
+from psgn_jax.prediction.surface import glb, surface_of, textured
 from psgn_jax.viewing import page as lib
+from psgn_jax.viewing.surface import SurfaceFileError, read_surface
 
 
 def make_case(name="chair 1", samples=3, n=300, seed=0):
@@ -205,3 +208,48 @@ def test_links_and_hostile_names(opened_cases):
         page.evaluate("hash => { location.hash = hash; }", fragment)
         page.wait_for_timeout(100)
         assert page.text_content("#name") == "a"
+
+
+@pytest.fixture
+def predicted(tmp_path, rng):
+    """The arrays of a prediction, an ellipsoid, with its files `a.npz` and `a_surface.glb`."""
+    intrinsics, extrinsics = camera.default_camera((96, 128))
+    directions = rng.normal(size=(1, 1024, 3))
+    points = directions / np.linalg.norm(directions, axis=2, keepdims=True) * (0.2, 0.6, 0.3)
+    points[..., 2] += 0.3
+    image = np.full((96, 128, 3), (180, 60, 40), np.uint8)  # red, on the right blue
+    image[:, 64:] = (40, 60, 180)
+    arrays = {"points": points.astype(np.float32), "photo": image, "to_view": np.eye(3)}
+    arrays |= {"colours": np.full((1, 1024, 3), 90, np.uint8), "seen": np.ones((1, 1024), bool)}
+    arrays |= {"branch": np.zeros(1024, np.uint8)}
+    arrays |= {"intrinsics": intrinsics, "extrinsics": extrinsics}
+    np.savez(tmp_path / "a.npz", **arrays)
+    mesh = textured(surface_of(points[0]), image, image[..., 0] > 0, intrinsics, extrinsics)
+    mesh.apply_scale(2.5)  # metres
+    (tmp_path / "a_surface.glb").write_bytes(glb(mesh))
+    return arrays
+
+
+def test_the_surface_has_the_photos_colours_and_turns_as_the_points(predicted, opened, tmp_path):
+    assert view.main([str(tmp_path / "a.npz"), f"--out={tmp_path / 'p.html'}"]) == 0
+    page = opened((tmp_path / "p.html").as_uri(), viewport={"width": 1200, "height": 640})
+
+    def shapes():
+        """Where the surface is, its picture, and where the points are; the surface is shown."""
+        first = pixels(page)
+        assert page.locator("#prediction").get_attribute("aria-label").startswith("predicted surf")
+        page.click("text=show the points")
+        points = pixels(page)
+        page.click("text=show the surface")
+        np.testing.assert_array_equal(pixels(page), first)
+        return np.ptp(first, axis=2) > 30, first, (points < 200).all(axis=2)
+
+    for turns in (0, 12, 18):  # 6 degrees each: also seen from its end, and from behind
+        for _ in range(turns):
+            page.locator("#prediction").press("ArrowLeft")
+        inside, shot, points = shapes()
+        assert (inside & points).sum() > 0.85 * (inside | points).sum()
+        columns = np.nonzero(inside)[1]
+        seen = [shot[inside & half] for half in np.split(np.ones_like(inside), 1)]
+        assert len(columns)
+        assert seen

@@ -1,0 +1,105 @@
+"""Reads the surfaces of `psgn predict --surface`, NAME_surface.glb, for a page.
+
+The file may come from anywhere, so its size and all its numbers are checked.
+"""
+
+import io
+import pathlib
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from PIL import Image
+from scipy import optimize
+
+from psgn_jax.data import camera
+from psgn_jax.system.errors import UserError
+from psgn_jax.system.untrusted import brief, one_line, parse_json, size_of
+
+_MOST_BYTES, _MOST_VERTICES, _MOST_FACES, _MOST_PIXELS = 16 << 20, 1 << 16, 1 << 17, 2048
+_TYPES = {5123: np.dtype("<u2"), 5125: np.dtype("<u4"), 5126: np.dtype("<f4")}
+
+
+class SurfaceFileError(UserError):
+    """A file is not a surface of `psgn predict`, or is damaged."""
+
+
+class Surface(NamedTuple):
+    """A textured mesh in the frame of the points."""
+
+    vertices: np.ndarray  # float32 [v, 3]
+    normals: np.ndarray  # float32 [v, 3]
+    uv: np.ndarray  # float32 [v, 2]; (0, 0) is the upper left corner of the texture
+    faces: np.ndarray  # [f, 3], indices of vertices
+    texture: np.ndarray  # uint8 [h, w, 3]
+
+
+def read_surface(path: pathlib.Path, arrays: Mapping[str, np.ndarray], sample: int) -> Surface:
+    """The surface of a prediction's cloud, in its unit, though the file may be in metres.
+
+    Args:
+      arrays: `points`, `intrinsics` and `extrinsics` of the prediction's NPZ file.
+
+    Raises:
+      SurfaceFileError: the file is missing, of another kind or damaged.
+    """
+    try:
+        if (size := size_of(path)) > _MOST_BYTES:
+            raise ValueError(f"{size} bytes, expected at most {_MOST_BYTES}")
+        found = _parse(path.read_bytes())
+    except OSError as error:
+        raise SurfaceFileError(f"{one_line(path)}: {error.strerror or error}") from None
+    except Exception as error:  # damaged files raise errors of any type
+        why = one_line(brief(error) or type(error).__name__)
+        raise SurfaceFileError(f"{one_line(path)} cannot be read as a surface: {why}") from None
+    vertices, texel = found.vertices, np.column_stack([found.uv, np.ones(len(found.uv))])
+
+    def misfit(unit: float) -> float:
+        """The texture has a crop of the photo: how far from a linear map of the projections."""
+        pixels, _ = camera.project(unit * vertices, arrays["intrinsics"], arrays["extrinsics"])
+        places = np.column_stack([pixels, texel[:, 2]])
+        return float(np.square(texel - places @ np.linalg.lstsq(places, texel)[0]).sum())
+
+    about = float(np.ptp(arrays["points"][sample][:, 2]) / np.ptp(vertices[:, 2]))
+    unit = optimize.minimize_scalar(misfit, bounds=(0.5 * about, 1.5 * about)).x
+    return found._replace(vertices=vertices * np.float32(unit))
+
+
+def _parse(content: bytes) -> Surface:
+    end = 20 + int.from_bytes(content[12:16], "little")
+    if (
+        content[:4] != b"glTF"
+        or content[16:20] != b"JSON"
+        or content[end + 4 : end + 8] != b"BIN\0"
+    ):
+        raise ValueError("expected a binary glTF file (.glb) with one buffer")
+    document, binary = parse_json(content[20:end]), content[end + 8 :]
+
+    def array(index: int, columns: int, most: int) -> np.ndarray:
+        accessor = document["accessors"][index]
+        view = document["bufferViews"][accessor["bufferView"]]
+        if not 0 < (count := accessor["count"]) <= most:
+            raise ValueError(f"{count} elements, expected 1 to {most}")
+        start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        kind = _TYPES[accessor["componentType"]]
+        return np.frombuffer(binary, kind, count * columns, start).reshape(count, columns)
+
+    part = document["meshes"][0]["primitives"][0]
+    vertices, normals, uv = (
+        array(part["attributes"][name], columns, _MOST_VERTICES).astype(np.float32)
+        for name, columns in (("POSITION", 3), ("NORMAL", 3), ("TEXCOORD_0", 2))
+    )
+    faces = array(part["indices"], 1, 3 * _MOST_FACES).reshape(-1, 3)
+    if not len(vertices) == len(normals) == len(uv) > faces.max():
+        raise ValueError(f"face with vertex {faces.max()}, expected less than {len(vertices)}")
+    if not all(np.isfinite(a).all() for a in (vertices, normals, uv)) or not np.ptp(vertices[:, 1]):
+        raise ValueError("vertices that are not finite, or flat")
+    view = document["bufferViews"][document["images"][0]["bufferView"]]
+    start = view.get("byteOffset", 0)
+    picture = io.BytesIO(binary[start : start + view["byteLength"]])
+    with Image.open(picture, formats=("JPEG", "PNG")) as image:
+        if max(image.size) > _MOST_PIXELS:
+            raise ValueError(f"texture {image.size}, expected at most {_MOST_PIXELS} pixels a side")
+        texture = np.asarray(image.convert("RGB"))
+    back = [2, 0, 1]  # y points up in the file
+    return Surface(vertices[:, back], normals[:, back], uv, faces, texture)
