@@ -8,12 +8,13 @@ import shutil
 
 import numpy as np
 import pytest
+import trimesh
 from helpers.refusals import all_refused
 from PIL import Image
 
 from psgn_jax.commands import view
 from psgn_jax.data import camera
-from psgn_jax.prediction.surface import glb, surface_of, textured
+from psgn_jax.prediction.surface import Surface, glb, textured
 from psgn_jax.viewing import page as lib
 from psgn_jax.viewing.surface import SurfaceFileError, read_surface
 
@@ -211,20 +212,22 @@ def test_links_and_hostile_names(opened_cases):
 
 
 @pytest.fixture
-def predicted(tmp_path, rng):
+def predicted(tmp_path):
     """The arrays of a prediction, an ellipsoid, with its files `a.npz` and `a_surface.glb`."""
     intrinsics, extrinsics = camera.default_camera((96, 128))
-    directions = rng.normal(size=(1, 1024, 3))
-    points = directions / np.linalg.norm(directions, axis=2, keepdims=True) * (0.2, 0.6, 0.3)
-    points[..., 2] += 0.3
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    points = ball.vertices[None] * (0.2, 0.6, 0.3) + (0, 0, 0.3)
+    points[..., 0] += 0.5 * points[..., 1]  # not symmetric
+    n = points.shape[1]
     image = np.full((96, 128, 3), (180, 60, 40), np.uint8)  # red, on the right blue
     image[:, 64:] = (40, 60, 180)
     arrays = {"points": points.astype(np.float32), "photo": image, "to_view": np.eye(3)}
-    arrays |= {"colours": np.full((1, 1024, 3), 90, np.uint8), "seen": np.ones((1, 1024), bool)}
-    arrays |= {"branch": np.zeros(1024, np.uint8)}
+    arrays |= {"colours": np.full((1, n, 3), 90, np.uint8), "seen": np.ones((1, n), bool)}
+    arrays |= {"branch": np.zeros(n, np.uint8)}
     arrays |= {"intrinsics": intrinsics, "extrinsics": extrinsics}
     np.savez(tmp_path / "a.npz", **arrays)
-    mesh = textured(surface_of(points[0]), image, image[..., 0] > 0, intrinsics, extrinsics)
+    surface = Surface(points[0].astype(np.float32), np.array(ball.faces))
+    mesh = textured(surface, image, image[..., 0] > 0, intrinsics, extrinsics)
     mesh.apply_scale(2.5)  # metres
     (tmp_path / "a_surface.glb").write_bytes(glb(mesh))
     return arrays
@@ -233,23 +236,55 @@ def predicted(tmp_path, rng):
 def test_the_surface_has_the_photos_colours_and_turns_as_the_points(predicted, opened, tmp_path):
     assert view.main([str(tmp_path / "a.npz"), f"--out={tmp_path / 'p.html'}"]) == 0
     page = opened((tmp_path / "p.html").as_uri(), viewport={"width": 1200, "height": 640})
-
-    def shapes():
-        """Where the surface is, its picture, and where the points are; the surface is shown."""
-        first = pixels(page)
-        assert page.locator("#prediction").get_attribute("aria-label").startswith("predicted surf")
-        page.click("text=show the points")
-        points = pixels(page)
-        page.click("text=show the surface")
-        np.testing.assert_array_equal(pixels(page), first)
-        return np.ptp(first, axis=2) > 30, first, (points < 200).all(axis=2)
-
-    for turns in (0, 12, 18):  # 6 degrees each: also seen from its end, and from behind
+    canvas, middle = page.locator("#prediction"), None
+    for turns, name in ((0, "front"), (12, "side"), (18, "back")):  # 6 degrees each
         for _ in range(turns):
-            page.locator("#prediction").press("ArrowLeft")
-        inside, shot, points = shapes()
-        assert (inside & points).sum() > 0.85 * (inside | points).sum()
-        columns = np.nonzero(inside)[1]
-        seen = [shot[inside & half] for half in np.split(np.ones_like(inside), 1)]
-        assert len(columns)
-        assert seen
+            canvas.press("ArrowLeft")
+        shot = pixels(page)[8:-8, 8:-8]
+        assert canvas.get_attribute("aria-label").startswith("predicted surface")
+        page.click("text=show the points")
+        page.uncheck("#photo")
+        points = (pixels(page)[8:-8, 8:-8] < 200).all(axis=2)
+        page.click("text=show the surface")
+        inside = np.ptp(shot, axis=2) > 30
+        assert (inside & points).sum() > 0.75 * (inside | points).sum(), name
+        columns = np.arange(shot.shape[1])
+        middle = middle or np.nonzero(inside)[1].mean()
+        for part, colour in ((columns < middle, (180, 60, 40)), (columns > middle, (40, 60, 180))):
+            found = np.median(shot[inside & (part if name == "front" else ~part)], axis=0)
+            assert name == "side" or np.abs(found - colour).max() < 25
+        assert 8 < shot[inside].max(axis=1).std() < 25  # lit softly
+    page.add_init_script(
+        "HTMLCanvasElement.prototype.getContext = (get => function (kind) {"
+        "return kind === '2d' ? get.call(this, kind) : null;"
+        "})(HTMLCanvasElement.prototype.getContext)"
+    )
+    page.reload()
+    assert page.locator("#shape").is_disabled()
+    assert differs(pixels(page)[8:-8, 8:-8], shot)
+    assert page.locator("#colour").is_visible()
+
+
+def test_damaged_surfaces_are_refused(predicted, tmp_path):
+    path = tmp_path / "a_surface.glb"
+    good = path.read_bytes()
+    end = 20 + int.from_bytes(good[12:16], "little")
+    assert np.ptp(read_surface(path, predicted, 0).vertices[:, 1]) == pytest.approx(1.2, rel=0.05)
+
+    def read(content):
+        if isinstance(content, dict):  # entry of the document -> key, value
+            document = json.loads(good[20:end])
+            for kind, (index, key, value) in content.items():
+                document[kind][index][key] = value
+            text = json.dumps(document).encode()
+            content = good[:12] + len(text).to_bytes(4, "little") + b"JSON" + text + good[end:]
+        path.write_bytes(content)
+        read_surface(path, predicted, 0)
+
+    table = [(content, path) for content in (b"", b"glTF" + bytes(99), good[: len(good) // 2])]
+    table.append((bytes(17 << 20), path, 17 << 20))
+    for key, value in (("count", -3), ("count", 1 << 30), ("byteOffset", -4), ("bufferView", 99)):
+        table.append(({"accessors": (0, key, value)}, path))
+    table.append(({"accessors": (1, "count", 3)}, path, 3))  # faces with other vertices
+    table.append(({"bufferViews": (2, "byteLength", 9)}, path))  # half of a picture
+    all_refused(read, SurfaceFileError, table)
