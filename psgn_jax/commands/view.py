@@ -3,15 +3,16 @@
 The surfaces of `psgn predict --surface` beside them, NAME_surface.glb, are shown, too.
 """
 
+import contextlib
 import pathlib
 import sys
 from collections.abc import Sequence
 
 from psgn_jax.config.command_line import Flags
 from psgn_jax.prediction.formats import read_prediction
-from psgn_jax.system.untrusted import one_line
+from psgn_jax.system.untrusted import one_line, read_json
 from psgn_jax.viewing import page
-from psgn_jax.viewing.surface import read_surface
+from psgn_jax.viewing.surface import Surface, read_surface
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -34,7 +35,12 @@ def _main(flags: Flags) -> None:
 def _case(path: str, title: str) -> page.Case:
     arrays = read_prediction(path, page.FIELDS)
     start, count = path.removesuffix(".npz"), len(arrays["points"])
+    earlier = []
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        earlier = list(read_json(f"{start}.json")["earlier_files"])  # of other predictions
     numbers = [f"_{k}" for k in range(count)] if count > 1 else [""]
-    files = [pathlib.Path(f"{start}{number}_surface.glb") for number in numbers]
-    surfaces = [read_surface(f, arrays, k) if f.exists() else None for k, f in enumerate(files)]
+    surfaces: list[Surface | None] = [None] * count
+    for k, file in enumerate(pathlib.Path(f"{start}{number}_surface.glb") for number in numbers):
+        if file.exists() and file.name not in earlier:
+            surfaces[k] = read_surface(file, arrays, k)
     return page.case_of(title, arrays, surfaces)

@@ -16,7 +16,7 @@ from psgn_jax.data import camera
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.untrusted import brief, one_line, parse_json, size_of
 
-_MOST_BYTES, _MOST_VERTICES, _MOST_FACES, _MOST_PIXELS = 16 << 20, 1 << 16, 1 << 17, 2048
+_MOST_BYTES, _MOST_VERTICES, _MOST_FACES, _MOST_PIXELS = 16 << 20, (1 << 16) - 1, 1 << 17, 2048
 _TYPES = {5123: np.dtype("<u2"), 5125: np.dtype("<u4"), 5126: np.dtype("<f4")}
 
 
@@ -46,19 +46,23 @@ def read_surface(path: pathlib.Path, arrays: Mapping[str, np.ndarray], sample: i
     try:
         if (size := size_of(path)) > _MOST_BYTES:
             raise ValueError(f"{size} bytes, expected at most {_MOST_BYTES}")
-        found = _parse(path.read_bytes())
+        return _in_unit(_parse(path.read_bytes()), arrays, sample)
     except OSError as error:
         raise SurfaceFileError(f"{one_line(path)}: {error.strerror or error}") from None
     except Exception as error:  # damaged files raise errors of any type
         why = one_line(brief(error) or type(error).__name__)
         raise SurfaceFileError(f"{one_line(path)} cannot be read as a surface: {why}") from None
-    vertices, texel = found.vertices, np.column_stack([found.uv, np.ones(len(found.uv))])
+
+
+def _in_unit(found: Surface, arrays: Mapping[str, np.ndarray], sample: int) -> Surface:
+    """The surface in the unit in which its projections are those of its texture coordinates."""
+    vertices, seen = found.vertices, (arrays["intrinsics"], arrays["extrinsics"])
 
     def misfit(unit: float) -> float:
-        """The texture has a crop of the photo: how far from a linear map of the projections."""
-        pixels, _ = camera.project(unit * vertices, arrays["intrinsics"], arrays["extrinsics"])
-        places = np.column_stack([pixels, texel[:, 2]])
-        return float(np.square(texel - places @ np.linalg.lstsq(places, texel)[0]).sum())
+        # The texture is a crop of the photo.
+        pixels, _ = camera.project(unit * vertices, *seen)
+        places = np.column_stack([pixels, np.ones(len(pixels))])
+        return float(np.linalg.lstsq(places, found.uv)[1].sum())
 
     about = float(np.ptp(arrays["points"][sample][:, 2]) / np.ptp(vertices[:, 2]))
     unit = optimize.minimize_scalar(misfit, bounds=(0.5 * about, 1.5 * about)).x
@@ -67,11 +71,8 @@ def read_surface(path: pathlib.Path, arrays: Mapping[str, np.ndarray], sample: i
 
 def _parse(content: bytes) -> Surface:
     end = 20 + int.from_bytes(content[12:16], "little")
-    if (
-        content[:4] != b"glTF"
-        or content[16:20] != b"JSON"
-        or content[end + 4 : end + 8] != b"BIN\0"
-    ):
+    marks = content[:4], content[16:20], content[end + 4 : end + 8]
+    if marks != (b"glTF", b"JSON", b"BIN\0"):
         raise ValueError("expected a binary glTF file (.glb) with one buffer")
     document, binary = parse_json(content[20:end]), content[end + 8 :]
 
@@ -90,16 +91,17 @@ def _parse(content: bytes) -> Surface:
         for name, columns in (("POSITION", 3), ("NORMAL", 3), ("TEXCOORD_0", 2))
     )
     faces = array(part["indices"], 1, 3 * _MOST_FACES).reshape(-1, 3)
-    if not len(vertices) == len(normals) == len(uv) > faces.max():
+    if faces.dtype.kind != "u" or not len(vertices) == len(normals) == len(uv) > faces.max():
         raise ValueError(f"face with vertex {faces.max()}, expected less than {len(vertices)}")
-    if not all(np.isfinite(a).all() for a in (vertices, normals, uv)) or not np.ptp(vertices[:, 1]):
-        raise ValueError("vertices that are not finite, or flat")
+    if not all((np.abs(a) < 1e7).all() for a in (vertices, normals, uv)):
+        raise ValueError("numbers that are not finite or above 1e7")
+    if not np.ptp(vertices[:, 1]) > 1e-7:
+        raise ValueError("a surface without height")
     view = document["bufferViews"][document["images"][0]["bufferView"]]
-    start = view.get("byteOffset", 0)
-    picture = io.BytesIO(binary[start : start + view["byteLength"]])
+    picture = io.BytesIO(binary[view["byteOffset"] :][: view["byteLength"]])
     with Image.open(picture, formats=("JPEG", "PNG")) as image:
         if max(image.size) > _MOST_PIXELS:
             raise ValueError(f"texture {image.size}, expected at most {_MOST_PIXELS} pixels a side")
         texture = np.asarray(image.convert("RGB"))
-    back = [2, 0, 1]  # y points up in the file
-    return Surface(vertices[:, back], normals[:, back], uv, faces, texture)
+    # In the file, y points up.
+    return Surface(vertices[:, [2, 0, 1]], normals[:, [2, 0, 1]], uv, faces, texture)

@@ -234,7 +234,12 @@ def predicted(tmp_path):
 
 
 def test_the_surface_has_the_photos_colours_and_turns_as_the_points(predicted, opened, tmp_path):
-    assert view.main([str(tmp_path / "a.npz"), f"--out={tmp_path / 'p.html'}"]) == 0
+    command = [str(tmp_path / "a.npz"), f"--out={tmp_path / 'p.html'}"]
+    (tmp_path / "a.json").write_text('{"earlier_files": ["a_surface.glb"]}')
+    assert view.main(command) == 0
+    assert "surfaces" not in data_of(tmp_path / "p.html")["cases"][0]  # of an earlier prediction
+    (tmp_path / "a.json").unlink()
+    assert view.main(command) == 0
     page = opened((tmp_path / "p.html").as_uri(), viewport={"width": 1200, "height": 640})
     canvas, middle = page.locator("#prediction"), None
     for turns, name in ((0, "front"), (12, "side"), (18, "back")):  # 6 degrees each
@@ -286,5 +291,6 @@ def test_damaged_surfaces_are_refused(predicted, tmp_path):
     for key, value in (("count", -3), ("count", 1 << 30), ("byteOffset", -4), ("bufferView", 99)):
         table.append(({"accessors": (0, key, value)}, path))
     table.append(({"accessors": (1, "count", 3)}, path, 3))  # faces with other vertices
+    table.append(({"accessors": (0, "componentType", 5126)}, path))  # floats
     table.append(({"bufferViews": (2, "byteLength", 9)}, path))  # half of a picture
     all_refused(read, SurfaceFileError, table)
