@@ -6,7 +6,7 @@ The file may come from anywhere, so its size and all its numbers are checked.
 import io
 import pathlib
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from PIL import Image
@@ -17,7 +17,11 @@ from psgn_jax.system.errors import UserError
 from psgn_jax.system.untrusted import brief, one_line, parse_json, size_of
 
 _MOST_BYTES, _MOST_VERTICES, _MOST_FACES, _MOST_PIXELS = 16 << 20, (1 << 16) - 1, 1 << 17, 2048
-_TYPES = {5123: np.dtype("<u2"), 5125: np.dtype("<u4"), 5126: np.dtype("<f4")}
+_TYPES: dict[int, np.dtype[Any]] = {
+    5123: np.dtype("<u2"),
+    5125: np.dtype("<u4"),
+    5126: np.dtype("<f4"),
+}
 
 
 class SurfaceFileError(UserError):
