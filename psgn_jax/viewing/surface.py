@@ -6,7 +6,7 @@ The file may come from anywhere, so its size and all its numbers are checked.
 import io
 import pathlib
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from PIL import Image
@@ -14,14 +14,10 @@ from scipy import optimize
 
 from psgn_jax.data import camera
 from psgn_jax.system.errors import UserError
-from psgn_jax.system.untrusted import brief, one_line, parse_json, size_of
+from psgn_jax.system.untrusted import brief, message_line, one_line, parse_json, size_of
 
 _MOST_BYTES, _MOST_VERTICES, _MOST_FACES, _MOST_PIXELS = 16 << 20, (1 << 16) - 1, 1 << 17, 2048
-_TYPES: dict[int, np.dtype[Any]] = {
-    5123: np.dtype("<u2"),
-    5125: np.dtype("<u4"),
-    5126: np.dtype("<f4"),
-}
+_TYPES = {5123: "<u2", 5125: "<u4", 5126: "<f4"}
 
 
 class SurfaceFileError(UserError):
@@ -51,10 +47,8 @@ def read_surface(path: pathlib.Path, arrays: Mapping[str, np.ndarray], sample: i
         if (size := size_of(path)) > _MOST_BYTES:
             raise ValueError(f"{size} bytes, expected at most {_MOST_BYTES}")
         return _in_unit(_parse(path.read_bytes()), arrays, sample)
-    except OSError as error:
-        raise SurfaceFileError(f"{one_line(path)}: {error.strerror or error}") from None
     except Exception as error:  # damaged files raise errors of any type
-        why = one_line(brief(error) or type(error).__name__)
+        why = brief(message_line(error))
         raise SurfaceFileError(f"{one_line(path)} cannot be read as a surface: {why}") from None
 
 
@@ -97,12 +91,11 @@ def _parse(content: bytes) -> Surface:
     faces = array(part["indices"], 1, 3 * _MOST_FACES).reshape(-1, 3)
     if faces.dtype.kind != "u" or not len(vertices) == len(normals) == len(uv) > faces.max():
         raise ValueError(f"face with vertex {faces.max()}, expected less than {len(vertices)}")
-    if not all((np.abs(a) < 1e7).all() for a in (vertices, normals, uv)):
-        raise ValueError("numbers that are not finite or above 1e7")
-    if not np.ptp(vertices[:, 1]) > 1e-7:
-        raise ValueError("a surface without height")
+    bounded = all((np.abs(a) < 1e7).all() for a in (vertices, normals, uv))
+    if not bounded or np.ptp(vertices[:, 1]) < 1e-7:
+        raise ValueError("numbers that are not finite or above 1e7, or no height")
     view = document["bufferViews"][document["images"][0]["bufferView"]]
-    picture = io.BytesIO(binary[view["byteOffset"] :][: view["byteLength"]])
+    picture = io.BytesIO(binary[view.get("byteOffset", 0) :][: view["byteLength"]])
     with Image.open(picture, formats=("JPEG", "PNG")) as image:
         if max(image.size) > _MOST_PIXELS:
             raise ValueError(f"texture {image.size}, expected at most {_MOST_PIXELS} pixels a side")
