@@ -96,7 +96,8 @@ def browser():
     if path is None:
         pytest.skip("no Chromium")
     with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        flags = ["--no-sandbox", "--enable-unsafe-swiftshader"]  # WebGL without a GPU
+        browser = playwright.chromium.launch(executable_path=path, args=flags)
         yield browser
         browser.close()
 
@@ -127,7 +128,8 @@ def opened(browser):
     yield open_page
     for context in contexts:
         context.close()
-    assert complaints == []
+    # WebGL without a GPU logs that reading its pixels takes time.
+    assert [text for text in complaints if "GL Driver Message" not in text] == []
     own = ("file:", "data:", "blob:", "http://127.0.0.1:")
     assert [url for url in requests if not url.startswith(own)] == []
 

@@ -17,6 +17,12 @@ function project({ k, rows }, point) {
   return [(k[0] * x + k[1] * y) / z + k[2], k[3] * y / z + k[4], z];
 }
 
+/** The colour between stops for a value from 0 to 1. */
+export function ramp(stops, value) {
+  const at = clamp(value, 0, 1) * (stops.length - 1), low = Math.min(Math.floor(at), stops.length - 2);
+  return stops[low].map((c, k) => c + (at - low) * (stops[low + 1][k] - c));
+}
+
 /** The path through some pixels. */
 export function pathThrough(pixels, closed = false) {
   const path = new Path2D();

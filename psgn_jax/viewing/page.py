@@ -2,8 +2,8 @@
 
 It shows the image, the predicted cloud and the ground truth. A slider chooses one of several
 samples; a mouse or a finger turns the clouds. Points are coloured by height, branch, error,
-certainty, or from the image. A content security policy forbids all requests. Coordinates are
-stored as int16 with an error below 1e-4 units.
+certainty, or from the image; a button shows the surface in their place. A content security policy
+forbids all requests. Coordinates are stored as int16 with an error below 1e-4 units.
 """
 
 import base64
@@ -20,9 +20,11 @@ from scipy.spatial import cKDTree
 
 from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing import spheres
+from psgn_jax.viewing.surface import Surface
 
 _HEAD = pathlib.Path(__file__).with_name("head.html")
 _TEMPLATE = pathlib.Path(__file__).with_name("page.html")
+_SURFACE_SCRIPT = pathlib.Path(__file__).with_name("surface.js")
 CLOUD_SCRIPT = pathlib.Path(__file__).with_name("cloud.js")
 """An ES module that draws clouds in a browser."""
 
@@ -41,6 +43,7 @@ class Case:
       truth: float32 [m, 3].
       num_fc: number of points of the fc branch, the first points.
       colours: uint8 [k, n, 3], from the image.
+      surfaces: of the samples that have one; the page shows them, or the points.
       spread: float32 [k, n], how far each point varies between draws (`prediction.draws`).
       about: a short text, such as the category.
       metrics: a short text for each sample.
@@ -54,6 +57,7 @@ class Case:
     truth: np.ndarray | None = None
     num_fc: int = 0
     colours: np.ndarray | None = None
+    surfaces: Sequence[Surface | None] = ()
     spread: np.ndarray | None = None
     about: str = ""
     metrics: tuple[str, ...] = ()
@@ -67,7 +71,9 @@ FIELDS = (
 """The arrays of a prediction that `case_of` needs; it also reads `spread`, if there is one."""
 
 
-def case_of(name: str, arrays: Mapping[str, np.ndarray]) -> Case:
+def case_of(
+    name: str, arrays: Mapping[str, np.ndarray], surfaces: Sequence[Surface | None] = ()
+) -> Case:
     """The case for the arrays of a prediction's NPZ file; its image is the photo."""
     to_photo = np.linalg.inv(arrays["to_view"].astype(np.float64))
     return Case(
@@ -76,6 +82,7 @@ def case_of(name: str, arrays: Mapping[str, np.ndarray]) -> Case:
         arrays["points"],
         num_fc=int((arrays["branch"] == 0).sum()),
         colours=arrays["colours"] if arrays["seen"].any() else None,
+        surfaces=surfaces,
         spread=arrays.get("spread"),
         camera=(to_photo @ arrays["intrinsics"], arrays["extrinsics"]),
         behind=True,
@@ -148,11 +155,12 @@ def write_pages(
 def document(template: pathlib.Path, data: str, **pieces: str) -> str:
     """Fills a template; the page makes no requests.
 
-    `/*NAME*/` is the place of the piece NAME, `/*CLOUD*/` of `cloud.js`, and `/*HEAD*/` of
-    `head.html`, which contains `data`, a JSON text.
+    `/*NAME*/` is the place of the piece NAME, `/*CLOUD*/` of `cloud.js`, `/*SURFACE*/` of
+    `surface.js`, and `/*HEAD*/` of `head.html`, which contains `data`, a JSON text.
     """
     pieces["HEAD"] = _HEAD.read_text(encoding="utf-8")
-    pieces["CLOUD"] = CLOUD_SCRIPT.read_text(encoding="utf-8").replace("export ", "")
+    for name, script in (("CLOUD", CLOUD_SCRIPT), ("SURFACE", _SURFACE_SCRIPT)):
+        pieces[name] = script.read_text(encoding="utf-8").replace("export ", "")
     text = template.read_text(encoding="utf-8")
     for name, piece in pieces.items():
         text = text.replace(f"/*{name}*/", piece, 1)
@@ -187,6 +195,8 @@ def _encode(case: Case) -> dict[str, Any]:
         item["spread_top"] = _SPREAD_TOP
     if case.colours is not None:
         item["colours"] = [_base64(colours.astype(np.uint8)) for colours in case.colours]
+    if any(case.surfaces):
+        item["surfaces"] = [surface and _mesh(surface) for surface in case.surfaces]
     if case.camera is not None:
         (fx, skew, cx), (_, fy, cy) = case.camera[0][:2].tolist()
         height, width = case.image.shape[:2]
@@ -204,6 +214,16 @@ def to_json(value: Any) -> str:
 def _points(points: np.ndarray) -> str:
     clipped = np.clip(np.nan_to_num(points), -_EXTENT, _EXTENT)
     return _base64(np.rint(clipped / _EXTENT * 32767).astype("<i2"))
+
+
+def _mesh(surface: Surface) -> dict[str, str]:
+    return {
+        "vertices": _points(surface.vertices),
+        "normals": _base64(np.rint(127 * np.clip(surface.normals, -1, 1)).astype(np.int8)),
+        "uv": _base64(np.rint(65535 * np.clip(surface.uv, 0, 1)).astype("<u2")),
+        "faces": _base64(surface.faces.astype("<u2")),
+        "texture": picture_uri(surface.texture),
+    }
 
 
 def _levels(values: np.ndarray, top: float) -> str:

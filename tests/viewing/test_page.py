@@ -8,11 +8,15 @@ import shutil
 
 import numpy as np
 import pytest
+import trimesh
+from helpers.refusals import all_refused
 from PIL import Image
 
 from psgn_jax.commands import view
 from psgn_jax.data import camera
+from psgn_jax.prediction.surface import Surface, glb, textured
 from psgn_jax.viewing import page as lib
+from psgn_jax.viewing.surface import SurfaceFileError, read_surface
 
 
 def make_case(name="chair 1", samples=3, n=300, seed=0):
@@ -66,20 +70,36 @@ def test_a_page_of_cases_is_small_and_split_at_the_limit(tmp_path):
     assert sorted(set(links)) == [file.name for file in files]
 
 
-def test_the_command(tmp_path, capsys):
-    case = make_case()
-    branch = (np.arange(300) >= 75).astype(np.uint8)
-    arrays = {"points": case.samples, "colours": case.colours, "branch": branch}
-    arrays |= {"image": case.image, "photo": case.image, "seen": np.ones((3, 300), bool)}
-    cameras = {"intrinsics": np.eye(3), "extrinsics": np.eye(3, 4), "to_view": np.eye(3)}
-    np.savez(tmp_path / "a.npz", **arrays, **cameras)
+@pytest.fixture
+def predicted(tmp_path):
+    """The arrays of a prediction, an ellipsoid, with its files `a.npz` and `a_surface.glb`."""
+    intrinsics, extrinsics = camera.default_camera((96, 128))
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    points = ball.vertices[None] * (0.2, 0.6, 0.3) + (0, 0, 0.3)
+    points[..., 0] += 0.5 * points[..., 1]  # not symmetric
+    n = points.shape[1]
+    image = np.full((96, 128, 3), (180, 60, 40), np.uint8)  # red, on the right blue
+    image[:, 64:] = (40, 60, 180)
+    arrays = {"points": points.astype(np.float32), "photo": image, "to_view": np.eye(3)}
+    arrays |= {"colours": np.full((1, n, 3), 90, np.uint8), "seen": np.ones((1, n), bool)}
+    arrays |= {"intrinsics": intrinsics, "extrinsics": extrinsics}
+    arrays |= {"branch": (np.arange(n) >= 75).astype(np.uint8)}
+    np.savez(tmp_path / "a.npz", **arrays)
+    surface = Surface(points[0].astype(np.float32), np.array(ball.faces))
+    mesh = textured(surface, image, image[..., 0] > 0, intrinsics, extrinsics)
+    mesh.apply_scale(2.5)  # metres
+    (tmp_path / "a_surface.glb").write_bytes(glb(mesh))
+    return arrays
+
+
+def test_the_command(predicted, tmp_path, capsys):
     out = tmp_path / "p.html"
     (tmp_path / "other").mkdir()
     shutil.copy(tmp_path / "a.npz", tmp_path / "other")  # of another network
     both = [str(tmp_path / "a.npz"), str(tmp_path / "other" / "a.npz")]
     assert view.main([*both, f"--out={out}"]) == 0
     shown = [(c["name"], c["fc"], len(c["samples"])) for c in data_of(out)["cases"]]
-    assert shown == [(name, 75, 3) for name in both]
+    assert shown == [(name, 75, 1) for name in both]
     out.unlink()
     assert view.main([both[0], both[0], f"--out={out}"]) == 2
     assert "occurs twice; accepted: each once" in capsys.readouterr().err
@@ -205,3 +225,65 @@ def test_links_and_hostile_names(opened_cases):
         page.evaluate("hash => { location.hash = hash; }", fragment)
         page.wait_for_timeout(100)
         assert page.text_content("#name") == "a"
+
+
+def test_the_surface_has_the_photos_colours_and_turns_as_the_points(predicted, opened, tmp_path):
+    command = [str(tmp_path / "a.npz"), f"--out={tmp_path / 'p.html'}"]
+    (tmp_path / "a.json").write_text('{"earlier_files": ["a_surface.glb"]}')
+    assert view.main(command) == 0
+    assert "surfaces" not in data_of(tmp_path / "p.html")["cases"][0]  # of an earlier prediction
+    (tmp_path / "a.json").unlink()
+    assert view.main(command) == 0
+    page = opened((tmp_path / "p.html").as_uri(), viewport={"width": 1200, "height": 640})
+    canvas, middle = page.locator("#prediction"), None
+    for turns, name in ((0, "front"), (12, "side"), (18, "back")):  # 6 degrees each
+        for _ in range(turns):
+            canvas.press("ArrowLeft")
+        shot = pixels(page)[8:-8, 8:-8]
+        assert canvas.get_attribute("aria-label").startswith("predicted surface")
+        page.click("text=show the points")
+        page.uncheck("#photo")
+        points = (pixels(page)[8:-8, 8:-8] < 200).all(axis=2)
+        page.click("text=show the surface")
+        inside = np.ptp(shot, axis=2) > 30
+        assert (inside & points).sum() > 0.75 * (inside | points).sum(), name
+        columns = np.arange(shot.shape[1])
+        middle = middle or np.nonzero(inside)[1].mean()
+        for part, colour in ((columns < middle, (180, 60, 40)), (columns > middle, (40, 60, 180))):
+            found = np.median(shot[inside & (part if name == "front" else ~part)], axis=0)
+            assert name == "side" or np.abs(found - colour).max() < 25
+        assert 8 < shot[inside].max(axis=1).std() < 25  # lit softly
+    page.add_init_script(
+        "HTMLCanvasElement.prototype.getContext = (get => function (kind) {"
+        "return kind === '2d' ? get.call(this, kind) : null;"
+        "})(HTMLCanvasElement.prototype.getContext)"
+    )
+    page.reload()
+    assert page.locator("#shape").is_disabled()
+    assert differs(pixels(page)[8:-8, 8:-8], shot)
+    assert page.locator("#colour").is_visible()
+
+
+def test_damaged_surfaces_are_refused(predicted, tmp_path):
+    path = tmp_path / "a_surface.glb"
+    good = path.read_bytes()
+    end = 20 + int.from_bytes(good[12:16], "little")
+    assert np.ptp(read_surface(path, predicted, 0).vertices[:, 1]) == pytest.approx(1.2, rel=1e-4)
+
+    def read(content):
+        if isinstance(content, tuple):
+            kind, index, key, value = content
+            (document := json.loads(good[20:end]))[kind][index][key] = value
+            text = json.dumps(document).encode()
+            content = good[:12] + len(text).to_bytes(4, "little") + b"JSON" + text + good[end:]
+        path.write_bytes(content)
+        read_surface(path, predicted, 0)
+
+    table = [(content, path) for content in (b"", b"glTF" + bytes(99), good[: len(good) // 2])]
+    table.append((bytes(17 << 20), path, 17 << 20))
+    for key, value in (("count", -3), ("count", 1 << 30), ("byteOffset", -4), ("bufferView", 99)):
+        table.append((("accessors", 0, key, value), path))
+    table.append((("accessors", 1, "count", 3), path, 3))  # faces with other vertices
+    table.append((("accessors", 0, "componentType", 5126), path))  # floats
+    table.append((("bufferViews", 2, "byteLength", 9), path))  # half of a picture
+    all_refused(read, SurfaceFileError, table)

@@ -1,7 +1,7 @@
 // The page: a photo, its mask, the network, its points.
 
 import * as ort from "./runtime/ort.wasm.min.mjs";
-import { CloudView, pathThrough, save } from "./cloud.js";
+import { CloudView, pathThrough, ramp, save } from "./cloud.js";
 import { ranked, spread, sum } from "./draws.js";
 import { FORMATS } from "./files.js";
 import { coloursFromView, meanWithMirror, mirrored, normalForm, opaqueIn, PhotoError, place, sameProportions, findOutliers, visibleIn } from "./framing.js";
@@ -324,16 +324,12 @@ function show(sample) {
 /** The chosen cloud without its outliers, as in files; or with the colours of its certainty, once they are known. */
 function shown(certainty) {
   const { points, colours, outlier, spread } = page.clouds[page.sample], kept = (_, i) => !outlier[Math.floor(i / 3)];
-  const painted = certainty && spread ? Uint8Array.from(points, (_, i) => ramp(spread[Math.floor(i / 3)] / SPREAD_TOP)[i % 3]) : colours;
+  const painted = certainty && spread ? Uint8Array.from(points, (_, i) => ramp(COLOURS, spread[Math.floor(i / 3)] / SPREAD_TOP)[i % 3]) : colours;
   return { points: points.filter(kept), colours: painted.filter(kept) };
 }
 
+/** Dark where the network is certain, bright where its guesses differ; as in psgn_jax.viewing. */
 const SPREAD_TOP = 0.3, COLOURS = [[48, 30, 110], [124, 38, 128], [200, 62, 100], [245, 130, 70], [252, 220, 140]];
-/** Dark where the network is certain, bright where its guesses differ; the colours of psgn_jax.viewing. */
-function ramp(value) {
-  const at = Math.min(Math.max(value, 0), 1) * (COLOURS.length - 1), low = Math.min(Math.floor(at), COLOURS.length - 2);
-  return COLOURS[low].map((c, k) => c + (at - low) * (COLOURS[low + 1][k] - c));
-}
 
 /** Shows the certainty of the points, or their colours; the first time for a photo, it is computed. */
 const paint = guarded(async () => {
