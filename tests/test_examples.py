@@ -1,8 +1,6 @@
 """The extensions of examples/ work, and CONTRIBUTING says where each belongs in the package."""
 
-import ast
 import importlib
-import re
 import sys
 
 import jax
@@ -33,7 +31,6 @@ REGISTRIES = (
     losses.LOSSES, networks.NETWORKS, clouds.METRICS, conversion.LAYOUTS,
     open_catalogue.CATALOGUES, READERS,
 )  # fmt: skip
-EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 
 @pytest.fixture
@@ -47,16 +44,6 @@ def example(monkeypatch):
         registry.update(old)
     for name in [name for name in sys.modules if name.startswith("examples.")]:
         del sys.modules[name]
-
-
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_contributing_says_where_an_extension_belongs(path):
-    docstring = " ".join(ast.get_docstring(ast.parse(path.read_text())).split())
-    where = docstring.partition("In the package: ")[2]
-    text = (ROOT / "CONTRIBUTING.md").read_text()
-    assert f"([example](examples/{path.name})) | {where} |" in text
-    files = re.findall(r"`([\w/]+(?:\.\w+|/))`", where)
-    assert 1 < len(files) <= 3
 
 
 def test_a_loss(example):

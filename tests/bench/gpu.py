@@ -1,19 +1,17 @@
-"""Measurements on an accelerator, in parts that end after `--limit` seconds.
+"""Measurements on an accelerator, as rows of a table.
 
-    python tests/bench/gpu.py [--parts step losses] [--out gpu]
+    python tests/bench/gpu.py [--parts step losses]
     JAX_PLATFORMS=cpu python tests/bench/gpu.py --tiny      # every part on a CPU, to see it run
 
 step    whole training steps in memory, those with the EMD first: networks, precisions, batch sizes
 losses  CD and EMD of 32 pairs, with gradients: milliseconds, proven gap
 
-Times are the least of several calls. Each part runs in a process of its own and appends each figure
-to the table OUT/gpu.md as soon as it is measured.
+Times are the least of several calls. Each figure is printed as soon as it is measured.
 """
 
 import argparse
 import dataclasses
 import itertools
-import multiprocessing
 import os
 import pathlib
 import sys
@@ -22,7 +20,6 @@ import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
-PARTS = ("step", "losses")
 NETWORKS = ("two_branch", "vanilla", "hourglass")
 EMD, CD = "emd_mean@{} + 5*chamfer_sq_mean", "chamfer_sq_mean"
 
@@ -96,37 +93,22 @@ def measure_steps(tiny):
         yield figure, 1000 * seconds(run)
 
 
-def run_part(name, arguments):
-    """Measures one part in this process."""
-    import jax
-
-    device = f"{jax.devices()[0].device_kind}, jax {jax.__version__}"
-    figures = measure_losses if name == "losses" else measure_steps
-    for figure, value in figures(arguments.tiny):
-        line = f"| {figure} | {value:.4f} | {device} |"
-        print(line, flush=True)
-        with open(arguments.out / "gpu.md", "a") as table:
-            table.write(f"{line}\n")
+PARTS = {"step": measure_steps, "losses": measure_losses}
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--parts", nargs="+", default=PARTS, choices=PARTS)
-    parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("gpu"))
-    parser.add_argument("--limit", type=float, default=480, help="seconds of each part")
     parser.add_argument("--tiny", action="store_true")
     arguments = parser.parse_args()
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    if not (table := arguments.out / "gpu.md").exists():
-        table.write_text("| figure | value | on |\n|---|---|---|\n")
     os.environ.setdefault("JAX_PLATFORMS", "cuda,cpu")
-    for name in arguments.parts:
-        part = multiprocessing.get_context("spawn").Process(target=run_part, args=(name, arguments))
-        part.start()
-        part.join(arguments.limit)
-        part.terminate()
-        part.join()
-        print(f"{name}: exit code {part.exitcode}", flush=True)
+    import jax
+
+    device = f"{jax.devices()[0].device_kind}, jax {jax.__version__}"
+    print("| figure | value | on |\n|---|---|---|")
+    for part in arguments.parts:
+        for figure, value in PARTS[part](arguments.tiny):
+            print(f"| {figure} | {value:.4f} | {device} |", flush=True)
 
 
 if __name__ == "__main__":
