@@ -1,23 +1,20 @@
-"""Time of a training step of the two-branch network on a CPU, against PyTorch.
+"""Time of a training step of the two-branch network on a CPU.
 
 One step is forward and backward with respect to all parameters; the loss is a fixed linear function
-of the points, whose cost is negligible. Each implementation runs in a separate process, so that its
-peak memory can be measured. They are measured in alternation, so that other work on the machine
-affects all of them alike.
+of the points, whose cost is negligible. Each row runs in a separate process, so that its peak
+memory can be measured. They are measured in alternation, so that other work on the machine affects
+all of them alike.
 
     python tests/bench/step.py                  # the full network, batch 32
     python tests/bench/step.py --small          # the half-size network of configs/authors_small.py
 
-Prints seconds per step (the fastest, the median and the slowest), the ratios to PyTorch channels
-last, if it is installed, and to the floor (the medians over the rounds), samples per second, and
-the peak memory of each process. The floor is the time of the step's operations at the speed of
-NumPy's product of large matrices. This package is measured with a device of JAX for each core, as
-`psgn train` uses them, and with one.
+Prints seconds per step (the fastest, the median and the slowest), the ratio to the floor (the
+median over the rounds), samples per second, and the peak memory of each process. The floor is the
+time of the step's operations at the speed of NumPy's product of large matrices. This package is
+measured with a device of JAX for each core, as `psgn train` uses them, and with one.
 """
 
 import argparse
-import importlib.util
-import math
 import multiprocessing
 import resource
 import statistics
@@ -38,7 +35,7 @@ SMALL = {
     "deconv_level": 2,
     "fc_widths": (768, 512),
 }
-IN_CHANNELS, FC_POINTS, DECONV_CHANNELS = 4, 256, 3
+IN_CHANNELS, FC_POINTS = 4, 256
 
 
 _step, _times = None, 1.0  # what this process measures, and how often a step needs it
@@ -117,68 +114,38 @@ def build_jax(network, batch, devices):
     return num_params, lambda: jax.block_until_ready(step(params, x)), 1
 
 
-def build_torch(network, batch, threads):
-    """The same for this network in PyTorch."""
-    import torch
-    from torch_point_out_net import TwoBranch
-
-    torch.set_num_threads(threads)
-    net = TwoBranch(IN_CHANNELS, fc_points=FC_POINTS, deconv_channels=DECONV_CHANNELS, **network)
-    net = net.to(memory_format=torch.channels_last)
-    x = torch.from_numpy(_images(network, batch).transpose(0, 3, 1, 2).copy())
-    x = x.to(memory_format=torch.channels_last)
-    with torch.no_grad():
-        shape = net(x[:1]).shape[1:]
-    weights = torch.cos(torch.arange(batch * shape.numel())).reshape(batch, *shape)
-
-    def step():
-        net.zero_grad()
-        (net(x) * weights).sum().backward()
-
-    return sum(p.numel() for p in net.parameters()), step, 1
-
-
 def _images(network, batch):
     shape = (batch, *network["image_size"], IN_CHANNELS)
     return np.random.default_rng(0).random(shape, np.float32)
-
-
-def ratio(own, other):
-    """The median over the rounds: the load of the machine changes from round to round."""
-    return statistics.median(a / b for a, b in zip(own, other, strict=True)) if other else math.nan
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--small", action="store_true", help="the network of authors_small.py")
     parser.add_argument("--repeats", type=int, default=5, help="timed steps of each")
-    parser.add_argument("--threads", type=int, default=2, help="of PyTorch, and devices of JAX")
+    parser.add_argument("--devices", type=int, default=2, help="devices of JAX")
     arguments = parser.parse_args()
     network, batch = (SMALL, 16) if arguments.small else (FULL, 32)
-    competitors = {
-        "psgn_jax": (build_jax, network, batch, arguments.threads),
+    rows = {
+        "psgn_jax": (build_jax, network, batch, arguments.devices),
         "on one device": (build_jax, network, batch, 1),
         "floor": (build_floor, network, batch),
     }
-    if importlib.util.find_spec("torch"):
-        competitors["PyTorch"] = (build_torch, network, batch, arguments.threads)
     context = multiprocessing.get_context("spawn")
-    pools = {name: ProcessPoolExecutor(1, context) for name in competitors}
-    sizes = {name: pools[name].submit(prepare, *c).result() for name, c in competitors.items()}
-    if len(set(sizes.values())) > 1:
-        raise ValueError(f"parameters: got {sizes}, expected the same number in every network")
+    pools = {name: ProcessPoolExecutor(1, context) for name in rows}
+    sizes = {name: pools[name].submit(prepare, *c).result() for name, c in rows.items()}
     print(f"{sizes['psgn_jax']:,} parameters, images {network['image_size']}, batch {batch}")
-    times = {name: [] for name in competitors}
+    times = {name: [] for name in rows}
     for _ in range(arguments.repeats):
         for name, pool in pools.items():
             times[name].append(pool.submit(seconds).result())
-    titles = f"{'fastest':>9}{'median s':>9}{'slowest':>9}{'/ PyTorch':>10}{'/ floor':>9}"
+    titles = f"{'fastest':>9}{'median s':>9}{'slowest':>9}{'/ floor':>9}"
     print(f"{'':16}{titles}{'samples/s':>11}{'peak GB':>9}")
     for name, own in times.items():
-        ratios = [ratio(own, times.get(other)) for other in ("PyTorch", "floor")]
+        ratio = statistics.median(a / b for a, b in zip(own, times["floor"], strict=True))
         median, peak = statistics.median(own), pools[name].submit(peak_gb).result()
         print(
-            f"{name:16}{min(own):9.3f}{median:9.3f}{max(own):9.3f}{ratios[0]:10.2f}{ratios[1]:9.2f}"
+            f"{name:16}{min(own):9.3f}{median:9.3f}{max(own):9.3f}{ratio:9.2f}"
             f"{batch / median:11.1f}{peak:9.2f}"
         )
     for pool in pools.values():
