@@ -64,6 +64,8 @@ def test_a_loss(example):
 def test_a_network_and_a_metric(example, monkeypatch, tmp_path):
     example("network")
     example("metric")
+    pred, gt = jnp.eye(3), jnp.array([[0.0, 0, 0], [0, 3, 0]])
+    assert clouds.evaluate_pair(pred, gt)["hausdorff_radius"] == 2
     standin.install(monkeypatch)
     # The names of a configuration are fixed, so one of them stands for the new network.
     monkeypatch.setattr(networks, "build", lambda config: networks.NETWORKS["perceptron"](config))
@@ -78,12 +80,6 @@ def test_a_network_and_a_metric(example, monkeypatch, tmp_path):
     assert (largest**2 >= evaluation.metrics["cd_sq_pred_to_gt_radius2"]).all()
     assert "Hausdorff" in table.text(evaluation)
     assert "hausdorff_radius" in table.csv_text(evaluation)
-
-
-def test_the_hausdorff_distance(example):
-    example("metric")
-    pred, gt = jnp.eye(3), jnp.array([[0.0, 0, 0], [0, 3, 0]])
-    assert clouds.evaluate_pair(pred, gt)["hausdorff_radius"] == 2
 
 
 def test_a_converter_whose_errors_do_not_name_their_model(example, tmp_path, rng):

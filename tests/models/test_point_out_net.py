@@ -10,7 +10,7 @@ from helpers.refusals import all_refused
 from psgn_jax.config.experiment import ModelConfig
 from psgn_jax.models import layers
 from psgn_jax.models.cpu_convolution import convolutions_for
-from psgn_jax.models.networks import build, scaled_widths
+from psgn_jax.models.networks import build
 
 # Most of the time of these tests is compilation.
 quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
@@ -241,25 +241,6 @@ def test_eight_draws_cost_no_eight_encoders(name, most):
         assert count(eight) < most * count(one)
 
 
-def test_first_clouds_are_around_the_object_and_repeat_with_the_key():
-    config = tiny_config(widths=(8, 8), image_size=(16, 24), deconv_level=0, fc_points=256)
-    x, _ = arguments(config)
-    init = quick_jit(build(config).init)
-    first, second = (jax.device_get(init(jax.random.key(7), x)) for _ in range(2))
-    assert jax.tree.all(jax.tree.map(np.array_equal, first, second))
-    points = apply(config, first["params"], x)[0]
-    fc, deconv = points[:256], points[256:]
-    np.testing.assert_allclose(fc.mean(0), layers.CLOUD_CENTRE, atol=0.1)
-    np.testing.assert_allclose(fc.std(0), layers.CLOUD_SPREAD, atol=0.1)
-    assert np.abs(deconv - np.asarray(layers.CLOUD_CENTRE)[None]).max() < 1.5
-
-
-def test_scaled_widths():
-    widths = (16, 20, 512)
-    assert scaled_widths(widths, 0.5) == (8, 8, 256)
-    assert scaled_widths(widths, 1.5) == (24, 32, 768)
-
-
 @pytest.mark.usefixtures("unchecked_annotations")
 def test_wrong_arrays():
     plain, random = tiny_config(), tiny_config(random_size=4)
@@ -277,14 +258,12 @@ def test_wrong_arrays():
     )
 
 
-def test_with_xla_a_network_has_forward_mode_and_can_be_exported(monkeypatch):
+def test_with_xla_a_network_has_forward_mode(monkeypatch):
     monkeypatch.setenv("PSGN_CONVOLUTIONS", "xla")
     config = tiny_config("vanilla", widths=(8, 8), image_size=(8, 8))
     network, params = initialised(config)
     x, _ = arguments(config)
     predict = jax.jit(lambda x: network.apply({"params": params}, x))
-    points, moved = jax.jvp(predict, (x,), (x,))
-    again = jax.export.export(predict)(x).call(x)
-    np.testing.assert_allclose(again, points, rtol=1e-5, atol=1e-6)
+    _, moved = jax.jvp(predict, (x,), (x,))
     by_reverse = jax.grad(lambda x: predict(x).sum())(x)
     np.testing.assert_allclose(moved.sum(), (by_reverse * x).sum(), rtol=1e-4)
