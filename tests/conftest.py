@@ -103,14 +103,6 @@ def browser():
 
 
 @pytest.fixture
-def page(browser):
-    """An empty page of a browser window of its own."""
-    context = browser.new_context()
-    yield context.new_page()
-    context.close()
-
-
-@pytest.fixture
 def opened(browser):
     """Opens pages; at the end they must have logged nothing, and asked no other host."""
     complaints, requests, contexts = [], [], []

@@ -1,6 +1,8 @@
-"""README.md and docs/: commands, flags and names in them exist, and the site builds."""
+"""README.md and docs/: what they name exists, examples give the stated results, the site builds."""
 
 import ast
+import doctest
+import importlib
 import re
 import shlex
 import sys
@@ -14,7 +16,10 @@ from psgn_jax.commands import psgn, study
 from psgn_jax.config import Config
 from psgn_jax.config.files import path_of
 from psgn_jax.config.structured import flatten
+from psgn_jax.prediction.cloud import Prediction
+from psgn_jax.prediction.predictor import Predictor
 
+FOLDERS = "configs|data_gen|docs|notebooks|psgn_jax|scripts|tests"
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
 PAGES = [p for p in PAGES if p.name not in ("CHANGELOG.md", "journal.md")]
 _FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -69,47 +74,22 @@ def test_commands_and_their_flags_exist():
     assert not wrong, "\n".join(wrong)
 
 
-def test_files_and_modules_in_the_documents_exist():
+def test_files_and_imports_in_the_documents_exist():
     wrong = []
-    folders = "configs|data_gen|docs|notebooks|psgn_jax|scripts|tests"
     for page in PAGES:
-        modules = [*imports(page)]
-        for name, file in re.findall(r"`(\w+)` in\s+`([\w/]+)\.py`", page.read_text()):
-            modules.append(f"{file}/{name}".replace("/", "."))
+        for kind, code in _FENCED.findall(page.read_text()):
+            for node in ast.walk(ast.parse(code if kind == "python" else "")):
+                if isinstance(node, ast.ImportFrom) and str(node.module).startswith("psgn_jax"):
+                    exec(ast.unparse(node), {})
         for code in re.findall(r"`([^`\n]+)`", _FENCED.sub("", page.read_text())):
-            names = re.findall(rf"\b(?:{folders})/[\w/.]*\w", code)
+            names = re.findall(rf"\b(?:{FOLDERS})/[\w/.]*\w", code)
             if page.name == "architecture.md":  # which leaves out the package's name
                 names += re.findall(r"^[\w/]+\.py$", code)
             for name in names:
                 exists = any((ROOT / top / name).exists() for top in ("", "psgn_jax", "data_gen"))
                 if not exists and not name.startswith("psgn_jax/configs"):
                     wrong.append(f"{page.name}: {name}")
-            for name in re.findall(r"(?<![\w/.-])[a-z]\w*(?:\.[A-Za-z_]\w*)+", code):
-                package = name.partition(".")[0]
-                if package in ("data_gen", "psgn_jax"):
-                    modules.append(name)
-                elif page.name == "CONTRIBUTING.md" and (ROOT / "psgn_jax" / package).is_dir():
-                    modules.append(f"psgn_jax.{name}")
-        wrong += [f"{page.name}: {name}" for name in modules if not _exists(name)]
     assert not wrong, "\n".join(wrong)
-
-
-def imports(page):
-    """What the Python code of a page imports from this package."""
-    for kind, code in _FENCED.findall(page.read_text()):
-        for node in ast.walk(ast.parse(code if kind == "python" else "")):
-            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("psgn_jax"):
-                yield from (f"{node.module}.{alias.name}" for alias in node.names)
-
-
-def _exists(name):
-    """Whether a module has this name, or one that contains all names after its own."""
-    path, names = ROOT.joinpath(*name.split(".")), []
-    while not path.is_dir() and not path.with_suffix(".py").is_file():
-        path, names = path.parent, [*names, path.name]
-    source = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
-    text = source.read_text() if source.is_file() else ""
-    return all(re.search(rf"\b{name}\b", text) for name in names)
 
 
 def test_the_version_is_that_of_the_citation_and_of_the_changes():
@@ -143,3 +123,37 @@ def test_the_site_builds(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
     reference = (tmp_path / "site" / "reference" / "losses" / "index.html").read_text()
     assert "chamfer_sq_mean" in reference
+
+
+def examples_of(page):
+    """The examples of a page of the reference, without the fences around them."""
+    text = (ROOT / "docs" / "reference" / f"{page}.md").read_text()
+    return "\n\n".join(re.findall(r"^```pycon\n(.*?)^```", text, re.MULTILINE | re.DOTALL))
+
+
+REFERENCE = sorted(path.stem for path in (ROOT / "docs" / "reference").glob("*.md"))
+
+
+@pytest.mark.parametrize("page", REFERENCE)
+def test_examples_of_the_reference(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "docs").symlink_to(ROOT / "docs")
+    test = doctest.DocTestParser().get_doctest(examples_of(page), {}, page, page, 0)
+    result = doctest.DocTestRunner().run(test)
+    assert result.attempted > 0
+    assert result.failed == 0, "the differences are in the captured output"
+
+
+@pytest.mark.parametrize("page", REFERENCE)
+def test_every_name_of_the_reference_has_an_example(page):
+    text, examples = (ROOT / "docs" / "reference" / f"{page}.md").read_text(), examples_of(page)
+    names = [name for name in losses.__all__ if name not in losses.LOSSES and page == "losses"]
+    block = r"^::: (\S+)\n(?:(?!:::).)*?members:\s*\[(.*?)\]"
+    for module, members in re.findall(block, text, re.M | re.S):
+        listed = re.findall(r"\w+", members)
+        assert set(listed) <= set(dir(importlib.import_module(module))), module
+        names += [n for n in listed if not n.endswith(("Config", "Effects"))]  # all have one form
+    assert len(names) >= text.count("\n::: ")
+    if page == "prediction":
+        names += [name for kind in (Prediction, Predictor) for name in vars(kind) if name[0] != "_"]
+    assert [name for name in names if not re.search(rf"\b{name}\b", examples)] == []

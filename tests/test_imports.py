@@ -2,15 +2,9 @@
 
 import ast
 import functools
-import os
 import re
-import sys
 
-from helpers.commands import ROOT, python, run
-from helpers.small_runs import write_solids
-from helpers.weights import config as tiny
-
-from psgn_jax.config.experiment import to_dict
+from helpers.commands import ROOT, python
 
 # A package imports only itself and packages listed before it.
 LAYERS = [
@@ -131,42 +125,3 @@ def test_importing_any_module_changes_nothing_else():
     third = {name for name in third if not name.startswith(("psgn_jax", "data_gen"))}
     code = _IMPORT.replace("THIRD", repr(sorted(third))).replace("OWN", repr(sorted(own)))
     python(code)
-
-
-_PROGRAM = """
-import os, subprocess, sys
-from . import helper
-from psgn_jax.config import parse
-from psgn_jax.training.loop import train
-
-def state():
-    import tensorboardX.crc32c  # sets a variable when it is imported
-    return dict(os.environ), list(sys.path)
-
-if __name__ == "__main__":
-    before = state()
-    train(parse(TREE), "run")
-    assert state() == before
-    subprocess.run([sys.executable, "beside/script.py"], check=True)
-    print(helper.WORD)
-"""
-
-
-def test_a_program_with_its_own_modules_trains_and_starts_scripts(tmp_path):
-    write_solids(tmp_path / "records")
-    steps = {"train__steps": 2, "train__eval_every": 0}
-    config = tiny(data__path=str(tmp_path / "records"), data__num_workers=1, **steps)
-    for path, text in {
-        "mypkg/__init__.py": "import psgn_jax\n",
-        "mypkg/helper.py": "WORD = 'done'\n",
-        "mypkg/run.py": _PROGRAM.replace("TREE", repr(to_dict(config))),
-        "beside/neighbour.py": "",
-        "beside/script.py": "import neighbour\n",
-    }.items():
-        (tmp_path / path).parent.mkdir(exist_ok=True)
-        (tmp_path / path).write_text(text)
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = run(sys.executable, "-m", "mypkg.run", cwd=tmp_path, env=environment)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == "done\n"
-    assert (tmp_path / "run" / "checkpoints" / "2").is_dir()

@@ -1,19 +1,15 @@
-"""Measurements on an accelerator, in parts that end after `--limit` seconds.
+"""Times whole training steps in memory on an accelerator, those with the EMD first.
 
-    python tests/bench/gpu.py [--parts step losses] [--out gpu]
-    JAX_PLATFORMS=cpu python tests/bench/gpu.py --tiny      # every part on a CPU, to see it run
+    python tests/bench/gpu.py
+    JAX_PLATFORMS=cpu python tests/bench/gpu.py --tiny      # on a CPU, to see it run
 
-step    whole training steps in memory, those with the EMD first: networks, precisions, batch sizes
-losses  CD and EMD of 32 pairs, with gradients: milliseconds, proven gap
-
-Times are the least of several calls. Each part runs in a process of its own and appends each figure
-to the table OUT/gpu.md as soon as it is measured.
+Rows of a table: networks, precisions and batch sizes. Times are the least of several calls. Each is
+printed as soon as it is measured. `losses.py` times the EMD alone, on an accelerator too.
 """
 
 import argparse
 import dataclasses
 import itertools
-import multiprocessing
 import os
 import pathlib
 import sys
@@ -22,7 +18,6 @@ import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
-PARTS = ("step", "losses")
 NETWORKS = ("two_branch", "vanilla", "hourglass")
 EMD, CD = "emd_mean@{} + 5*chamfer_sq_mean", "chamfer_sq_mean"
 
@@ -32,26 +27,6 @@ def surfaces(rng, pairs, points):
     normals = rng.normal(size=(pairs, points, 3))
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     return (normals * rng.uniform(0.3, 1, (pairs, 1, 3))).astype(np.float32)
-
-
-def measure_losses(tiny):
-    """Figures of the losses: (name, value)."""
-    from losses import measured
-
-    from psgn_jax.losses import assign, chamfer_sq_mean, emd_sum, map_pairs
-
-    rng = np.random.default_rng(0)
-    pairs, sizes = (2, (64,)) if tiny else (32, (1024, 4096, 16384))
-    for size in sizes:
-        a, b = surfaces(rng, pairs, sizes[0]), surfaces(rng, pairs, size)
-        yield (
-            f"CD and gradient, {pairs} x {sizes[0]} x {size}: ms",
-            1000 * measured(chamfer_sq_mean, a, b)[1],
-        )
-    for size in sizes[:2]:
-        a, b = surfaces(rng, pairs, size), surfaces(rng, pairs, size)
-        yield f"EMD and gradient, {pairs} x {size}: ms", 1000 * measured(emd_sum, a, b)[1]
-        yield f"EMD, {pairs} x {size}: largest proven gap", float(map_pairs(assign)(a, b).gap.max())
 
 
 def measure_steps(tiny):
@@ -96,37 +71,17 @@ def measure_steps(tiny):
         yield figure, 1000 * seconds(run)
 
 
-def run_part(name, arguments):
-    """Measures one part in this process."""
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--tiny", action="store_true")
+    arguments = parser.parse_args()
+    os.environ.setdefault("JAX_PLATFORMS", "cuda,cpu")
     import jax
 
     device = f"{jax.devices()[0].device_kind}, jax {jax.__version__}"
-    figures = measure_losses if name == "losses" else measure_steps
-    for figure, value in figures(arguments.tiny):
-        line = f"| {figure} | {value:.4f} | {device} |"
-        print(line, flush=True)
-        with open(arguments.out / "gpu.md", "a") as table:
-            table.write(f"{line}\n")
-
-
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--parts", nargs="+", default=PARTS, choices=PARTS)
-    parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("gpu"))
-    parser.add_argument("--limit", type=float, default=480, help="seconds of each part")
-    parser.add_argument("--tiny", action="store_true")
-    arguments = parser.parse_args()
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    if not (table := arguments.out / "gpu.md").exists():
-        table.write_text("| figure | value | on |\n|---|---|---|\n")
-    os.environ.setdefault("JAX_PLATFORMS", "cuda,cpu")
-    for name in arguments.parts:
-        part = multiprocessing.get_context("spawn").Process(target=run_part, args=(name, arguments))
-        part.start()
-        part.join(arguments.limit)
-        part.terminate()
-        part.join()
-        print(f"{name}: exit code {part.exitcode}", flush=True)
+    print("| figure | value | on |\n|---|---|---|")
+    for figure, value in measure_steps(arguments.tiny):
+        print(f"| {figure} | {value:.4f} | {device} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -3,11 +3,11 @@
     python tests/bench/losses.py [--data ../shared/psgn_batches] [--pairs 32] [--sizes 1024 ..]
         [--tolerances .01 ..] [--kinds near far init dup grid]
 
-All rows use the same clouds in the same run; `helpers/real_pairs.py` has the kinds. Times are the
-CPU seconds of the process (the least of several calls), which other programs on the machine affect
-less than the wall clock. SciPy's `linear_sum_assignment` gets the matrices of costs. Its time grows
-like n^3, so larger sizes have fewer pairs. Errors are (sum of distances) / optimum - 1. Memory is
-what XLA reserves in addition to arguments and results.
+All rows use the same clouds of the authors' batches; `helpers/real_pairs.py` has the kinds. Times
+are the CPU seconds of the process (the least of several calls), which other programs on the machine
+affect less than the wall clock. SciPy's `linear_sum_assignment` gets the matrices of costs. Its
+time grows like n^3, so larger sizes have fewer pairs. Errors are (sum of distances) / optimum - 1.
+Memory is what XLA reserves in addition to arguments and results.
 """
 
 import argparse
@@ -26,15 +26,6 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 from helpers.real_pairs import KINDS, authors_clouds, pairs_of
 
 from psgn_jax import losses
-
-
-def default_clouds(pairs):
-    """Clouds of the default data set, used if those of the authors are missing."""
-    from psgn_jax.commands import default_data
-    from psgn_jax.data.dataset import RecordReader
-
-    reader = RecordReader(default_data.default_dataset(), "train")
-    return np.stack([sample.points for sample in itertools.islice(reader, pairs)])
 
 
 def seconds(call):
@@ -102,9 +93,7 @@ def main():
     parser.add_argument("--kinds", nargs="+", default=KINDS, choices=KINDS)
     args = parser.parse_args()
     print(f"{jax.devices()[0].device_kind}, jax {jax.__version__}, {args.pairs} pairs, float32")
-    real = args.data.is_dir()
-    print(f"clouds: {'authors batches' if real else 'default data set'}")
-    whole = authors_clouds(args.data, args.pairs) if real else default_clouds(args.pairs)
+    whole = authors_clouds(args.data, args.pairs)
     for number, cells in enumerate(rows(args, whole)):
         print("| " + " | ".join(map(str, cells)) + " |", flush=True)
         if not number:

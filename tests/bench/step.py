@@ -1,23 +1,20 @@
-"""Time of a training step of the two-branch network on a CPU, against PyTorch.
+"""Time of a training step of the two-branch network on a CPU.
 
 One step is forward and backward with respect to all parameters; the loss is a fixed linear function
-of the points, whose cost is negligible. Each implementation runs in a separate process, so that its
-peak memory can be measured. They are measured in alternation, so that other work on the machine
-affects all of them alike.
+of the points, whose cost is negligible. Each row runs in a separate process, so that its peak
+memory can be measured. They are measured in alternation, so that other work on the machine affects
+all of them alike.
 
-    python tests/bench/step.py                  # the full network, batch 32
-    python tests/bench/step.py --small          # the half-size network of configs/authors_small.py
+    python tests/bench/step.py                  # the network of configs/authors.py
+    python tests/bench/step.py --small          # that of configs/authors_small.py
 
-Prints seconds per step (the fastest, the median and the slowest), the ratios to PyTorch channels
-last, if it is installed, and to the floor (the medians over the rounds), samples per second, and
-the peak memory of each process. The floor is the time of the step's operations at the speed of
-NumPy's product of large matrices. This package is measured with a device of JAX for each core, as
-`psgn train` uses them, and with one.
+Prints seconds per step (the fastest, the median and the slowest), the ratio to the floor (the
+median over the rounds), samples per second, and the peak memory of each process. The floor is the
+time of the step's operations at the speed of NumPy's product of large matrices. This package is
+measured with a device of JAX for each core, as `psgn train` uses them, and with one.
 """
 
 import argparse
-import importlib.util
-import math
 import multiprocessing
 import resource
 import statistics
@@ -26,20 +23,8 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
-FULL = {
-    "image_size": (192, 256),
-    "widths": (16, 32, 64, 128, 256, 512, 512),
-    "deconv_level": 3,
-    "fc_widths": (2048, 1024),
-}
-SMALL = {
-    "image_size": (96, 128),
-    "widths": (8, 16, 32, 64, 128, 256),
-    "deconv_level": 2,
-    "fc_widths": (768, 512),
-}
-IN_CHANNELS, FC_POINTS, DECONV_CHANNELS = 4, 256, 3
-
+from psgn_jax.config import parse
+from psgn_jax.config.files import load
 
 _step, _times = None, 1.0  # what this process measures, and how often a step needs it
 
@@ -62,16 +47,17 @@ def peak_gb():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
 
 
-def _model(network, batch):
-    """Parameters and images of this package's network, and its loss."""
+def _model(name):
+    """Parameters and images of a configuration's network, and its loss."""
     import jax
     import jax.numpy as jnp
 
-    from psgn_jax.config.experiment import ModelConfig
     from psgn_jax.models import networks
 
-    model = networks.build(ModelConfig(in_channels=IN_CHANNELS, fc_points=FC_POINTS, **network))
-    x = _images(network, batch)
+    config = parse(load(name))
+    model = networks.build(config.model)
+    shape = (config.train.batch_size, *config.data.image_size, config.model.in_channels)
+    x = np.random.default_rng(0).random(shape, np.float32)
 
     def loss(params, x):
         points = model.apply({"params": params}, x)
@@ -80,13 +66,13 @@ def _model(network, batch):
     return jax.jit(model.init)(jax.random.key(0), x[:1])["params"], x, loss
 
 
-def build_floor(network, batch):
+def build_floor(name):
     """As many products of matrices as have the operations of a step, by XLA's count."""
     import jax
 
     from psgn_jax.models.cpu_convolution import convolutions_for
 
-    params, x, loss = _model(network, batch)
+    params, x, loss = _model(name)
     with convolutions_for("export"):  # calls of oneDNN are not counted
         flops = jax.jit(jax.grad(loss)).lower(params, x).cost_analysis()["flops"]
     matrix = np.random.default_rng(0).random((2048, 2048), np.float32)
@@ -94,8 +80,8 @@ def build_floor(network, batch):
     return sum(p.size for p in jax.tree.leaves(params)), lambda: matrix @ matrix, times
 
 
-def build_jax(network, batch, devices):
-    """Number of parameters and step of this package's network; the devices share the batch."""
+def build_jax(name, devices):
+    """Number of parameters and step of the network; the devices share the batch."""
     from psgn_jax.system.cpu import keep_freed_memory
 
     keep_freed_memory()
@@ -103,7 +89,7 @@ def build_jax(network, batch, devices):
     from jax.sharding import PartitionSpec as P
 
     jax.config.update("jax_num_cpu_devices", devices)
-    params, x, loss = _model(network, batch)
+    params, x, loss = _model(name)
     mesh = jax.make_mesh((devices,), ("data",), axis_types=(jax.sharding.AxisType.Auto,))
     specs = {"mesh": mesh, "in_specs": (P(), P("data")), "out_specs": P()}
 
@@ -117,68 +103,34 @@ def build_jax(network, batch, devices):
     return num_params, lambda: jax.block_until_ready(step(params, x)), 1
 
 
-def build_torch(network, batch, threads):
-    """The same for this network in PyTorch."""
-    import torch
-    from torch_point_out_net import TwoBranch
-
-    torch.set_num_threads(threads)
-    net = TwoBranch(IN_CHANNELS, fc_points=FC_POINTS, deconv_channels=DECONV_CHANNELS, **network)
-    net = net.to(memory_format=torch.channels_last)
-    x = torch.from_numpy(_images(network, batch).transpose(0, 3, 1, 2).copy())
-    x = x.to(memory_format=torch.channels_last)
-    with torch.no_grad():
-        shape = net(x[:1]).shape[1:]
-    weights = torch.cos(torch.arange(batch * shape.numel())).reshape(batch, *shape)
-
-    def step():
-        net.zero_grad()
-        (net(x) * weights).sum().backward()
-
-    return sum(p.numel() for p in net.parameters()), step, 1
-
-
-def _images(network, batch):
-    shape = (batch, *network["image_size"], IN_CHANNELS)
-    return np.random.default_rng(0).random(shape, np.float32)
-
-
-def ratio(own, other):
-    """The median over the rounds: the load of the machine changes from round to round."""
-    return statistics.median(a / b for a, b in zip(own, other, strict=True)) if other else math.nan
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--small", action="store_true", help="the network of authors_small.py")
+    parser.add_argument("--small", action="store_true", help="of authors_small.py")
     parser.add_argument("--repeats", type=int, default=5, help="timed steps of each")
-    parser.add_argument("--threads", type=int, default=2, help="of PyTorch, and devices of JAX")
+    parser.add_argument("--devices", type=int, default=2, help="devices of JAX")
     arguments = parser.parse_args()
-    network, batch = (SMALL, 16) if arguments.small else (FULL, 32)
-    competitors = {
-        "psgn_jax": (build_jax, network, batch, arguments.threads),
-        "on one device": (build_jax, network, batch, 1),
-        "floor": (build_floor, network, batch),
+    name = "authors_small" if arguments.small else "authors"
+    batch = parse(load(name)).train.batch_size
+    rows = {
+        "psgn_jax": (build_jax, name, arguments.devices),
+        "on one device": (build_jax, name, 1),
+        "floor": (build_floor, name),
     }
-    if importlib.util.find_spec("torch"):
-        competitors["PyTorch"] = (build_torch, network, batch, arguments.threads)
     context = multiprocessing.get_context("spawn")
-    pools = {name: ProcessPoolExecutor(1, context) for name in competitors}
-    sizes = {name: pools[name].submit(prepare, *c).result() for name, c in competitors.items()}
-    if len(set(sizes.values())) > 1:
-        raise ValueError(f"parameters: got {sizes}, expected the same number in every network")
-    print(f"{sizes['psgn_jax']:,} parameters, images {network['image_size']}, batch {batch}")
-    times = {name: [] for name in competitors}
+    pools = {name: ProcessPoolExecutor(1, context) for name in rows}
+    sizes = {name: pools[name].submit(prepare, *c).result() for name, c in rows.items()}
+    print(f"{sizes['psgn_jax']:,} parameters, {name}, batch {batch}")
+    times = {name: [] for name in rows}
     for _ in range(arguments.repeats):
         for name, pool in pools.items():
             times[name].append(pool.submit(seconds).result())
-    titles = f"{'fastest':>9}{'median s':>9}{'slowest':>9}{'/ PyTorch':>10}{'/ floor':>9}"
+    titles = f"{'fastest':>9}{'median s':>9}{'slowest':>9}{'/ floor':>9}"
     print(f"{'':16}{titles}{'samples/s':>11}{'peak GB':>9}")
     for name, own in times.items():
-        ratios = [ratio(own, times.get(other)) for other in ("PyTorch", "floor")]
+        ratio = statistics.median(a / b for a, b in zip(own, times["floor"], strict=True))
         median, peak = statistics.median(own), pools[name].submit(peak_gb).result()
         print(
-            f"{name:16}{min(own):9.3f}{median:9.3f}{max(own):9.3f}{ratios[0]:10.2f}{ratios[1]:9.2f}"
+            f"{name:16}{min(own):9.3f}{median:9.3f}{max(own):9.3f}{ratio:9.2f}"
             f"{batch / median:11.1f}{peak:9.2f}"
         )
     for pool in pools.values():

@@ -36,27 +36,19 @@ def data_of(path):
     return json.loads(text.split('<script type="application/json" id="data">')[1].split("</")[0])
 
 
-def test_numbers_and_files(tmp_path):
-    run = made()
-    run.evaluation.metrics["cd_sq_radius2"][4] = np.nan
-    index = report.write_report(tmp_path, [run])
-    data = data_of(index)
+def test_numbers_and_files_of_two_runs(tmp_path):
+    first, second = made(), made(label="second", seed=1)
+    first.evaluation.metrics["cd_sq_radius2"][4] = np.nan
+    data = data_of(report.write_report(tmp_path, [first, second]))
     assert [case["record"] for case in data["cases"]] == list(range(13))
     assert data["cases"][4]["error"] is None
     assert sum(data["histogram"]["counts"]) == 12
     assert [row[0] for row in data["table"][1:4]] == ["(none)", "car", "lamp"]
-    viewer = {case["name"] for case in data_of(tmp_path / "viewer.html")["cases"]}
-    assert viewer == {case["name"] for case in data["cases"]}
-
-
-def test_two_runs_share_the_viewer(tmp_path):
-    first = made()
-    second = made(label="second", seed=1)
-    report.write_report(tmp_path, [first, second])
-    (case, *_) = data_of(tmp_path / "viewer.html")["cases"]
-    assert len(case["samples"]) == 2
-    assert case["metrics"][1].startswith("second: CD squared")
-    assert len(data_of(tmp_path / "index.html")["table"][0]) == 2 + 2 * 3
+    assert len(data["table"][0]) == 2 + 2 * 3
+    viewed = data_of(tmp_path / "viewer.html")["cases"]
+    assert {case["name"] for case in viewed} == {case["name"] for case in data["cases"]}
+    assert len(viewed[0]["samples"]) == 2
+    assert viewed[0]["metrics"][1].startswith("second: CD squared")
     with refused(ValueError, "'other'"):
         report.write_report(tmp_path, [first, made(count=12, label="other")])
 
@@ -84,15 +76,13 @@ def test_what_is_collected_is_read_from_disk(tmp_path):
 def test_in_a_browser(opened, tmp_path):
     """Cases are listed 120 at a time, sorted and chosen, and lead to the viewer."""
     index = report.write_report(tmp_path, [made(count=24)])
-    document = data_of(index)
-    (case, *_) = document["cases"]
-    document["cases"] += [
-        {**case, "record": i, "name": str(i), "error": i, "category": "lamp", "pictures": []}
-        for i in range(24, 10_000)
-    ]
-    text = index.read_text()
+    document, text = data_of(index), index.read_text()
     start = text.index('id="data">') + len('id="data">')
-    index.write_text(text[:start] + json.dumps(document) + text[text.index("</script>", start) :])
+    end = text.index("</script>", start)
+    more = {**document["cases"][0], "category": "lamp", "pictures": []}
+    for i in range(24, 10_000):
+        document["cases"].append({**more, "record": i, "name": str(i), "error": i})
+    index.write_text(text[:start] + json.dumps(document) + text[end:])
     page = opened(index.as_uri())
 
     def titles():

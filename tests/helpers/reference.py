@@ -20,29 +20,16 @@ def _nearest_sq(pred, gt):
     return d.min(1), d.min(0)
 
 
-def chamfer_sq(pred, gt):
-    return sum(square.sum() for square in _nearest_sq(pred, gt))
+def _of_both(combine):
+    return lambda pred, gt: combine(*_nearest_sq(pred, gt))
 
 
-def chamfer_sq_pred_to_gt_mean(pred, gt):
-    return _nearest_sq(pred, gt)[0].mean()
-
-
-def chamfer_sq_gt_to_pred_mean(pred, gt):
-    return _nearest_sq(pred, gt)[1].mean()
-
-
-def chamfer_sq_mean(pred, gt):
-    return sum(square.mean() for square in _nearest_sq(pred, gt))
-
-
-def chamfer_l1_mean(pred, gt):
-    return sum(np.sqrt(square).mean() for square in _nearest_sq(pred, gt)) / 2
-
-
-def chamfer_authors(pred, gt):
-    to_gt, to_pred = _nearest_sq(pred, gt)
-    return 1e4 * (to_pred.mean() + to_gt.mean() / 2)
+chamfer_sq = _of_both(lambda of_pred, of_gt: of_pred.sum() + of_gt.sum())
+chamfer_sq_pred_to_gt_mean = _of_both(lambda of_pred, of_gt: of_pred.mean())
+chamfer_sq_gt_to_pred_mean = _of_both(lambda of_pred, of_gt: of_gt.mean())
+chamfer_sq_mean = _of_both(lambda of_pred, of_gt: of_pred.mean() + of_gt.mean())
+chamfer_l1_mean = _of_both(lambda *both: sum(np.sqrt(d).mean() for d in both) / 2)
+chamfer_authors = _of_both(lambda of_pred, of_gt: 1e4 * (of_gt.mean() + of_pred.mean() / 2))
 
 
 def fscore(pred, gt, threshold):

@@ -33,3 +33,15 @@ def test_the_results_are_those_of_each_pair(chosen, rng, monkeypatch):
 def test_no_pairs_give_no_losses():
     mapped = losses.map_pairs(losses.chamfer_sq_mean)
     assert mapped(jnp.zeros((0, 5, 3)), jnp.zeros((0, 7, 3))).shape == (0,)
+
+
+@pytest.mark.parametrize(("function", "shapes", "most"), [
+    (losses.assign, [(16384, 3)] * 2, 16e6),  # all distances would take 1 GB
+    (jax.grad(lambda a, b: losses.map_pairs(losses.chamfer_sq_mean)(a, b).sum()),
+     [(4, 1024, 3), (4, 16384, 3)], 16e6),  # those of one pair would take 64 MB
+    (lambda points: losses.farthest_point_indices(points, 1024), [(16384, 3)], 2e6),  # 67 MB
+])  # fmt: skip
+def test_memory_is_linear(function, shapes, most):
+    shapes = [jax.ShapeDtypeStruct(shape, jnp.float32) for shape in shapes]
+    memory = jax.jit(function).lower(*shapes).compile().memory_analysis()
+    assert memory.temp_size_in_bytes < most

@@ -151,15 +151,6 @@ def test_bfloat16():
     assert_close(ours, reference(*arrays, *case[-2:]), relative=0.02)
 
 
-@NEEDS_ONEDNN
-def test_vmap_over_kernels_and_images():
-    case = CASES["strided"]
-    x, kernel, dy = (np.stack(a) for a in zip(*(make(*case, seed=s) for s in (0, 1)), strict=True))
-    many = jax.vmap(lambda *arrays: run(*arrays, *case[-2:]))(x, kernel, dy)
-    for s in (0, 1):
-        assert_close([a[s] for a in many], reference(x[s], kernel[s], dy[s], 2, False))
-
-
 def calls_onednn(function, *arguments):
     return "buffer_callback" in str(jax.make_jaxpr(function)(*arguments))
 

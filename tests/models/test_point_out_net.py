@@ -182,22 +182,6 @@ def test_every_pixel_random_number_and_parameter_reaches_the_output():
         assert np.any(leaf != 0), jax.tree_util.keystr(path)
 
 
-@pytest.mark.parametrize(
-    ("name", "changes", "points"),
-    [
-        ("two_branch", {"in_channels": 5, "deconv_level": 3, "fc_points": 0}, 4 * 6),
-        ("hourglass", {"in_channels": 3, "deconv_channels": 9, "fc_points": 7}, 7 + 8 * 12 * 3),
-        ("hourglass", {"image_size": (40, 70), "widths": (8,) * 4, "deconv_level": 0}, 2896),
-    ],
-)
-def test_other_sizes(name, changes, points):
-    config = tiny_config(name, **changes)
-    x, r = arguments(config)
-    assert build(config).num_points == points
-    out, _ = jax.eval_shape(build(config).init_with_output, jax.random.key(0), x, r)
-    assert (out.shape, out.dtype) == ((2, points, 3), jnp.float32)
-
-
 def test_padding_repeats_the_border_on_both_sides():
     config = tiny_config(image_size=(29, 37))
     assert build(config).padded_size == (32, 48)
@@ -257,33 +241,6 @@ def test_eight_draws_cost_no_eight_encoders(name, most):
         assert count(eight) < most * count(one)
 
 
-def test_first_clouds_are_around_the_object_and_repeat_with_the_key():
-    config = tiny_config(widths=(8, 8), image_size=(16, 24), deconv_level=0, fc_points=256)
-    x, _ = arguments(config)
-    init = quick_jit(build(config).init)
-    first, second = (jax.device_get(init(jax.random.key(7), x)) for _ in range(2))
-    assert jax.tree.all(jax.tree.map(np.array_equal, first, second))
-    points = apply(config, first["params"], x)[0]
-    fc, deconv = points[:256], points[256:]
-    np.testing.assert_allclose(fc.mean(0), layers.CLOUD_CENTRE, atol=0.1)
-    np.testing.assert_allclose(fc.std(0), layers.CLOUD_SPREAD, atol=0.1)
-    assert np.abs(deconv - np.asarray(layers.CLOUD_CENTRE)[None]).max() < 1.5
-
-
-def test_initial_variances():
-    """For inputs of variance 1, the outputs have the variances that `layers` states."""
-    x = np.random.default_rng(0).standard_normal((2, 16, 16, 64), np.float32)
-    cases = [
-        (layers.Conv(64, 3, kernel_init=layers.RELU), 2.0),
-        (layers.Conv(64, 3, kernel_init=layers.SUMMED), 1.0),
-        (layers.Conv(64, 5, stride=2, kernel_init=layers.SUMMED), 1.0),
-        (layers.ConvTranspose(64), 1.0),
-    ]
-    for layer, variance in cases:
-        y, _ = quick_jit(layer.init_with_output)(jax.random.key(1), x)
-        np.testing.assert_allclose(np.asarray(y)[:, 3:-3, 3:-3].var(), variance, rtol=0.1)
-
-
 def test_scaled_widths():
     widths = (16, 20, 512)
     assert scaled_widths(widths, 0.5) == (8, 8, 256)
@@ -307,14 +264,12 @@ def test_wrong_arrays():
     )
 
 
-def test_with_xla_a_network_has_forward_mode_and_can_be_exported(monkeypatch):
+def test_with_xla_a_network_has_forward_mode(monkeypatch):
     monkeypatch.setenv("PSGN_CONVOLUTIONS", "xla")
     config = tiny_config("vanilla", widths=(8, 8), image_size=(8, 8))
     network, params = initialised(config)
     x, _ = arguments(config)
     predict = jax.jit(lambda x: network.apply({"params": params}, x))
-    points, moved = jax.jvp(predict, (x,), (x,))
-    again = jax.export.export(predict)(x).call(x)
-    np.testing.assert_allclose(again, points, rtol=1e-5, atol=1e-6)
+    _, moved = jax.jvp(predict, (x,), (x,))
     by_reverse = jax.grad(lambda x: predict(x).sum())(x)
     np.testing.assert_allclose(moved.sum(), (by_reverse * x).sum(), rtol=1e-4)

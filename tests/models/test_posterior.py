@@ -39,10 +39,9 @@ def test_a_draw_and_the_start_near_the_prior(rng):
     net = networks.build_posterior(config)
     volumes = (rng.random((3, 32, 32, 32)) < 0.01).astype(np.float32)
     q, variables = jax.jit(net.init_with_output)(jax.random.key(0), volumes)
-    params = variables["params"]
-    assert params["conv0"]["kernel"].shape == (5, 5, 5, 1, 4)
-    assert params["conv1"]["kernel"].shape == (3, 3, 3, 4, 6)
-    assert params["hidden"]["kernel"].shape == (8**3 * 6, 8)
+    kernels = {name: layer["kernel"].shape for name, layer in variables["params"].items()}
+    assert kernels["conv0"] == (5, 5, 5, 1, 4)
+    assert (kernels["conv1"], kernels["hidden"]) == ((3, 3, 3, 4, 6), (8**3 * 6, 8))
     assert q.mean.shape == q.log_variance.shape == (3, 5)
     assert float(posterior.kl_of_dims(q).max()) < 0.1
     assert np.abs(q.mean[0] - q.mean[1]).max() > 0

@@ -70,6 +70,7 @@ ARRAYS = {
     "spread": ({"spread": np.zeros(50)}, "spread", "[50]", "float [k, n]"),
     "nan": ({"points": np.full((2, 50, 3), np.nan)}, "points"),
     "camera": ({"extrinsics": np.ones((3, 4))}, "extrinsics"),
+    "version": ({"version": np.int32(2)}, "later version", 2, 1),
     "branch": ({"branch": np.full(50, 2, np.uint8)}, "branch"),
     "shear": ({"to_view": np.ones((3, 3))}, "to_view"),
 }

@@ -168,29 +168,21 @@ def test_a_refiner_keeps_its_source_and_threshold(refined, points_run, tmp_path)
     assert "num_pred_points" not in document
 
 
-def test_a_refiner_predicts_no_points(refined, tmp_path):
-    run = open_run(refined[1])
-    all_refused(lambda wrong: wrong(), ConfigError, [
-        (wrong, "task='refiner'", "'points'")
-        for wrong in (
-            lambda: psgn_jax.load(refined[1]),
-            lambda: evaluate_run(run, draws=2),
-            lambda: report_runs(tmp_path / "pages", [run]),
-        )
-    ])  # fmt: skip
-
-
-def test_sources_that_do_not_fit(data, points_run, refined, tmp_path):
+def test_a_refiner_predicts_no_points_and_sources_must_fit(data, points_run, refined, tmp_path):
     def opened(source, **changes):
         wrong = config(data, task="refiner", voxels__from_cd=str(source), **changes)
         return refiner.open_source(wrong, tmp_path, "from_cd")
 
-    with refused(ConfigError, "voxels.from_cd='/no/such'", "'points'"):
-        opened("/no/such")
-    with refused(ConfigError, refined[1], "'refiner'", "'points'"):
-        opened(refined[1])
-    with refused(ConfigError, "data.image_size=(32, 32)", "(16, 32)", "voxels.from_cd"):
-        opened(points_run, data__image_size=(32, 32))
+    run = open_run(refined[1])
+    all_refused(lambda wrong: wrong(), ConfigError, [
+        (lambda: psgn_jax.load(refined[1]), "task='refiner'", "'points'"),
+        (lambda: evaluate_run(run, draws=2), "task='refiner'", "'points'"),
+        (lambda: report_runs(tmp_path / "pages", [run]), "task='refiner'", "'points'"),
+        (lambda: opened("/no/such"), "voxels.from_cd='/no/such'", "'points'"),
+        (lambda: opened(refined[1]), refined[1], "'refiner'", "'points'"),
+        (lambda: opened(points_run, data__image_size=(32, 32)),
+         "data.image_size=(32, 32)", "(16, 32)", "voxels.from_cd"),
+    ])  # fmt: skip
 
 
 @pytest.mark.slow

@@ -108,26 +108,6 @@ def test_a_finished_run_has_nothing_to_do_and_another_is_refused(run, config, ca
         train(config, run[0].parent / "other")
 
 
-def test_a_run_stopped_in_its_last_evaluation_keeps_no_further_checkpoint(
-    config, tmp_path, monkeypatch
-):
-    """Its score is missing then; a resumed run evaluates only."""
-    own, evaluations = standin.eval_batches, []
-
-    def eval_batches(*arguments, **options):
-        evaluations.append(1)
-        if len(evaluations) == 4:
-            signal.raise_signal(signal.SIGTERM)
-        return own(*arguments, **options)
-
-    monkeypatch.setattr(loader, "eval_batches", eval_batches)
-    plain = changed(config, "train", images_every=0, eval_every=3, keep_checkpoints=1)
-    assert train(plain, tmp_path / "run").stopped_by == signal.SIGTERM
-    assert train(plain, tmp_path / "run").stopped_by is None
-    checkpoints = Checkpoints(tmp_path / "run" / "checkpoints", read_only=True)
-    assert set(checkpoints.steps()) == {12, checkpoints.best_step()}
-
-
 def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, monkeypatch, caplog):
     moved, workdir = tmp_path / "moved", tmp_path / "run"
 

@@ -91,7 +91,7 @@ def forged(weights, path, *, leaves=None, figures=None, sources=()):
     path.write_bytes(save(stored, metadata))
 
 
-def test_parameters_that_are_not_the_networks_are_refused(weights, tmp_path):
+def test_other_parameters_and_a_later_version_are_refused(weights, tmp_path, monkeypatch):
     path = tmp_path / "forged.safetensors"
     name = f"params.{next(iter(named_leaves(weights.params)))}"
     forged(weights, path)
@@ -114,6 +114,10 @@ def test_parameters_that_are_not_the_networks_are_refused(weights, tmp_path):
         forged(weights, path, **content)
         with refused(WeightsError, path, *names):
             read_weights(path)
+    forged(weights, path)
+    monkeypatch.setattr(file_lib, "FORMAT", "psgn_jax weights 0")
+    with refused(WeightsError, path, "later version", "weights 1", "weights 0"):
+        read_weights(path)
 
 
 def test_what_cannot_be_written_is_refused(weights, tmp_path):

@@ -44,29 +44,24 @@ def test_a_named_pipe_in_the_folder_is_refused(run, name):
             opening(run)
 
 
-@pytest.mark.parametrize("meta", [{}, {"config": 5}, []])
-def test_a_checkpoint_without_a_configuration_is_named(run, meta):
-    file = run / "checkpoints" / "3" / "meta" / "metadata"
-    document = json.loads(file.read_text())
-    del document["crc32"]
-    file.write_text(json.dumps(document | {"meta": meta}))
-    with refused((ConfigError, CheckpointError), run, "step 3"):
-        open_run(run)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "names"),
-    [
-        ('"fc_points": 64', '"fc_points": 32', ("step 3", "model.fc_points=32", 64)),
-        ('"points"', '"volume"', ("step 3", "task='volume'")),
-        ('"fc_points": 64', '"fc_points": -1', ("config.json", "model.fc_points=-1")),
-    ],
-)
-def test_a_configuration_that_does_not_fit_its_checkpoint(run, old, new, names):
-    text = re.sub(r'.*"crc32": .*\n', "", (run / "config.json").read_text())
-    (run / "config.json").write_text(text.replace(old, new, 1))
-    with refused(ConfigError, *names):
-        open_run(run)
+def test_what_does_not_fit_is_named(run):
+    metadata = run / "checkpoints" / "3" / "meta" / "metadata"
+    settings, document = (run / "config.json").read_text(), metadata.read_text()
+    unchecked = re.sub(r'.*"crc32": .*\n', "", settings)
+    for old, new, *names in (
+        ('"fc_points": 64', '"fc_points": 32', "step 3", "model.fc_points=32", 64),
+        ('"points"', '"volume"', "step 3", "task='volume'"),
+        ('"fc_points": 64', '"fc_points": -1', "config.json", "model.fc_points=-1"),
+    ):
+        (run / "config.json").write_text(unchecked.replace(old, new, 1))
+        with refused(ConfigError, *names):
+            open_run(run)
+    (run / "config.json").write_text(settings)
+    for meta in ({}, {"config": 5}, []):
+        changed = {key: value for key, value in json.loads(document).items() if key != "crc32"}
+        metadata.write_text(json.dumps(changed | {"meta": meta}))
+        with refused((ConfigError, CheckpointError), run, "step 3"):
+            open_run(run)
 
 
 @pytest.mark.parametrize(

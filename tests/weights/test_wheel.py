@@ -31,12 +31,10 @@ def run(*command, **options):
     return done.stdout
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory):
+def build_wheel(folder):
     """Built from the sdist, as `python -m build` does, with the weights of a tiny network."""
-    folder = tmp_path_factory.mktemp("build")
     tree = folder / "tree"
-    tree.mkdir()
+    tree.mkdir(parents=True)
     for name in ("psgn_jax", "data_gen", "configs"):
         ignored = shutil.ignore_patterns("__pycache__", "*.safetensors")
         shutil.copytree(ROOT / name, tree / name, ignore=ignored)
@@ -53,19 +51,18 @@ def wheel(tmp_path_factory):
     return folder / f"psgn_jax-{psgn_jax.__version__}-py3-none-any.whl"
 
 
-@pytest.fixture(scope="module")
-def packages(wheel, tmp_path_factory):
+@pytest.fixture
+def packages(tmp_path):
     """The `site-packages` of an environment with the wheel and this environment's dependencies.
 
     It lacks this checkout: files `.pth` in the folders named by its own `.pth` file are not read.
     """
-    folder = tmp_path_factory.mktemp("env")
-    venv.create(folder, symlinks=True)
-    (packages,) = folder.glob("lib/python*/site-packages")
+    venv.create(tmp_path / "env", symlinks=True)
+    (packages,) = (tmp_path / "env").glob("lib/python*/site-packages")
     own = [path for path in sys.path if pathlib.Path(path).name == "site-packages"]
     (packages / "dependencies.pth").write_text("\n".join(own) + "\n")
     target = ("--no-deps", "--no-index", "--no-compile", "--target", packages)
-    run(sys.executable, "-m", "pip", "install", "-q", *target, wheel)
+    run(sys.executable, "-m", "pip", "install", "-q", *target, build_wheel(tmp_path / "build"))
     return packages
 
 
