@@ -278,10 +278,6 @@ def unpack(data: bytes) -> dict[str, Any]:
     return stored
 
 
-def field_sizes(data: bytes) -> dict[str, int]:
-    return {name: len(msgpack.packb(value)) for name, value in unpack(data).items()}
-
-
 def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Any:
     """A `Sample` whose points are `QuantisedPoints` and whose depth is `DepthCodes`.
 

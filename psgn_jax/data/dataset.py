@@ -30,6 +30,7 @@ from psgn_jax.data.codec import decode, decode_stored, encode, unpack
 from psgn_jax.data.doubts import Doubts
 from psgn_jax.data.manifest import (
     MANIFEST,
+    NOT_STATED,
     SPLIT_NAME,
     Manifest,
     Shard,
@@ -308,7 +309,7 @@ def check_shard(path: pathlib.Path, shard: Shard) -> None:
         raise RecordError(
             f"shard {path} has {size} bytes, the manifest says {shard.size}; {_remedy(path)}"
         )
-    if not shard.has_ends(_ends(path)):
+    if shard.ends not in (_ends(path), NOT_STATED):
         raise RecordError(
             f"shard {path} is not the one of the manifest: it is damaged, or another shard was "
             f"copied there; {_remedy(path)}"

@@ -29,7 +29,7 @@ DUPLICATES = "duplicate"
 _Count = Annotated[int, Bounds(0, (1 << 40) - 1)]
 _Size = Annotated[int, Bounds(0, (1 << 53) - 1)]
 _Crc32 = Annotated[int, Bounds(0, (1 << 32) - 1)]
-_NOT_STATED = -1
+NOT_STATED = -1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,10 +45,7 @@ class Shard:
     fields: tuple[str, ...]  # fields that all records have
     inputs: tuple[str, ...]  # digest of the inputs, if `data.shards` wrote the shard
     # Checksum of the file's ends, which identify the shard; older manifests do not state it.
-    ends: Annotated[int, Bounds(_NOT_STATED, (1 << 32) - 1)] = _NOT_STATED
-
-    def has_ends(self, ends: int) -> bool:
-        return self.ends in (ends, _NOT_STATED)
+    ends: Annotated[int, Bounds(NOT_STATED, (1 << 32) - 1)] = NOT_STATED
 
 
 @dataclasses.dataclass(frozen=True)
