@@ -81,26 +81,20 @@ def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
     pixel; pixels without a source become grey. The scale and the shift (down, right), in pixels,
     are reduced if the object would leave the image.
     """
-    height, width = view.mask.shape
-    # Per axis, for output coordinate o and input coordinate i (edges at integers): o = s i + t.
-    moves = []
-    for size, occupied in ((height, view.mask.any(axis=1)), (width, view.mask.any(axis=0))):
-        inside = np.flatnonzero(occupied)
-        low, high = (inside[0], inside[-1] + 1) if len(inside) else (0, size)
-        factor = min(factor, size / (high - low))
-        moves.append((size, low, high))
-    offsets = []
-    for (size, low, high), move in zip(moves, shift, strict=True):
-        offset = (1 - factor) * size / 2 + move
-        offsets.append(float(np.clip(offset, -factor * low, size - factor * high)))
-    down, right = offsets
-    image, mask = resample.recrop(view.image, view.mask, factor, (down, right))
+    (height, width), (down, right) = view.mask.shape, shift
+    shown = view.mask if view.mask.any() else np.ones_like(view.mask)
+    top, bottom, left, last = resample.box_of(shown)
+    factor = min(factor, height / (bottom - top), width / (last - left))
+    move = framing.Move(factor, (1 - factor) * width / 2 + right, (1 - factor) * height / 2 + down)
+    move = framing.keep_inside(move, shown)
+    offset = move.down, move.right
+    image, mask = resample.recrop(view.image, view.mask, factor, offset)
     depth = view.depth
     if depth is not None:
-        depth = resample.resample(depth, mask.shape, factor, (down, right))
+        depth = resample.resample(depth, mask.shape, factor, offset)
     intrinsics = view.intrinsics.copy()
     intrinsics[:2] *= np.float32(factor)
-    intrinsics[:2, 2] += np.array([right, down], np.float32)
+    intrinsics[:2, 2] += np.array([move.right, move.down], np.float32)
     return dataclasses.replace(view, image=image, mask=mask, depth=depth, intrinsics=intrinsics)
 
 
