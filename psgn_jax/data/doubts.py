@@ -76,20 +76,22 @@ _UP = {
     "-x": ([2, 1, 0], [1, 1, -1]),
     "-z": ([0, 1, 2], [1, -1, -1]),
 }
+_ABOUT_Z = "points turned about z against the camera: turn them by the azimuth of the view"
 _TURNS = [
     (f"points with other axes: use points[:, {columns}] * {signs}", np.eye(3)[:, columns] * signs)
     for columns, signs in _UP.values()
 ]
-for _angle in np.arange(1, 24) * np.pi / 12:
-    _what = "points turned about z against the camera: turn them by the azimuth of the view"
-    _x, _y = np.cos(_angle), np.sin(_angle)
-    _TURNS.append((_what, np.array([[_x, _y, 0], [-_y, _x, 0], [0, 0, 1]])))
+_TURNS += [
+    (_ABOUT_Z, np.array([[np.cos(a), np.sin(a), 0], [-np.sin(a), np.cos(a), 0], [0, 0, 1]]))
+    for a in np.arange(1, 24) * np.pi / 12
+]
 
 
 def _conventions(
-    points: np.ndarray, inner: np.ndarray, outer: np.ndarray, size: np.ndarray
+    points: np.ndarray, inner: np.ndarray, outer: np.ndarray, shape: tuple[int, ...]
 ) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
     """Each hypothesis, the schema itself ("") first; its extrinsics, pixels and depths."""
+    size = np.array(shape[::-1])
     for cameras in itertools.product(_INTRINSICS.items(), _POSES.items(), _AXES.items()):
         names, (of_pixels, of_pose, signs) = zip(*cameras, strict=True)
         extrinsics = np.diag(signs) @ np.column_stack(of_pose(outer[:, :3], outer[:, 3]))
@@ -184,9 +186,7 @@ def _compared(sample: Any, *, try_others: bool) -> _Compared:
         if np.count_nonzero(sample.depth[~mask]) <= _SHARE * mask.sum():
             depth = silhouette.wrong_depth(sample.depth, *camera.project(more, inner, outer))
     elif fit < FLAG_BELOW and try_others:
-        for what, extrinsics, *moved in _conventions(
-            some, inner, outer, np.array(mask.shape[::-1])
-        ):
+        for what, extrinsics, *moved in _conventions(some, inner, outer, mask.shape):
             found = silhouette.fit(*moved), extrinsics
             others[what] = max(found, others.get(what, found), key=lambda pair: pair[0])
         inverse = _Silhouette(mask if mask.all() else ~mask, len(some))
@@ -228,10 +228,8 @@ class Doubts:
 
     def _add_sample(self, sample: Any) -> None:
         axes = np.ascontiguousarray(sample.points.T)  # reductions of its rows are fast
-        ends, radius = (
-            np.stack([axes.min(axis=1), axes.max(axis=1)]),
-            np.sqrt((axes**2).sum(axis=0).max()),
-        )
+        ends = np.stack([axes.min(axis=1), axes.max(axis=1)])
+        radius = np.sqrt((axes**2).sum(axis=0).max())
         spread = np.ptp(ends, axis=0).max() > SMALLEST_EXTENT * min(radius, 1)
         lowest = [(ends[:, columns[2]] * signs[2]).min() for columns, signs in _UP.values()]
         closely = len(self._seen) < _CLOSELY or len(self._seen) % _EVERY == 0
