@@ -218,7 +218,7 @@ class RecordReader:
         return {**self.__dict__, "_readers": {}}
 
     def __len__(self) -> int:
-        return int(self._ends[-1]) if len(self._ends) else 0
+        return int(self._ends[-1])
 
     def _find(self, index: int) -> tuple[int, int]:
         """Number of the shard of record `index`, and number of the record in the shard."""

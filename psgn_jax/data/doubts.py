@@ -92,11 +92,11 @@ def _conventions(
 ) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
     """Each hypothesis, the schema itself ("") first; its extrinsics, pixels and depths."""
     size = np.array(shape[::-1])
-    for cameras in itertools.product(_INTRINSICS.items(), _POSES.items(), _AXES.items()):
-        names, (of_pixels, of_pose, signs) = zip(*cameras, strict=True)
+    cameras = itertools.product(_INTRINSICS.items(), _POSES.items(), _AXES.items())
+    for (one, of_pixels), (two, of_pose), (three, signs) in cameras:
         extrinsics = np.diag(signs) @ np.column_stack(of_pose(outer[:, :3], outer[:, 3]))
         projected = camera.project(points, of_pixels(inner, size), extrinsics)
-        yield "; then ".join(filter(None, names)), extrinsics, *projected
+        yield "; then ".join(filter(None, (one, two, three))), extrinsics, *projected
     pixels, depth = camera.project(points, inner, outer)
     for what, moved in _IMAGES.items():
         pairs = np.column_stack(moved(*pixels.T, *size))

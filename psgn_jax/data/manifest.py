@@ -27,8 +27,6 @@ DUPLICATES = "duplicate"
 
 # Sums of counts over all shards stay within 64 bits.
 _Count = Annotated[int, Bounds(0, (1 << 40) - 1)]
-_Size = Annotated[int, Bounds(0, (1 << 53) - 1)]
-_Crc32 = Annotated[int, Bounds(0, (1 << 32) - 1)]
 NOT_STATED = -1
 
 
@@ -39,8 +37,8 @@ class Shard:
     file: str  # name in the folder of the data set
     split: str
     count: Annotated[int, Bounds(1, (1 << 40) - 1)]  # number of records
-    size: _Size  # in bytes
-    crc32: _Crc32  # of the whole file
+    size: Annotated[int, Bounds(0, (1 << 53) - 1)]  # in bytes
+    crc32: Annotated[int, Bounds(0, (1 << 32) - 1)]  # of the whole file
     categories: Mapping[str, _Count]  # category -> number of records
     fields: tuple[str, ...]  # fields that all records have
     inputs: tuple[str, ...]  # digest of the inputs, if `data.shards` wrote the shard

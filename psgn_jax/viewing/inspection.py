@@ -24,7 +24,7 @@ def _report_split(reader: RecordReader, num_checked: int, doubts: Doubts) -> lis
     size = sum(s.size for s in shards)
     lines = [
         f"split {reader.split}: {len(reader)} samples in {len(shards)} shards, {size / 1e6:.2f} MB"
-        f" ({size / max(1, len(reader)) / 1e3:.1f} kB a sample)"
+        f" ({size / len(reader) / 1e3:.1f} kB a sample)"
     ]
     categories = sum((collections.Counter(s.categories) for s in shards), collections.Counter())
     named = ", ".join(f"{name or '(unknown)'} {n}" for name, n in sorted(categories.items()))
