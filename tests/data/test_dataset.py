@@ -30,8 +30,40 @@ def test_round_trip_of_every_field(sample):
     span = sample.depth[sample.mask].max() - sample.depth[sample.mask].min()
     np.testing.assert_allclose(back.depth, sample.depth, atol=span / 131070 + 1e-6)
     assert (back.depth > 0).tolist() == sample.mask.tolist()
-    with pytest.raises(ValueError, match=r"^model 'm1', view 3: .*'extra'.*JSON object"):
+    with refused(ValueError, "model 'm1', view 3", "'extra'", "JSON object"):
         encode(dataclasses.replace(sample, extra="[1]"))
+    swapped = {
+        name: getattr(sample, name).astype(">f4")
+        for name in ("depth", "points", "intrinsics", "extrinsics")
+    }
+    assert encode(dataclasses.replace(sample, **swapped)) == encode(sample)
+
+
+def test_each_wrong_field_is_named(sample):
+    def check(change):
+        schema.validate(dataclasses.replace(sample, **change))
+
+    all_refused(check, ValueError, [
+        ({field: value}, f"'{field}'", "got", "expected")
+        for field, value in (
+            ("image", np.zeros((24, 32, 3), np.float32)),
+            ("image", np.zeros((4097, 1, 3), np.uint8)),
+            ("mask", np.zeros((24, 31), np.bool_)),
+            ("depth", np.full((24, 32), -1, np.float32)),
+            ("depth", np.full((24, 32), np.nan, np.float32)),
+            ("depth", np.full((24, 32), 2e9, np.float32)),
+            ("points", np.full((200, 3), -2e9, np.float32)),
+            ("points", np.zeros((0, 3), np.float32)),
+            ("points", np.full((200, 3), np.inf, np.float32)),
+            ("points", np.zeros((200, 3), ">f8")),
+            ("occupancy", np.zeros((16, 16, 16), np.bool_)),
+            ("intrinsics", np.diag([-1, 1, 1]).astype(np.float32)),
+            ("extrinsics", np.eye(3, 4, dtype=np.float32) * np.float32([[-1], [1], [1]])),
+            ("category", None),
+            ("model_id", "caf\udce9"),
+            ("view", 1.5),
+        )
+    ])  # fmt: skip
 
 
 def test_point_error_is_half_a_step(sample):
