@@ -168,8 +168,8 @@ def reframe(view: View, rng: np.random.Generator, cfg: DataConfig) -> View:
         return view
     moved = follow(view, move)
     box = framing.box_from_authors_angle(view.points) if rule and other_angle else None
-    first = framing.rule_move_of(box) if box else None
-    if box is None or first is None:
+    first = box and framing.rule_move_of(box)
+    if not (box and first):
         return moved
     move = scattered(first, box, framing.VIEW_SIZE)
     intrinsics, extrinsics = camera.default_camera(framing.VIEW_SIZE)
