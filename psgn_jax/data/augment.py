@@ -127,8 +127,8 @@ def place(view: View) -> View:
 def reframe(view: View, rng: np.random.Generator, cfg: DataConfig) -> View:
     """Places image and points by the rule with the probability `cfg.place`, then moves them.
 
-    `cfg.reframe_scale` and `cfg.reframe_shift` are the standard deviations of the random scale
-    about the object's middle and of the random shift.
+    The scale is about the object's middle. `config.data` describes `reframe_scale` and
+    `reframe_shift`. The number of draws from `rng` does not depend on the configuration.
 
     A view without depth from another angle than the authors' (`framing.has_authors_angle`) is
     always placed, unless `cfg.place` is 0 or the view shows too little of its object. The points
