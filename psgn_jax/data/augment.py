@@ -81,26 +81,20 @@ def recrop(view: View, factor: float, shift: tuple[float, float]) -> View:
     pixel; pixels without a source become grey. The scale and the shift (down, right), in pixels,
     are reduced if the object would leave the image.
     """
-    height, width = view.mask.shape
-    # Per axis, for output coordinate o and input coordinate i (edges at integers): o = s i + t.
-    moves = []
-    for size, occupied in ((height, view.mask.any(axis=1)), (width, view.mask.any(axis=0))):
-        inside = np.flatnonzero(occupied)
-        low, high = (inside[0], inside[-1] + 1) if len(inside) else (0, size)
-        factor = min(factor, size / (high - low))
-        moves.append((size, low, high))
-    offsets = []
-    for (size, low, high), move in zip(moves, shift, strict=True):
-        offset = (1 - factor) * size / 2 + move
-        offsets.append(float(np.clip(offset, -factor * low, size - factor * high)))
-    down, right = offsets
-    image, mask = resample.recrop(view.image, view.mask, factor, (down, right))
+    (height, width), (down, right) = view.mask.shape, shift
+    shown = view.mask if view.mask.any() else np.ones_like(view.mask)
+    top, bottom, left, last = resample.box_of(shown)
+    factor = min(factor, height / (bottom - top), width / (last - left))
+    move = framing.Move(factor, (1 - factor) * width / 2 + right, (1 - factor) * height / 2 + down)
+    move = framing.keep_inside(move, shown)
+    offset = move.down, move.right
+    image, mask = resample.recrop(view.image, view.mask, factor, offset)
     depth = view.depth
     if depth is not None:
-        depth = resample.resample(depth, mask.shape, factor, (down, right))
+        depth = resample.resample(depth, mask.shape, factor, offset)
     intrinsics = view.intrinsics.copy()
     intrinsics[:2] *= np.float32(factor)
-    intrinsics[:2, 2] += np.array([right, down], np.float32)
+    intrinsics[:2, 2] += np.array([move.right, move.down], np.float32)
     return dataclasses.replace(view, image=image, mask=mask, depth=depth, intrinsics=intrinsics)
 
 
@@ -130,40 +124,26 @@ def place(view: View) -> View:
     return view if move is None else follow(view, move)
 
 
-def reframe(
-    view: View,
-    rng: np.random.Generator,
-    *,
-    place_share: float = 0.0,
-    scale_deviation: float = 0.0,
-    shift_deviation: float = 0.0,
-) -> View:
-    """Places image and points by the rule with a probability, then scales and shifts at random.
+def reframe(view: View, rng: np.random.Generator, cfg: DataConfig) -> View:
+    """Places image and points by the rule with the probability `cfg.place`, then moves them.
 
-    The logarithm of the scale and both shifts are normally distributed and clipped at two standard
-    deviations. They are reduced if the object would leave the image.
+    The scale is about the object's middle. `config.data` describes `reframe_scale` and
+    `reframe_shift`. The number of draws from `rng` does not depend on the configuration.
 
     A view without depth from another angle than the authors' (`framing.has_authors_angle`) is
-    always placed, unless `place_share` is 0 or the view shows too little of its object. The points
+    always placed, unless `cfg.place` is 0 or the view shows too little of its object. The points
     of such a view are placed as if the authors' camera had taken the image, and the result has the
     authors' camera. So the points of an object have nearly the same scale and position for every
     angle.
-
-    Args:
-      rng: the random generator; the number of draws does not depend on the other arguments.
-      place_share: probability of the placement by the rule.
-      scale_deviation: standard deviation of the logarithm of the scale about the object's middle.
-      shift_deviation: standard deviation of the shifts along rows and columns, as a fraction of the
-        image's height (192 of 192x256 pixels).
     """
-    placed = rng.random() < place_share
+    placed = rng.random() < cfg.place
     size, down, right = np.clip(rng.standard_normal(3), -2, 2).tolist()
     if not view.mask.any():
         return view
     other_angle = view.depth is None and not framing.has_authors_angle(view.extrinsics)
-    placed |= place_share > 0 and other_angle
+    placed |= cfg.place > 0 and other_angle
     rule = framing.rule_move_within(view.mask) if placed else None
-    scale = math.exp(scale_deviation * size)
+    scale = math.exp(cfg.reframe_scale * size)
 
     def scattered(
         first: framing.Move, box: tuple[float, float, float, float], shape: tuple[int, ...]
@@ -175,12 +155,12 @@ def reframe(
         # Both shifts are fractions of the view's height. `across` is this height in columns of the
         # array, whose pixels need not be square.
         across = framing.VIEW_SIZE[0] / framing.VIEW_SIZE[1] * shape[1]
-        shift = (shift_deviation * right) * across, (shift_deviation * down) * shape[0]
+        shift = (cfg.reframe_shift * right) * across, (cfg.reframe_shift * down) * shape[0]
         second = framing.Move(scale, (1 - scale) * column + shift[0], (1 - scale) * row + shift[1])
         return first.then(second)
 
     move = rule
-    if scale_deviation or shift_deviation:
+    if cfg.reframe_scale or cfg.reframe_shift:
         start = rule or framing.Move(1.0, 0.0, 0.0)
         move = scattered(start, resample.box_of(view.mask), view.mask.shape)
         move = framing.keep_inside(move, view.mask)
@@ -188,8 +168,8 @@ def reframe(
         return view
     moved = follow(view, move)
     box = framing.box_from_authors_angle(view.points) if rule and other_angle else None
-    first = framing.rule_move_of(box) if box else None
-    if box is None or first is None:
+    first = box and framing.rule_move_of(box)
+    if not (box and first):
         return moved
     move = scattered(first, box, framing.VIEW_SIZE)
     intrinsics, extrinsics = camera.default_camera(framing.VIEW_SIZE)
@@ -249,11 +229,5 @@ def augment(
             view = dataclasses.replace(view, image=image, mask=mask, depth=depth)
         if framed:
             # The rule uses the disturbed mask, because masks of photos are imperfect too.
-            view = reframe(
-                view,
-                framing_rng,
-                place_share=cfg.place,
-                scale_deviation=cfg.reframe_scale,
-                shift_deviation=cfg.reframe_shift,
-            )
+            view = reframe(view, framing_rng, cfg)
     return view

@@ -128,14 +128,6 @@ def _encode_image(image: np.ndarray) -> dict[str, Any]:
     return {"size": list(image.shape[:2]), "webp": buffer.getvalue()}
 
 
-def _image_size(stored: Mapping[str, Any]) -> tuple[int, int]:
-    height, width = stored["image"]["size"]
-    return (
-        _integer(height, 1, schema.MAX_IMAGE_SIDE, "height of the image"),
-        _integer(width, 1, schema.MAX_IMAGE_SIDE, "width of the image"),
-    )
-
-
 def _decode_image(stored: Mapping[str, Any], size: tuple[int, int]) -> np.ndarray:
     try:
         picture = Image.open(io.BytesIO(stored["image"]["webp"]), formats=("WEBP",))
@@ -278,10 +270,6 @@ def unpack(data: bytes) -> dict[str, Any]:
     return stored
 
 
-def field_sizes(data: bytes) -> dict[str, int]:
-    return {name: len(msgpack.packb(value)) for name, value in unpack(data).items()}
-
-
 def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Any:
     """A `Sample` whose points are `QuantisedPoints` and whose depth is `DepthCodes`.
 
@@ -292,7 +280,11 @@ def decode_stored(data: bytes, fields: Iterable[str] = schema.FIELDS) -> Any:
     present = {field for field in fields if field in stored}
     values: dict[str, Any] = dict.fromkeys(schema.FIELDS)
     try:
-        size = _image_size(stored)
+        height, width = stored["image"]["size"]
+        size = (
+            _integer(height, 1, schema.MAX_IMAGE_SIDE, "height of the image"),
+            _integer(width, 1, schema.MAX_IMAGE_SIDE, "width of the image"),
+        )
         if "image" in present:
             values["image"] = _decode_image(stored, size)
         if present & {"mask", "depth"}:

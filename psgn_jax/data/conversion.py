@@ -6,7 +6,6 @@
 import contextlib
 import functools
 import pathlib
-import re
 import zlib
 from collections.abc import Callable, Generator, Iterator, Sequence
 from typing import Any
@@ -33,12 +32,6 @@ Input = tuple[Tag, Callable[[], Iterator[ConvertedRecord]]]
 """A file or a model, and the function that reads it."""
 
 
-def _natural(path: pathlib.Path) -> tuple[int | str, ...]:
-    """Sort key: 2.gz before 10.gz."""
-    parts = re.split(r"(\d+)", path.name)
-    return tuple(int(p) if p.isdigit() else p for p in parts)
-
-
 def _state(path: pathlib.Path) -> str:
     """Size and modification time of a path, or "-" if it is missing."""
     try:
@@ -59,7 +52,8 @@ def convert_authors(
     source, destination = pathlib.Path(source), pathlib.Path(destination)
     if not source.is_dir():
         raise ValueError(f"SRC {str(source)!r}: there is no such folder")
-    paths = sorted((p for p in source.glob("*.gz") if p.is_file()), key=_natural)
+    found = (path for path in source.glob("*.gz") if path.is_file())
+    paths = sorted(found, key=lambda path: (len(path.name), path.name))  # 2.gz before 10.gz
     if not paths:
         raise ValueError(f"SRC {str(source)!r}: no *.gz file there")
 

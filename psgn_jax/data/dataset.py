@@ -30,6 +30,7 @@ from psgn_jax.data.codec import decode, decode_stored, encode, unpack
 from psgn_jax.data.doubts import Doubts
 from psgn_jax.data.manifest import (
     MANIFEST,
+    NOT_STATED,
     SPLIT_NAME,
     Manifest,
     Shard,
@@ -217,7 +218,7 @@ class RecordReader:
         return {**self.__dict__, "_readers": {}}
 
     def __len__(self) -> int:
-        return int(self._ends[-1]) if len(self._ends) else 0
+        return int(self._ends[-1])
 
     def _find(self, index: int) -> tuple[int, int]:
         """Number of the shard of record `index`, and number of the record in the shard."""
@@ -308,7 +309,7 @@ def check_shard(path: pathlib.Path, shard: Shard) -> None:
         raise RecordError(
             f"shard {path} has {size} bytes, the manifest says {shard.size}; {_remedy(path)}"
         )
-    if not shard.has_ends(_ends(path)):
+    if shard.ends not in (_ends(path), NOT_STATED):
         raise RecordError(
             f"shard {path} is not the one of the manifest: it is damaged, or another shard was "
             f"copied there; {_remedy(path)}"

@@ -12,6 +12,7 @@ In the image of a level camera, the right is a horizontal axis of the frame. It 
 **Depth.** In most places, the foremost point must have the depth of the map.
 """
 
+import itertools
 import zlib
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
@@ -35,6 +36,37 @@ _TRIED, _POINTS = 16, 1000  # samples for which we try other conventions, and po
 _ROLL = float(np.sin(np.deg2rad(20)))  # accepted, of a camera
 _RATIO, _FEWEST = 1.1, 20  # accepted ratio of depths, and how many are compared at least
 
+# What a sample may have in place of the schema, with the remedy -> the right values, of what it
+# has: intrinsics K and image size (width, height), rotation R and last column t, signs of the
+# camera's axes, columns and rows of pixels.
+_INTRINSICS: Mapping[str, Any] = {
+    "": lambda k, size: k,
+    "intrinsics in 0..1: multiply row 1 by the width and row 2 by the height":
+        lambda k, size: np.diag([*size, 1]) @ k,
+    "intrinsics of another image size: scale rows 1 and 2 as the image":
+        lambda k, size: np.diag([*(size / 2 / np.maximum(abs(k[:2, 2]), 1e-6)), 1]) @ k,
+    "intrinsics with cx and cy swapped: swap them":
+        lambda k, size: np.column_stack([k[:, :2], k[[1, 0, 2], 2]]),
+}  # fmt: skip
+_POSES: Mapping[str, Any] = {
+    "": lambda r, t: (r, t),
+    "extrinsics from camera to world: invert them": lambda r, t: (r.T, -r.T @ t),
+    "extrinsics with a transposed rotation: transpose it": lambda r, t: (r.T, t),
+    "a position C as last column of extrinsics: use -R @ C": lambda r, t: (r, -r @ t),
+}
+_AXES = {
+    "": (1, 1, 1),
+    "cameras of OpenGL or Blender: negate rows 2 and 3 of extrinsics": (1, -1, -1),
+    "cameras of PyTorch3D: negate rows 1 and 2 of extrinsics": (-1, -1, 1),
+}
+_IMAGES: Mapping[str, Any] = {
+    "mirrored left to right: flip their columns": lambda x, y, w, h: (w - x, y),
+    "upside down and mirrored: flip their rows": lambda x, y, w, h: (x, h - y),
+    "turned by 180 degrees: turn them back": lambda x, y, w, h: (w - x, h - y),
+    "turned by 90 degrees: turn them back": lambda x, y, w, h: (y, h - x),
+    "turned by -90 degrees: turn them back": lambda x, y, w, h: (w - y, x),
+    "with rows and columns swapped: transpose them": lambda x, y, w, h: (y, x),
+}
 # The axis that is up -> columns and signs for points and extrinsics, which make it +z.
 _UP = {
     "+z": ([0, 1, 2], [1, 1, 1]),
@@ -44,6 +76,33 @@ _UP = {
     "-x": ([2, 1, 0], [1, 1, -1]),
     "-z": ([0, 1, 2], [1, -1, -1]),
 }
+_ABOUT_Z = "points turned about z against the camera: turn them by the azimuth of the view"
+_TURNS = [
+    (f"points with other axes: use points[:, {columns}] * {signs}", np.eye(3)[:, columns] * signs)
+    for columns, signs in _UP.values()
+]
+_TURNS += [
+    (_ABOUT_Z, np.array([[np.cos(a), np.sin(a), 0], [-np.sin(a), np.cos(a), 0], [0, 0, 1]]))
+    for a in np.arange(1, 24) * np.pi / 12
+]
+
+
+def _conventions(
+    points: np.ndarray, inner: np.ndarray, outer: np.ndarray, shape: tuple[int, ...]
+) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
+    """Each hypothesis, the schema itself ("") first; its extrinsics, pixels and depths."""
+    size = np.array(shape[::-1])
+    cameras = itertools.product(_INTRINSICS.items(), _POSES.items(), _AXES.items())
+    for (one, of_pixels), (two, of_pose), (three, signs) in cameras:
+        extrinsics = np.diag(signs) @ np.column_stack(of_pose(outer[:, :3], outer[:, 3]))
+        projected = camera.project(points, of_pixels(inner, size), extrinsics)
+        yield "; then ".join(filter(None, (one, two, three))), extrinsics, *projected
+    pixels, depth = camera.project(points, inner, outer)
+    for what, moved in _IMAGES.items():
+        pairs = np.column_stack(moved(*pixels.T, *size))
+        yield f"image, mask and depth {what}", outer, pairs, depth
+    for what, turn in _TURNS:
+        yield what, outer, *camera.project(points @ turn, inner, outer)
 
 
 class _Silhouette:
@@ -61,31 +120,30 @@ class _Silhouette:
         self._distance = ndimage.distance_transform_edt(~self._mask)
         self._gap = max(_NEAR, 2.5 * np.sqrt(self._mask.sum() / num_points))
 
-    def _cells(self, pixels: np.ndarray, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Which projected points [n, 2] with depths [n] are on the grid, and their cells [m, 2]."""
+    def _cells(self, pixels: np.ndarray, depth: np.ndarray) -> tuple[np.ndarray, Any]:
+        """Which projected points [n, 2] with depths [n] are on the grid, and their cells."""
         cells = (pixels - self._low) / self._cell
         shown = (depth > 0) & ((cells >= 0) & (cells < len(self._mask))).all(axis=1)
-        return shown, cells[shown].astype(int)
+        return shown, tuple(cells[shown].astype(int).T)
 
     def fit(self, pixels: np.ndarray, depth: np.ndarray) -> float:
         shown, cells = self._cells(pixels, depth)
-        if not len(cells):
+        if not shown.any():
             return 0.0
-        inside = (self._distance[tuple(cells.T)] <= _NEAR).sum() / len(shown)
+        inside = (self._distance[cells] <= _NEAR).sum() / len(shown)
         empty = np.ones_like(self._mask)
-        empty[tuple(cells.T)] = False
+        empty[cells] = False
         covered = ndimage.distance_transform_edt(empty)[self._mask] <= self._gap
         return float(min(inside, covered.mean()))
 
     def wrong_depth(self, depth_map: np.ndarray, pixels: np.ndarray, depth: np.ndarray) -> str:
         """What is wrong with a depth map, "" = nothing."""
         shown, cells = self._cells(pixels, depth)
-        pixels, depth, cell = pixels[shown].astype(int), depth[shown], cells @ [1, len(self._mask)]
-        nearest = np.full(self._mask.size, np.inf)
-        np.minimum.at(nearest, cell, depth)
-        columns, rows = np.clip(pixels, 0, np.array(depth_map.shape[::-1]) - 1).T
+        depth, nearest = depth[shown], np.full(self._mask.shape, np.inf)
+        np.minimum.at(nearest, cells, depth)
+        columns, rows = np.clip(pixels[shown].astype(int), 0, np.array(depth_map.shape[::-1]) - 1).T
         mapped = depth_map[rows, columns]
-        chosen = (depth <= nearest[cell]) & (mapped > 0)
+        chosen = (depth <= nearest[cells]) & (mapped > 0)
         if chosen.sum() < _FEWEST:
             return ""
         mapped, depth = np.log(mapped[chosen]), np.log(depth[chosen])
@@ -101,126 +159,53 @@ class _Silhouette:
         return "another depth than the points: expected their unit, and along the optical axis"
 
 
-def _conventions(
-    points: np.ndarray, inner: np.ndarray, outer: np.ndarray, size: tuple[int, int]
-) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
-    """What a sample may have in place of the schema; its extrinsics, pixels and depths then.
+class _Compared(NamedTuple):
+    """A sample that was compared with its image."""
 
-    The first, "", is the schema itself.
-    """
-    (height, width), middle = size, np.maximum(np.abs(inner[:2, 2]), 1e-6)
-    swapped = inner.copy()
-    swapped[:2, 2] = inner[1::-1, 2]
-    other_size = np.diag([width / 2 / middle[0], height / 2 / middle[1], 1]) @ inner
-    rotation, last = outer[:, :3], outer[:, 3:]
-    for of_pixels, matrix in (
-        ("", inner),
-        ("intrinsics in 0..1: multiply row 1 by the width and row 2 by the height",
-         np.diag([width, height, 1]) @ inner),
-        ("intrinsics of another image size: scale rows 1 and 2 as the image", other_size),
-        ("intrinsics with cx and cy swapped: swap them", swapped),
-    ):  # fmt: skip
-        for of_pose, turned, moved in (
-            ("", rotation, last),
-            ("extrinsics from camera to world: invert them", rotation.T, -rotation.T @ last),
-            ("extrinsics with a transposed rotation: transpose it", rotation.T, last),
-            ("a position C as last column of extrinsics: use -R @ C", rotation, -rotation @ last),
-        ):
-            for of_axes, signs in (
-                ("", (1, 1, 1)),
-                ("cameras of OpenGL or Blender: negate rows 2 and 3 of extrinsics", (1, -1, -1)),
-                ("cameras of PyTorch3D: negate rows 1 and 2 of extrinsics", (-1, -1, 1)),
-            ):
-                what = "; then ".join(filter(None, (of_pixels, of_pose, of_axes)))
-                extrinsics = np.array(signs)[:, None] * np.hstack([turned, moved])
-                yield what, extrinsics, *camera.project(points, matrix, extrinsics)
-    pixels, depth = camera.project(points, inner, outer)
-    column, row = pixels.T
-    for what, mapped in (
-        ("mirrored left to right: flip their columns", (width - column, row)),
-        ("upside down and mirrored: flip their rows", (column, height - row)),
-        ("turned by 180 degrees: turn them back", (width - column, height - row)),
-        ("turned by 90 degrees: turn them back", (row, height - column)),
-        ("turned by -90 degrees: turn them back", (width - row, column)),
-        ("with rows and columns swapped: transpose them", (row, column)),
-    ):
-        yield f"image, mask and depth {what}", outer, np.stack(mapped, axis=1), depth
-    for columns, flips in _UP.values():
-        what = f"points with other axes: use points[:, {columns}] * {flips}"
-        yield what, outer, *camera.project(points[:, columns] * flips, inner, outer)
-    for angle in np.arange(1, 24) * np.pi / 12:
-        what = "points turned about z against the camera: turn them by the azimuth of the view"
-        sine, cosine = np.sin(angle), np.cos(angle)
-        turned = points @ [[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]]
-        yield what, outer, *camera.project(turned, inner, outer)
-
-
-class _Seen(NamedTuple):
-    """The numbers of a sample that `Doubts.lines` compares."""
-
-    radius: float
-    ends: np.ndarray  # [2, 3], smallest and largest coordinates
-    shown: bool  # the mask is not empty
+    fit: float
     extrinsics: np.ndarray
-    fit: float = np.nan  # NaN: not compared with its image
-    depth: str = ""  # what is wrong with the depth
-    others: Mapping[str, tuple[float, np.ndarray]] = {}  # convention -> fit and extrinsics
-
-    @property
-    def spread_out(self) -> bool:
-        return bool(np.ptp(self.ends, axis=0).max() > SMALLEST_EXTENT * min(self.radius, 1))
-
-    def lowest(self, up: str) -> float:
-        columns, signs = _UP[up]
-        return float((self.ends[:, columns[2]] * signs[2]).min())
+    depth: str  # what is wrong with the depth
+    others: Mapping[str, tuple[float, np.ndarray]]  # convention -> fit and extrinsics
 
 
 @np.errstate(all="ignore")
 def fit(sample: Any) -> float:
     """The fit of the module of a `Sample`, 0 to 1."""
-    points = sample.points[:: max(1, len(sample.points) // _POINTS)]
-    projected = camera.project(points, sample.intrinsics, sample.extrinsics)
-    return _Silhouette(sample.mask, len(points)).fit(*projected) if sample.mask.any() else 0.0
+    return _compared(sample, try_others=False).fit if sample.mask.any() else 0.0
 
 
 @np.errstate(all="ignore")
-def _compared(sample: Any, *, closely: bool, try_others: bool) -> _Seen:
+def _compared(sample: Any, *, try_others: bool) -> _Compared:
     points, mask, inner, outer = sample.points, sample.mask, sample.intrinsics, sample.extrinsics
-    axes = np.ascontiguousarray(points.T)  # reductions of its rows are fast
-    radius, ends = np.sqrt((axes**2).sum(axis=0).max()), [axes.min(axis=1), axes.max(axis=1)]
-    seen = _Seen(float(radius), np.stack(ends), bool(mask.any()), outer)
-    if not (closely and seen.shown and seen.spread_out):
-        return seen
     some, more = (points[:: max(1, len(points) // count)] for count in (_POINTS, 4 * _POINTS))
-    silhouette = _Silhouette(mask, len(some))
-    fit, depth = silhouette.fit(*camera.project(some, inner, outer)), ""
+    silhouette, projected = _Silhouette(mask, len(some)), camera.project(some, inner, outer)
+    fit, depth = silhouette.fit(*projected), ""
     others: dict[str, tuple[float, np.ndarray]] = {}
     if fit >= FLAG_BELOW and sample.depth is not None:
-        if np.count_nonzero(sample.depth[~mask]) > _SHARE * mask.sum():
-            depth = "depth outside of the mask: set it to 0 there"
-        else:
+        depth = "depth outside of the mask: set it to 0 there"
+        if np.count_nonzero(sample.depth[~mask]) <= _SHARE * mask.sum():
             depth = silhouette.wrong_depth(sample.depth, *camera.project(more, inner, outer))
     elif fit < FLAG_BELOW and try_others:
-        for what, extrinsics, *projected in _conventions(some, inner, outer, mask.shape):
-            found = silhouette.fit(*projected), extrinsics
+        for what, extrinsics, *moved in _conventions(some, inner, outer, mask.shape):
+            found = silhouette.fit(*moved), extrinsics
             others[what] = max(found, others.get(what, found), key=lambda pair: pair[0])
-        inverse = mask if mask.all() else ~mask
-        found = _Silhouette(inverse, len(some)).fit(*camera.project(some, inner, outer)), outer
-        others["a mask of the background: invert it"] = found
-    return seen._replace(fit=fit, depth=depth, others=others)
+        inverse = _Silhouette(mask if mask.all() else ~mask, len(some))
+        others["a mask of the background: invert it"] = inverse.fit(*projected), outer
+    return _Compared(fit, outer, depth, others)
 
 
 class Doubts:
     """Collects samples by `add`; `lines` lists the probable mistakes."""
 
     def __init__(self) -> None:
-        self._seen: list[_Seen] = []
-        self._tried = 0
+        # Of each sample: whether the mask shows something, whether the points are spread out, their
+        # largest distance from the origin, and for each axis that may be up, the lowest point.
+        self._seen: list[list[float]] = []
+        self._compared: list[_Compared] = []
         # First split of a model or a cloud. Models that are, or whose cloud is, in two splits.
+        self._first: dict[tuple[Any, ...], str] = {}
         self._models: dict[tuple[str, str], str] = {}
-        self._clouds: dict[tuple[int, int], str] = {}
-        self._twice: dict[tuple[str, str], tuple[str, str]] = {}
-        self._same: dict[tuple[str, str], tuple[str, str]] = {}
+        self._clouds: dict[tuple[str, str], str] = {}
 
     def add(self, split: str, stored: Mapping[str, Any], sample: Any = None) -> None:
         """Adds the `codec.unpack` of a record, and its `Sample` (without image) if it is known.
@@ -228,40 +213,47 @@ class Doubts:
         Without it, only models and clouds are compared. ValueError if it is no record.
         """
         try:
-            model, cloud_of = (str(stored["category"]), str(stored["model_id"])), stored["points"]
-            steps = cloud_of["steps"]
-            cloud = len(steps), zlib.crc32(steps, zlib.crc32(cloud_of["matrix"]))
+            model, cloud = (str(stored["category"]), str(stored["model_id"])), stored["points"]
+            steps = cloud["steps"]
+            crc32 = zlib.crc32(steps, zlib.crc32(cloud["matrix"]))
         except (KeyError, TypeError) as error:
             raise ValueError(f"a field is not as expected: {error}") from None
         if sample is not None:
-            closely = len(self._seen) < _CLOSELY or len(self._seen) % _EVERY == 0
-            self._seen.append(_compared(sample, closely=closely, try_others=self._tried < _TRIED))
-            self._tried += bool(self._seen[-1].others)
-        if split == DUPLICATES:
-            return
-        if model[1] and (first := self._models.setdefault(model, split)) != split:
-            self._twice.setdefault(model, (first, split))
-        if (other := self._clouds.setdefault(cloud, split)) != split:
-            self._same.setdefault(model, (other, split))
+            self._add_sample(sample)
+        shown = repr(model[1]) + (f" ({model[0]})" if model[0] else "")
+        for found, key in (self._models, model), (self._clouds, (len(steps), crc32)):
+            known = split != DUPLICATES and key[1] != ""
+            if known and (first := self._first.setdefault(key, split)) != split:
+                found.setdefault(model, f"{shown} in {first!r} and {split!r}")
+
+    def _add_sample(self, sample: Any) -> None:
+        axes = np.ascontiguousarray(sample.points.T)  # reductions of its rows are fast
+        ends = np.stack([axes.min(axis=1), axes.max(axis=1)])
+        radius = np.sqrt((axes**2).sum(axis=0).max())
+        spread = np.ptp(ends, axis=0).max() > SMALLEST_EXTENT * min(radius, 1)
+        lowest = [(ends[:, columns[2]] * signs[2]).min() for columns, signs in _UP.values()]
+        closely = len(self._seen) < _CLOSELY or len(self._seen) % _EVERY == 0
+        self._seen.append([sample.mask.any(), spread, radius, *lowest])
+        if closely and all(self._seen[-1][:2]):
+            tried = sum(bool(each.others) for each in self._compared)
+            self._compared.append(_compared(sample, try_others=tried < _TRIED))
 
     def lines(self) -> Iterator[str]:
         """A line for each kind of mistake, with the remedy."""
         if self._seen:
-            yield from _about_samples(self._seen)
-        yield from _in_two_splits("models are", self._twice)
-        same = {model: two for model, two in self._same.items() if model not in self._twice}
-        yield from _in_two_splits("models have a cloud that is", same)
+            yield from _about_samples(np.array(self._seen), self._compared)
+        same = {m: where for m, where in self._clouds.items() if m not in self._models}
+        for what, found in ("are", self._models), ("have a cloud that is", same):
+            for where in list(found.values())[:1]:
+                yield (
+                    f"{len(found)} models {what} in two splits, such as {where}: keep all samples "
+                    "of an object in one split, or the evaluation measures what was trained on"
+                )
 
 
-def _about_samples(seen: list[_Seen]) -> Iterator[str]:
-    compared = [each for each in seen if each.fit >= 0]
-    of, of_compared = f"of {len(seen)} samples have", f"of {len(compared)} samples have"
-    if empty := sum(not each.shown for each in seen):
-        yield f"{empty} {of} an empty mask: leave them out"
-    if alike := sum(not each.spread_out for each in seen):
-        yield f"{alike} {of} all points in one place: leave them out"
-    enough = _SHARE * len(compared)
-    cameras = [each.extrinsics for each in compared if each.fit >= FLAG_BELOW]
+def _about_samples(seen: np.ndarray, compared: list[_Compared]) -> Iterator[str]:
+    enough, of_compared = _SHARE * len(compared), f"of {len(compared)} samples have"
+    right = [each.extrinsics for each in compared if each.fit >= FLAG_BELOW]
     wrong = [each for each in compared if each.fit < FLAG_BELOW]
     what, corrected = _best(wrong) if len(wrong) > enough else ("", [])
     if not what:  # thin objects vanish in small images
@@ -269,27 +261,31 @@ def _about_samples(seen: list[_Seen]) -> Iterator[str]:
     if len(wrong) > enough:
         what = what or "check intrinsics, extrinsics, mask and points against docs/data.md"
         yield f"{len(wrong)} {of_compared} points that do not project onto the mask: {what}"
-    up, text = _frame(np.array(corrected or cameras), seen) if corrected or cameras else ("+z", "")
-    if text:
-        yield f"frame of {len(compared)} samples: {text}"
-    if far := [e.radius for e in seen if e.spread_out and not _RADII[0] <= e.radius <= _RADII[1]]:
-        yield (
-            f"{len(far)} {of} their farthest point {_range(far)} from the origin, expected about "
-            "1: divide points, depth and the translation of extrinsics by the radius of the "
-            "bounding hemisphere"
-        )
-    off = [e.lowest(up) for e in seen if e.spread_out and abs(e.lowest(up)) > _GROUND * e.radius]
-    if off and not what.startswith("points"):
-        yield (
-            f"{len(off)} {of} their lowest point at z = {_range(off)}, expected 0: move the origin "
-            "of points and extrinsics onto the ground below the object"
-        )
+    shown, spread, radius, *lowest = seen.T
+    low = dict(zip(_UP, lowest, strict=True))
+    stands = {up: (abs(low[up]) <= _GROUND * radius).mean() for up in _UP}
+    up, remedy = _frame(np.array(corrected or right), stands)
+    if remedy:
+        yield f"frame of {len(compared)} samples: {remedy}"
+    far = (spread > 0) & ((radius < _RADII[0]) | (radius > _RADII[1]))
+    off = (spread > 0) & (abs(low[up]) > _GROUND * radius) & (not what.startswith("points"))
+    for found, text in (
+        (shown == 0, "an empty mask: leave them out"),
+        (spread == 0, "all points in one place: leave them out"),
+        (far, f"their farthest point {_range(radius[far])} from the origin, expected about 1: "
+         "divide points, depth and the translation of extrinsics by the radius of the bounding "
+         "hemisphere"),
+        (off, f"their lowest point at z = {_range(low[up][off])}, expected 0: move the origin of "
+         "points and extrinsics onto the ground below the object"),
+    ):  # fmt: skip
+        if found.any():
+            yield f"{found.sum()} of {len(seen)} samples have {text}"
     depths = [each.depth for each in compared if each.depth]
     if len(depths) > enough:
         yield f"{len(depths)} {of_compared} {max(depths, key=depths.count)}"
 
 
-def _best(wrong: list[_Seen]) -> tuple[str, list[np.ndarray]]:
+def _best(wrong: list[_Compared]) -> tuple[str, list[np.ndarray]]:
     """The convention that fits most of these samples, "" = none, and its extrinsics.
 
     Of conventions that fit equally, the one is likelier whose cameras are level in the frame.
@@ -297,7 +293,7 @@ def _best(wrong: list[_Seen]) -> tuple[str, list[np.ndarray]]:
     tried = [each.others for each in wrong if each.others]
 
     def score(what: str) -> float:
-        return float(np.mean([found[what][0] + 0.1 * _level(found[what][1]) for found in tried]))
+        return float(np.mean([e[what][0] + 0.1 * _level(e[what][1]) for e in tried]))
 
     for what in sorted(tried[0], key=score, reverse=True):
         fitting = [e[what][1] for e in tried if e[what][0] >= max(FLAG_BELOW, e[""][0] + _CLEARLY)]
@@ -306,30 +302,28 @@ def _best(wrong: list[_Seen]) -> tuple[str, list[np.ndarray]]:
     return "", []
 
 
-def _level(extrinsics: np.ndarray) -> bool:
-    """Whether +z is up in the image and +y is to its right."""
-    return bool(extrinsics[0, 1] > 1 - _ROLL**2 and extrinsics[1, 2] < _ROLL)
+def _level(extrinsics: np.ndarray) -> np.ndarray:
+    """Whether +z is up in the image and +y is to its right, of extrinsics [..., 3, 4]."""
+    return (extrinsics[..., 0, 1] > 1 - _ROLL**2) & (extrinsics[..., 1, 2] < _ROLL)
 
 
-def _frame(cameras: np.ndarray, seen: list[_Seen]) -> tuple[str, str]:
+def _frame(cameras: np.ndarray, stands: Mapping[str, float]) -> tuple[str, str]:
     """The axis that is up, and what is wrong with the frame, "" = nothing."""
-    if np.mean([not _level(each) for each in cameras]) <= _SHARE:
+    if not len(cameras) or (~_level(cameras)).mean() <= _SHARE:
         return "+z", ""
 
     def score(up: str) -> float:
         columns, signs = _UP[up]
         right, down, _ = (cameras[:, :, columns[2]] * signs[2]).T
-        stands = [abs(each.lowest(up)) <= _GROUND * each.radius for each in seen]
-        level = (np.abs(right) < _ROLL) & (down < _ROLL)
-        return float(level.mean() + np.mean(stands) - 0.1 * down.mean())
+        level = (abs(right) < _ROLL) & (down < _ROLL)
+        return float(level.mean() + stands[up] - 0.1 * down.mean())
 
-    up = max(_UP, key=score)
+    up, remedies = max(_UP, key=score), []
     columns, signs = [*_UP[up][0], 3], [*_UP[up][1], 1]
-    remedies = []
     if up != "+z":
         points = f"points[:, {columns[:3]}] * {signs[:3]}"
         remedies = [f"{up} is up, not +z: use {points} and extrinsics[:, {columns}] * {signs}"]
-    if np.mean([not _level(each) for each in cameras[:, :, columns] * signs]) > _SHARE:
+    if (~_level(cameras[:, :, columns] * signs)).mean() > _SHARE:
         remedies.append(
             "points in the object's own frame, +y is not to the right of the image: turn them and "
             "extrinsics about z by psgn_jax.data.camera.turn_to_view"
@@ -337,16 +331,6 @@ def _frame(cameras: np.ndarray, seen: list[_Seen]) -> tuple[str, str]:
     return up, "; then ".join(remedies)
 
 
-def _range(values: list[float]) -> str:
-    return " to ".join(dict.fromkeys((f"{min(values):.4g}", f"{max(values):.4g}")))
-
-
-def _in_two_splits(what: str, found: Mapping[tuple[str, str], tuple[str, str]]) -> Iterator[str]:
-    if not found:
-        return
-    (category, model), (first, second) = next(iter(found.items()))
-    shown = repr(model) + (f" ({category})" if category else "")
-    yield (
-        f"{len(found)} {what} in two splits, such as {shown} in {first!r} and {second!r}: keep all "
-        "samples of an object in one split, or the evaluation measures what was trained on"
-    )
+def _range(values: np.ndarray) -> str:
+    ends = [f"{end:.4g}" for end in (values.min(), values.max())] if len(values) else []
+    return " to ".join(dict.fromkeys(ends))

@@ -100,11 +100,8 @@ def _occlude(
     top, bottom, left, right = box_of(mask)
     high, wide = bottom - top, right - left
     side, along = rng.integers(4), rng.random()
-    centre = (
-        (top + along * high, float(left if side == 0 else right))
-        if side < 2
-        else (float(top if side == 2 else bottom), left + along * wide)
-    )
+    row, column = top + along * high, left + along * wide
+    centre = ((row, left), (row, right), (top, column), (bottom, column))[side]
     axes = rng.uniform(0.1, 0.3, 2) * (high, wide)
     colour = rng.integers(0, 256, 3)
     rows = np.arange(mask.shape[0]) + 0.5 - centre[0]
@@ -178,15 +175,12 @@ def _move_edge(
     nodes = rng.random((height // grain + 2, width // grain + 2), np.float32)
     field = Image.fromarray(nodes).resize((width, height), Image.Resampling.BICUBIC)
     distance = length + ragged * np.clip(2 * np.asarray(field) - 1, -1, 1)
-    result = mask.copy()
+    result = mask
     for sign in (1, -1):
         grown = mask if sign > 0 else ~mask
         for step in range(1, int(np.ceil(max(0.0, float((sign * distance).max())) + 0.5)) + 1):
             # Alternating four and eight neighbours approximates a disc.
             grown = _step(grown, diagonal=step % 2 == 0)
-            reached = sign * distance >= step - 0.5
-            if sign > 0:
-                result |= grown & reached
-            else:
-                result &= ~(grown & reached)
+            reached = grown & (sign * distance >= step - 0.5)
+            result = result | reached if sign > 0 else result & ~reached
     return result

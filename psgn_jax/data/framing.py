@@ -152,12 +152,9 @@ def has_authors_angle(extrinsics: np.ndarray) -> bool:
     return bool(np.abs(extrinsics[:, :3] - authors[:, :3]).max() < 0.01)
 
 
-def box_from_authors_angle(points: np.ndarray) -> tuple[float, float, float, float] | None:
-    """The box of points [n, 3] in the authors' view of 192x256 pixels; None if none is finite."""
+def box_from_authors_angle(points: np.ndarray) -> tuple[float, float, float, float]:
+    """The box of points [n, 3] in the authors' view of 192x256 pixels."""
     pixels, _ = camera.project(points, *camera.default_camera(VIEW_SIZE))
-    pixels = pixels[np.isfinite(pixels).all(axis=1)]
-    if not len(pixels):
-        return None
     (left, top), (right, bottom) = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
     return top, bottom, left, right
 

@@ -54,8 +54,6 @@ def _open(cfg: DataConfig, folders: tuple[str, ...], split: str) -> RecordReader
         )
     reader = RecordReader(folders, split)
     name = ",".join(dict.fromkeys(folders))
-    if not len(reader):
-        raise RecordError(f"data set {name!r}: split {split!r} is empty")
     lacking = f"data set {name!r}: not every record of split {split!r} has "
     if "depth" in cfg.inputs and any("depth" not in shard.fields for shard in reader.shards):
         raise RecordError(lacking + "depth; remove 'depth' from data.inputs")

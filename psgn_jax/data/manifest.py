@@ -27,9 +27,7 @@ DUPLICATES = "duplicate"
 
 # Sums of counts over all shards stay within 64 bits.
 _Count = Annotated[int, Bounds(0, (1 << 40) - 1)]
-_Size = Annotated[int, Bounds(0, (1 << 53) - 1)]
-_Crc32 = Annotated[int, Bounds(0, (1 << 32) - 1)]
-_NOT_STATED = -1
+NOT_STATED = -1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,16 +37,13 @@ class Shard:
     file: str  # name in the folder of the data set
     split: str
     count: Annotated[int, Bounds(1, (1 << 40) - 1)]  # number of records
-    size: _Size  # in bytes
-    crc32: _Crc32  # of the whole file
+    size: Annotated[int, Bounds(0, (1 << 53) - 1)]  # in bytes
+    crc32: Annotated[int, Bounds(0, (1 << 32) - 1)]  # of the whole file
     categories: Mapping[str, _Count]  # category -> number of records
     fields: tuple[str, ...]  # fields that all records have
     inputs: tuple[str, ...]  # digest of the inputs, if `data.shards` wrote the shard
     # Checksum of the file's ends, which identify the shard; older manifests do not state it.
-    ends: Annotated[int, Bounds(_NOT_STATED, (1 << 32) - 1)] = _NOT_STATED
-
-    def has_ends(self, ends: int) -> bool:
-        return self.ends in (ends, _NOT_STATED)
+    ends: Annotated[int, Bounds(NOT_STATED, (1 << 32) - 1)] = NOT_STATED
 
 
 @dataclasses.dataclass(frozen=True)

@@ -82,13 +82,12 @@ def smooth_mask(mask: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
 
 
 def resize_depth(depth: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Resizes a depth map [H, W] (0 or non-finite = none) to the size of a resized mask.
+    """Resizes a depth map [H, W] (0 = none) to the size of a resized mask.
 
     Depths are not averaged, because averages across an edge are wrong. A new pixel takes the depth
     at its centre, or else the first depth at the centres of its four quarters, which fills holes
     narrower than a new pixel. The result is 0 outside the mask.
     """
-    depth = np.where(np.isfinite(depth), depth, np.float32(0))
     if depth.shape == mask.shape:
         return np.where(mask, depth, np.float32(0))
     out = np.zeros(mask.shape, np.float32)

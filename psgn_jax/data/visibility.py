@@ -30,24 +30,20 @@ def visible_points(
 ) -> np.ndarray:
     """Whether each point is visible, by the rule of the module: bool [n].
 
-    False for points that are not finite, behind the camera, or less than t in front of it.
+    False for points behind the camera or less than t in front of it.
 
     Args:
       points: [n, 3] in the project's frame.
-      depth: [H, W] along the optical axis, unit of the frame; 0 (or not finite) = none.
+      depth: [H, W] along the optical axis, unit of the frame; 0 = none.
       intrinsics: [3, 3] in pixels of `depth`.
       extrinsics: [3, 4].
       tolerance: t > 0, in units.
     """
-    finite = np.isfinite(points).all(axis=1)
-    seen = camera.to_camera(
-        np.where(finite[:, None], points, 0).astype(np.float64), extrinsics.astype(np.float64)
-    )
-    measured = np.isfinite(depth) & (depth > 0)
-    possible = finite & (seen[:, 2] > tolerance)
-    if not measured.any() or not possible.any():
+    seen = camera.to_camera(points.astype(np.float64), extrinsics.astype(np.float64))
+    possible = seen[:, 2] > tolerance
+    surface = camera.back_project(depth, intrinsics, np.eye(3, 4))
+    if not len(surface) or not possible.any():
         return np.zeros(len(points), np.bool_)
-    surface = camera.back_project(np.where(measured, depth, 0), intrinsics, np.eye(3, 4))
     bound = np.nextafter(tolerance, np.inf)  # the tree returns distances below the bound
     distance, _ = KDTree(surface).query(seen[possible], distance_upper_bound=bound)
     possible[possible] = distance <= tolerance

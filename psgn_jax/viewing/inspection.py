@@ -3,12 +3,12 @@
 import collections
 import pathlib
 
+import msgpack
 import numpy as np
 from PIL import Image
 from scipy import ndimage
 
 from psgn_jax.data import schema
-from psgn_jax.data.codec import field_sizes
 from psgn_jax.data.dataset import RecordReader, spread
 from psgn_jax.data.doubts import FLAG_BELOW, Doubts, fit
 from psgn_jax.data.manifest import FORMAT, VERSION, load_manifest
@@ -24,7 +24,7 @@ def _report_split(reader: RecordReader, num_checked: int, doubts: Doubts) -> lis
     size = sum(s.size for s in shards)
     lines = [
         f"split {reader.split}: {len(reader)} samples in {len(shards)} shards, {size / 1e6:.2f} MB"
-        f" ({size / max(1, len(reader)) / 1e3:.1f} kB a sample)"
+        f" ({size / len(reader) / 1e3:.1f} kB a sample)"
     ]
     categories = sum((collections.Counter(s.categories) for s in shards), collections.Counter())
     named = ", ".join(f"{name or '(unknown)'} {n}" for name, n in sorted(categories.items()))
@@ -40,14 +40,14 @@ def _report_split(reader: RecordReader, num_checked: int, doubts: Doubts) -> lis
     for index in range(len(reader)):
         try:
             sample = schema.validate(reader[index]) if index in chosen else None
-            doubts.add(reader.split, reader.unpacked(index), sample)
+            doubts.add(reader.split, stored := reader.unpacked(index), sample)
         except ValueError as error:
             lines.append(f"DAMAGED {error}")
             continue
         if sample is None:
             continue
-        for field, value in field_sizes(reader.read(index)).items():
-            sizes.setdefault(field, []).append(value)
+        for field, value in stored.items():
+            sizes.setdefault(field, []).append(len(msgpack.packb(value)))
         fits.append(fit(sample))
         if fits[-1] < FLAG_BELOW:
             flagged.append(

@@ -18,10 +18,6 @@ from psgn_jax.data.manifest import MANIFEST, load_manifest
 from psgn_jax.data.schema import RecordError
 
 
-def sorted_rows(points):
-    return points[np.lexsort(points.T)]
-
-
 def test_round_trip_of_every_field(sample):
     extra = '{"seed": 3, "name": "café"}'
     sample = dataclasses.replace(sample, extra=extra, view=np.int64(3))
@@ -34,18 +30,50 @@ def test_round_trip_of_every_field(sample):
     span = sample.depth[sample.mask].max() - sample.depth[sample.mask].min()
     np.testing.assert_allclose(back.depth, sample.depth, atol=span / 131070 + 1e-6)
     assert (back.depth > 0).tolist() == sample.mask.tolist()
-    with pytest.raises(ValueError, match=r"^model 'm1', view 3: .*'extra'.*JSON object"):
+    with refused(ValueError, "model 'm1', view 3", "'extra'", "JSON object"):
         encode(dataclasses.replace(sample, extra="[1]"))
+    swapped = {
+        name: getattr(sample, name).astype(">f4")
+        for name in ("depth", "points", "intrinsics", "extrinsics")
+    }
+    assert encode(dataclasses.replace(sample, **swapped)) == encode(sample)
 
 
-@pytest.mark.parametrize("bits", [8, 9, 16])
-def test_point_error_is_half_a_step(make, rng, bits):
-    sample = make.sample(rng, num_points=500)
-    points = codec.quantised(sample.points, bits)
-    step = np.ptp(sample.points, axis=0) / (2**bits - 1)
-    assert (np.abs(points.points() - sample.points) <= step / 2 * (1 + 1e-4) + 1e-6).all()
-    stored = decode_stored(encode(sample, point_bits=bits)).points
-    np.testing.assert_array_equal(sorted_rows(stored.codes), sorted_rows(points.codes))
+def test_each_wrong_field_is_named(sample):
+    def check(change):
+        schema.validate(dataclasses.replace(sample, **change))
+
+    all_refused(check, ValueError, [
+        ({field: value}, f"'{field}'", "got", "expected")
+        for field, value in (
+            ("image", np.zeros((24, 32, 3), np.float32)),
+            ("image", np.zeros((4097, 1, 3), np.uint8)),
+            ("mask", np.zeros((24, 31), np.bool_)),
+            ("depth", np.full((24, 32), -1, np.float32)),
+            ("depth", np.full((24, 32), np.nan, np.float32)),
+            ("depth", np.full((24, 32), 2e9, np.float32)),
+            ("points", np.full((200, 3), -2e9, np.float32)),
+            ("points", np.zeros((0, 3), np.float32)),
+            ("points", np.full((200, 3), np.inf, np.float32)),
+            ("points", np.zeros((200, 3), ">f8")),
+            ("occupancy", np.zeros((16, 16, 16), np.bool_)),
+            ("intrinsics", np.diag([-1, 1, 1]).astype(np.float32)),
+            ("extrinsics", np.eye(3, 4, dtype=np.float32) * np.float32([[-1], [1], [1]])),
+            ("category", None),
+            ("model_id", "caf\udce9"),
+            ("view", 1.5),
+        )
+    ])  # fmt: skip
+
+
+def test_point_error_is_half_a_step(sample):
+    for bits in (8, 9, 16):
+        points = codec.quantised(sample.points, bits)
+        step = np.ptp(sample.points, axis=0) / (2**bits - 1)
+        assert (np.abs(points.points() - sample.points) <= step / 2 * (1 + 1e-4) + 1e-6).all()
+        stored = decode_stored(encode(sample, point_bits=bits)).points.codes
+        rows = (codes[np.lexsort(codes.T)] for codes in (stored, points.codes))
+        np.testing.assert_array_equal(*rows)
 
 
 def test_data_set_round_trip(dataset):
@@ -163,17 +191,6 @@ def test_too_many_open_files_are_no_damage(dataset):
     assert reader[0].view == 0
 
 
-def test_damage_names_file_and_record_and_spares_the_others(make, copied):
-    shard = copied / "train-00001.arrayrecord"
-    make.damage(shard, RecordReader(copied, "train").read(13))
-    reader = RecordReader(copied, "train")
-    with refused(RecordError, "record 3", shard):
-        reader[13]
-    with refused(RecordError, shard, "checksum"):
-        reader.verify()
-    assert all(reader[i].model_id for i in range(37) if i != 13)
-
-
 def test_no_damage_goes_unseen_or_ends_the_process(copied):
     shard = copied / "train-00003.arrayrecord"
     data = shard.read_bytes()
@@ -241,21 +258,19 @@ def crafted(content, **changes):
     return zlib.crc32(body).to_bytes(4, "little") + body
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("category", 5), ("category", None), ("model_id", {"a": 1}), ("source", [1]),
-        ("category", "x" * 1_000_000), ("model_id", "x" * 1001), ("source", "x" * 1001),
-        ("extra", 3), ("view", "3"), ("view", True), ("view", 1 << 40),
-        ("intrinsics", np.full(9, np.nan, "<f4").tobytes()),
-        ("extrinsics", np.ones(12, "<f4").tobytes()),
-    ],
-)  # fmt: skip
-def test_records_with_a_wrong_field_are_refused_wherever_they_are_decoded(sample, name, value):
-    data = crafted(msgpack.unpackb(encode(sample)[4:]), **{name: value})
+def test_records_with_a_wrong_field_are_refused_wherever_they_are_decoded(sample):
+    content = msgpack.unpackb(encode(sample)[4:])
     for read in (decode, decode_stored, lambda data: decode_stored(data, ("points",))):
-        with pytest.raises(ValueError, match=name):
-            read(data)
+        all_refused(lambda wrong, read=read: read(crafted(content, **wrong)), ValueError, [
+            ({name: value}, name)
+            for name, value in (
+                ("category", 5), ("category", None), ("model_id", {"a": 1}), ("source", [1]),
+                ("category", "x" * 1_000_000), ("model_id", "x" * 1001), ("source", "x" * 1001),
+                ("extra", 3), ("view", "3"), ("view", True), ("view", 1 << 40),
+                ("intrinsics", np.full(9, np.nan, "<f4").tobytes()),
+                ("extrinsics", np.ones(12, "<f4").tobytes()),
+            )
+        ])  # fmt: skip
 
 
 def webp(width, height):
@@ -273,26 +288,21 @@ def test_fields_out_of_range_are_refused_before_they_take_memory(sample):
     huge, far, near = (size * np.eye(3, 4, dtype="<f8") for size in (1e306, 1e8, 1e9 / 65535))
     nan = np.full((3, 4), np.nan)
     bomb = zlib.compress(bytes(50_000_000))
-    for changes, expected in (
-        ({"mask": bomb}, "'mask' does not inflate to its"),
-        ({"points": points | {"steps": bomb}}, "'points' does not inflate to its"),
+    all_refused(lambda changes: decode(crafted(content, **changes)), ValueError, [
+        ({"mask": bomb}, "'mask'"),
+        ({"points": points | {"steps": bomb}}, "'points'"),
         ({"points": points | {"count": 1 << 40}}, "number of points"),
-        *(
-            ({"points": points | {"matrix": m.tobytes()}}, "points up to")
-            for m in (huge, -far, nan)
-        ),
-        ({"points": points | {"bits": "a\nb"}}, r"points of 'a\\nb' bits"),
-        ({"points": 5}, "not as expected"),
-        ({"depth": depth | {"offset": -100.0}}, "depth from"),
-        ({"depth": depth | {"scale": float("nan")}}, "depth from"),
+        *(({"points": points | {"matrix": m.tobytes()}}, "points") for m in (huge, -far, nan)),
+        ({"points": points | {"bits": "a\nb"}}, r"points of 'a\nb' bits"),
+        ({"points": 5}, "field"),
+        ({"depth": depth | {"offset": -100.0}}, "depth"),
+        ({"depth": depth | {"scale": float("nan")}}, "depth"),
         ({"image": image | {"size": [1 << 30, 1 << 30]}}, "height of the image"),
-        ({"image": image | {"size": [32, 24]}}, "image is RGB"),
+        ({"image": image | {"size": [32, 24]}}, "image"),
         ({"image": image | {"webp": b"no image"}}, "image"),
-        ({"image": image | {"webp": webp(10_000, 10_000)}}, "image is far larger"),
-        ({"image": image | {"webp": webp(16_383, 16_383)}}, "image is far larger"),
-    ):
-        with pytest.raises(ValueError, match=expected):
-            decode(crafted(content, **changes))
+        ({"image": image | {"webp": webp(10_000, 10_000)}}, "image"),
+        ({"image": image | {"webp": webp(16_383, 16_383)}}, "image"),
+    ])  # fmt: skip
     # The normals of older records are skipped.
     changes = {"points": points | {"matrix": near.tobytes()}, "normals": {"bits": 8, "codes": b"x"}}
     largest = decode(crafted(content, **changes))

@@ -153,14 +153,6 @@ def test_models_and_clouds_in_two_splits_are_named(tmp_path, caplog):
         check_message("".join(lines), *words)
 
 
-def test_the_authors_records_give_no_word(authors_batches, tmp_path, caplog):
-    """Of all 1,759, four have a fit below .75."""
-    from psgn_jax.data.sources import authors
-
-    entries = authors.read_batch(authors_batches / "15.gz")
-    assert not found(tmp_path, caplog, train=[entry.sample for entry in entries])
-
-
 def conventions():
     """What one has and the line of code, in the tables of the page."""
     text = (ROOT / "docs/data.md").read_text().partition("### Conventions")[2].partition("\n## ")[0]

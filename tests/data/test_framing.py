@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers import drawn_solids as solids
 
+from psgn_jax.config.data import DataConfig
 from psgn_jax.data import augment, camera, framing
 from psgn_jax.data.resample import box_of
 
@@ -76,7 +77,7 @@ def test_reframe_scatters_as_configured_and_places_a_share():
     scales, rows = [], []
     for seed in range(300):
         rng = np.random.default_rng(seed)
-        moved = augment.reframe(view, rng, scale_deviation=0.1, shift_deviation=0.03)
+        moved = augment.reframe(view, rng, DataConfig(reframe_scale=0.1, reframe_shift=0.03))
         spread = np.ptp(moved.points, axis=0) / np.ptp(view.points, axis=0)
         scales.append(np.log(spread[0]))
         top, bottom, *_ = box_of(moved.mask)
@@ -86,7 +87,9 @@ def test_reframe_scatters_as_configured_and_places_a_share():
     assert np.std(rows) == pytest.approx(0.96 * 0.03 * 96, abs=0.6)
     assert np.abs(scales).max() < 0.201
     view = solids.view_of("cone", (96, 128))
-    results = [augment.reframe(view, np.random.default_rng(s), place_share=0.3) for s in range(60)]
+    results = [
+        augment.reframe(view, np.random.default_rng(s), DataConfig(place=0.3)) for s in range(60)
+    ]
     share = np.mean([result is not view for result in results])
     assert 0.15 < share < 0.45
 
@@ -96,8 +99,8 @@ def test_reframe_places_other_angles_as_if_seen_by_the_authors_camera():
     views = [seen_from(points.astype(np.float32), tilt) for tilt in (20.0, 50.0, -5.0)]
     # No share of placed views: other angles keep their image and points too.
     for view in views:
-        assert augment.reframe(view, np.random.default_rng(0), place_share=0.0) is view
-    results = [augment.reframe(v, np.random.default_rng(2), place_share=1e-9) for v in views]
+        assert augment.reframe(view, np.random.default_rng(0), DataConfig(place=0.0)) is view
+    results = [augment.reframe(v, np.random.default_rng(2), DataConfig(place=1e-9)) for v in views]
     assert all(framing.has_authors_angle(moved.extrinsics) for moved in results)
     assert results[0] is views[0]
     for view, moved in zip(views[1:], results[1:], strict=True):
@@ -113,7 +116,9 @@ def test_reframe_places_other_angles_as_if_seen_by_the_authors_camera():
     # The points do not depend on the angle.
     np.testing.assert_allclose(results[1].points, results[2].points, atol=1e-5)
     with_depth = dataclasses.replace(views[1], depth=np.ones((192, 256), np.float32))
-    assert augment.reframe(with_depth, np.random.default_rng(2), place_share=1e-9) is with_depth
+    assert (
+        augment.reframe(with_depth, np.random.default_rng(2), DataConfig(place=1e-9)) is with_depth
+    )
 
 
 def seen_from(points, tilt):

@@ -4,13 +4,11 @@ The object consists of boxes in ShapeNet's axes (+y up) and has no symmetry. The
 with the camera matrices of those projects, not with the camera of the package.
 """
 
-import base64
-import json
 import re
-import zlib
 
 import numpy as np
 from PIL import Image
+from scipy import ndimage
 
 from psgn_jax.data.sources.binvox import Binvox
 
@@ -124,10 +122,8 @@ def write_binvox(path, grid):
     path.write_bytes(header.encode() + b"data\n" + data)
 
 
-def grid_of_extra(extra):
-    """The volume in `Sample.extra`: cells, bool [n, n, n], and `grid_to_frame`, float64 [3, 4]."""
-    content = json.loads(extra)
-    size = content["grid_size"]
-    packed = zlib.decompress(base64.b64decode(content["grid"]))
-    bits = np.unpackbits(np.frombuffer(packed, np.uint8), count=size**3)
-    return bits.reshape(size, size, size).astype(bool), np.array(content["grid_to_frame"])
+def share_near_volume(sample):
+    """The share of a sample's points that are in an occupied cell or beside one."""
+    near = ndimage.binary_dilation(np.pad(sample.occupancy, 2), np.ones((3, 3, 3)))
+    cells = np.floor(np.add(sample.points, [1, 1, 0]) * 16).astype(int) + 2
+    return near[tuple(cells.clip(0, 35).T)].mean()

@@ -14,8 +14,7 @@ others `test`. This is the rule of 3D-R2N2 (`lib/data_io.py`), applied to the mo
 
 The data set has no surface points. We sample `points` uniformly on the outer faces of the voxels,
 whose position is in the header of the binvox file. So the points are as coarse as the voxels (1/32
-of the longest edge). `occupancy` is the volume resampled to the frame of the view; the original
-volume is in `extra`.
+of the longest edge). `occupancy` is the volume resampled to the frame of the view.
 """
 
 import pathlib

@@ -13,12 +13,9 @@ in the metadata was not used). The camera looks at the origin of the world from 
 direction (1, 0), clockwise seen from above.
 """
 
-import base64
 import dataclasses
 import io
-import json
 import pathlib
-import zlib
 
 import numpy as np
 from PIL import Image
@@ -127,8 +124,7 @@ def turned_occupancy(
 
     We divide a cell into 4^3 parts; a part is solid if its centre is in an occupied cell of
     `solid`. A cell is occupied if at least half of its parts are solid or, to keep thin structures,
-    if any part is and the first rule occupies none of its 26 neighbours. To compare with 3D-R2N2,
-    use its original grid (`grid_extra`).
+    if any part is and the first rule occupies none of its 26 neighbours.
     """
     size, fine = schema.OCCUPANCY_SIZE, schema.OCCUPANCY_SIZE * _FINE
     along = (np.arange(fine) + 0.5) * (2 / fine)
@@ -158,25 +154,6 @@ def drawn_mask(pixels: np.ndarray, depth: np.ndarray, shape: tuple[int, ...]) ->
     hit = np.zeros((height, width), np.bool_)
     hit[cell[:, 1], cell[:, 0]] = True
     return ndimage.binary_closing(np.pad(hit, 1), np.ones((3, 3)))[1:-1, 1:-1]
-
-
-def grid_extra(solid: WorldGrid, origin: np.ndarray, unit: float, turn: np.ndarray) -> str:
-    """The volume in its original grid, as the text of `Sample.extra`.
-
-    JSON: `grid` is the base64 of the deflated bits of `cells` [n, n, n]. `grid_size` is n.
-    `grid_to_frame` [3, 4] maps indices to the frame of the sample; cell (i, j, k) spans [i, i+1]
-    along x, and so on.
-    """
-    linear = turn * (solid.edge / unit)
-    moved = turn @ (solid.low - origin) / unit
-    packed = zlib.compress(np.packbits(solid.cells).tobytes(), 9)
-    return json.dumps(
-        {
-            "grid": base64.b64encode(packed).decode(),
-            "grid_size": len(solid.cells),
-            "grid_to_frame": np.concatenate([linear, moved[:, None]], axis=1).tolist(),
-        }
-    )
 
 
 def read_limited(path: pathlib.Path) -> bytes:
@@ -239,5 +216,4 @@ class ShapeNetModel:
             model_id=f"{self.synset}/{self.name}",
             view=view,
             source=self.source,
-            extra=grid_extra(solid, origin, unit, turn) if solid else "",
         )

@@ -149,7 +149,7 @@ def test_conversion_refuses_wrong_folders(dataset, tmp_path, authors_file, capsy
 
 def test_real_batches(authors_batches):
     """All 1,504 samples: 94.7 % of the points inside the mask; the fit is above .99 in 98 %."""
-    found, sizes = [], []
+    found, sizes, doubts = [], [], Doubts()
     for name in ("15.gz", "3.gz"):
         for number, entry in enumerate(authors.read_batch(authors_batches / name)):
             assert authors.split_of(authors_batches / name, entry.sample.model_id) == (
@@ -160,10 +160,12 @@ def test_real_batches(authors_batches):
                 pixels, _ = camera.project(sample.points, sample.intrinsics, sample.extrinsics)
                 inside = camera.inside_mask(pixels, sample.mask).mean()
                 found.append((inside, fit(sample), np.linalg.norm(sample.points, axis=1).max()))
-                sizes.append(len(entry.encode()))
+                sizes.append(len(record := entry.encode()))
+                doubts.add(name, unpack(record), sample)
             schema.check_content(entry.sample)
             colour = (entry.sample.image != schema.BACKGROUND_GREY).any(axis=2)
             assert (colour != entry.sample.mask).mean() < 1e-2  # some objects have grey pixels
+    assert not list(doubts.lines())
     inside, fits, reach = np.array(found).T
     assert inside.mean() > 0.93
     assert (fits > 0.99).mean() > 0.95
