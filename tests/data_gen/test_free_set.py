@@ -1,7 +1,5 @@
-import errno
 import gzip
 import json
-import unittest.mock
 
 import free_set
 import numpy as np
@@ -10,7 +8,6 @@ from helpers.obj_text import CUBE, FACES
 from helpers.refusals import all_refused, refused
 
 from data_gen.catalogues.open_catalogue import open_catalogue
-from psgn_jax.data.shards import Progress
 
 
 def test_families_of_near_duplicates():
@@ -51,18 +48,6 @@ def test_a_larger_part_holds_a_smaller_one():
         free_set.select(small(exclude=".*"), "")
 
 
-def test_missing_packages_are_said_with_the_commands(write, tmp_path):
-    known = list(free_set.SOURCES.values())
-    lines = free_set.missing(known, tmp_path / "a b")
-    place = tmp_path / "a b" / "sweethome3d-furniture"
-    assert f"dpkg-deb -x sweethome3d-furniture_*.deb '{place}'" in lines
-    packages = [source for source in known if source.package not in ("", free_set.MESHES)]
-    for source in packages:
-        assert all(x.holders for x in source.licences if x.name != "see the package")
-        write(source.path(tmp_path), "")
-    assert free_set.missing(packages, tmp_path) == []
-
-
 INDEX = """file,category,licence,author,repository,commit
 a/chair-1.obj,chair,CC0-1.0,Ann,ann/things,abc
 a/chair-2.obj,chair,CC-BY-3.0,Ann,ann/things,abc
@@ -91,7 +76,7 @@ def test_meshes_are_divided_by_the_licence_in_their_index(meshes, caplog):
     good = {"status": "ok", "reason": "", "split": "train", "samples": 1}
     lines = {"collections": [{**good, "model_id": e.model_id} for e in models]}
     text = free_set.write_table(meshes, free_set.plan([collections]), str(meshes), lines)
-    assert "| collections | meshes | 2 | 2 | 0 | CC-BY-3.0 (1); CC0-1.0 (1) | Ann |" in text
+    assert "| 2 | 2 | 0 | CC-BY-3.0 (1); CC0-1.0 (1) | Ann |" in text
     assert free_set.with_meshes([collections, copyleft], meshes) == [collections, copyleft]
     (meshes / "meshes/index.csv").write_text(INDEX.replace("GPL-2.0", "MIT"))
     assert free_set.with_meshes([collections, copyleft], meshes) == [collections]
@@ -183,7 +168,6 @@ def test_the_table(write, tmp_path):
     (row,) = json.loads((tmp_path / "sources.json").read_text())
     assert row["licences"]["MIT"] == {"models": 1, "holders": ["M"]}
     assert row["folders"] == list(lines)
-    assert (tmp_path / "SOURCES.md").read_text() == text
     assert (tmp_path / "licences/thing.txt").read_text() == "All of it is free."
     # Later calls add to the table, but data sets that are gone are not in it.
     for folder, found in lines.items():
@@ -194,22 +178,6 @@ def test_the_table(write, tmp_path):
     rows = json.loads((tmp_path / "sources.json").read_text())
     assert [(row["source"], row["images"]) for row in rows] == [("chairs", 6), ("more", 4)]
     assert rows[0]["folders"] == ["level/chairs", *lines]
-
-
-def test_a_source_without_samples_is_not_made(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(free_set, "exit_on_signals", lambda: None)
-    arguments = [f"--packages={tmp_path}", f"--out={tmp_path}", "--sources=procedural"]
-    full = OSError(errno.ENOSPC, "full")
-    for code, outcome in (
-        (2, {"return_value": Progress(40, (), True)}),
-        (5, {"side_effect": full}),
-    ):
-        render = unittest.mock.Mock(**outcome)
-        monkeypatch.setattr(free_set.job, "render_catalogue", render)
-        assert free_set.main(arguments) == code
-        said = capsys.readouterr().out
-        assert "data.path" not in said  # which would name the default data set
-        assert code == 5 or str(tmp_path / "procedural" / "models.jsonl") in said
 
 
 def test_what_is_wrong_is_said_before_the_work(tmp_path, monkeypatch, capsys):
