@@ -6,66 +6,16 @@ from helpers.features import outcome, promised
 from helpers.looks import BLUE, GREY, RED, area, colours
 from helpers.obj_text import RED_BLUE, png
 from helpers.refusals import all_refused, check_message
+from helpers.xml_models import COLOURED, HALVES, INSTANCE, VERTEX, dae, mesh, primitive, source
 
 from data_gen.mesh import UnusableModelError
 from data_gen.readers import collada
 from data_gen.readers.load import load_model
 from data_gen.readers.parts import Part, transformed
 
-HALVES = "<triangles count='2' material='m'>{inputs}<p>{p}</p></triangles>"
-VERTEX = "<input semantic='VERTEX' source='#v' offset='0'/>"
-INSTANCE = (
-    "<instance_geometry url='#g'><bind_material><technique_common><instance_material symbol='m' "
-    "target='#{target}'>{inputs}</instance_material></technique_common></bind_material>"
-    "</instance_geometry>"
-)
 U = "0 0 0 3 0 0 3 3 0 2 3 0 2 1 0 1 1 0 1 3 0 0 3 0"
-COLOURED = "<diffuse><color>1 0 0 1</color></diffuse>"
 SHARE = "<transparency><float>{}</float></transparency>"
 TEXTURED = "<diffuse><texture texture='sa' texcoord='UV'/></diffuse>"
-
-
-def source(name, numbers, stride=3):
-    params = "".join(f"<param name='{c}' type='float'/>" for c in "XYZW"[:stride])
-    count = len(numbers.split())
-    return (
-        f"<source id='{name}'><float_array id='{name}a' count='{count}'>{numbers}</float_array>"
-        f"<technique_common><accessor source='#{name}a' count='{count // stride}' "
-        f"stride='{stride}'>{params}</accessor></technique_common></source>"
-    )
-
-
-def mesh(primitives, points="0 0 0 1 0 0 1 1 0 0 1 0", more="", name="g"):
-    vertices = "<vertices id='v'><input semantic='POSITION' source='#p'/></vertices>"
-    inside = f"{source('p', points)}{more}{vertices}{primitives}"
-    return f"<geometry id='{name}'><mesh>{inside}</mesh></geometry>"
-
-
-def dae(
-    geometry=None, nodes=None, shading=COLOURED, more="", up="Y_UP", shader="lambert", scene=True
-):
-    geometry = geometry or mesh(HALVES.format(inputs=VERTEX, p="0 1 2 0 2 3"))
-    nodes = nodes or f"<node id='n'>{INSTANCE.format(target='red', inputs='')}</node>"
-    used = "<scene><instance_visual_scene url='#s'/></scene>" if scene else ""
-    return (
-        "<?xml version='1.0'?><COLLADA xmlns='http://www.collada.org/2005/11/COLLADASchema' "
-        f"version='1.4.1'><asset><up_axis>{up}</up_axis></asset>"
-        "<library_images><image id='i'><init_from>halves.png</init_from></image></library_images>"
-        "<library_effects><effect id='e'><profile_COMMON>"
-        "<newparam sid='su'><surface type='2D'><init_from>i</init_from></surface></newparam>"
-        "<newparam sid='sa'><sampler2D><source>su</source></sampler2D></newparam>"
-        f"<technique sid='c'><{shader}>{shading}</{shader}></technique></profile_COMMON></effect>"
-        "</library_effects><library_materials><material id='red'><instance_effect url='#e'/>"
-        f"</material></library_materials><library_geometries>{geometry}</library_geometries>{more}"
-        f"<library_visual_scenes><visual_scene id='s'>{nodes}</visual_scene>"
-        f"</library_visual_scenes>{used}</COLLADA>"
-    )
-
-
-def primitive(tag, body, points="0 0 0 1 0 0 1 1 0 0 1 0"):
-    return mesh(f"<{tag} count='1'>{VERTEX}{body}</{tag}>", points)
-
-
 OTHER = "<visual_scene id='other'/>"
 CONCAVE = primitive("polylist", "<vcount>8</vcount><p>0 1 2 3 4 5 6 7</p>", U)
 SKIN = "<library_controllers><controller id='c'>{}</controller></library_controllers>"

@@ -3,6 +3,7 @@ import re
 
 import numpy as np
 import pytest
+from helpers.xml_models import dae, primitive
 
 from data_gen.mesh import UnusableModelError
 from data_gen.readers.load import load_model
@@ -27,25 +28,13 @@ def broken(data, rng):
     return data[:place] + bytes(rng.choices(b"0123456789.-e ", k=3)) + data[place + 3 :]
 
 
-DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
-<asset><up_axis>Y_UP</up_axis></asset><library_geometries><geometry id="g"><mesh>
-<source id="p"><float_array id="a" count="24">{}</float_array><technique_common>
-<accessor source="#a" count="8" stride="3"><param name="X" type="float"/>
-<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
-<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
-<triangles count="12"><input semantic="VERTEX" source="#v" offset="0"/><p>{}</p></triangles>
-</mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="s"><node>
-<instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
-<scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
-
-
 @pytest.mark.parametrize("kind", ["obj", "ply", "ascii.ply", "off", "stl", "ascii.stl", "dae"])
 def test_broken_files_are_refused_or_read(trimesh, write, kind):
     box, ending = trimesh.creation.box(), kind.rpartition(".")[2]
     box.visual.vertex_colors = [255, 0, 0, 255]
     if kind == "dae":
-        numbers = (" ".join(map(str, values.ravel())) for values in (box.vertices, box.faces))
-        data = DAE.format(*numbers)
+        points, corners = (" ".join(map(str, a.ravel())) for a in (box.vertices, box.faces))
+        data = dae(primitive("triangles", f"<p>{corners}</p>", points))
     elif kind == "ascii.stl":
         data = trimesh.exchange.stl.export_stl_ascii(box).encode()
     elif kind == "ascii.ply":
