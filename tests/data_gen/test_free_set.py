@@ -1,6 +1,3 @@
-import gzip
-import json
-
 import free_set
 import numpy as np
 import pytest
@@ -144,40 +141,6 @@ def test_a_share_of_the_views_goes_to_another_preset(caplog):
     assert free_set.settings_of(level).camera.elevation == (-8, 10)
     with refused(ValueError, "fractions"):
         free_set.plan(chosen, {"photo": 0.6, "angles": 0.5})
-
-
-def test_the_table(write, tmp_path):
-    documents = "thing/usr/share/doc/thing"
-    write(f"{documents}/copyright", "All of it is free.")
-    changes = gzip.compress(b"thing (1:2.3-4) unstable; urgency=low\n")
-    write(f"{documents}/changelog.Debian.gz", changes)
-
-    def line(name, samples, reason=""):
-        status = {"status": "refused" if reason else "ok", "reason": reason, "split": "train"}
-        return {"model_id": name, "category": "", "samples": samples, **status}
-
-    parts = free_set.plan([small(package="thing")], {"photo": 0.5})
-    bad = [line(f"lamp-{k}", 0, f"file '{k}.png' has {k} bytes") for k in (2, 13)]
-    lines = {
-        "chairs": [line("chair-1", 2), line("lamp-1", 2), *bad],
-        "photo/chairs": [line("chair-1", 1)],
-    }
-    text = free_set.write_table(tmp_path, parts, str(tmp_path), lines)
-    assert "| chairs | thing 1:2.3-4 | 2 | 5 | 2 | CC0-1.0 (1); MIT (1) |" in text
-    assert "chairs: 2 x file ... has N bytes" in text
-    (row,) = json.loads((tmp_path / "sources.json").read_text())
-    assert row["licences"]["MIT"] == {"models": 1, "holders": ["M"]}
-    assert row["folders"] == list(lines)
-    assert (tmp_path / "licences/thing.txt").read_text() == "All of it is free."
-    # Later calls add to the table, but data sets that are gone are not in it.
-    for folder, found in lines.items():
-        write(f"{folder}/models.jsonl", "".join(json.dumps(x) + "\n" for x in found))
-    more = free_set.plan([small("more"), small(package="thing")], {"level": 1})
-    added = {"level/more": lines["chairs"], "level/chairs": lines["photo/chairs"]}
-    free_set.write_table(tmp_path, more, "", added)
-    rows = json.loads((tmp_path / "sources.json").read_text())
-    assert [(row["source"], row["images"]) for row in rows] == [("chairs", 6), ("more", 4)]
-    assert rows[0]["folders"] == ["level/chairs", *lines]
 
 
 def test_what_is_wrong_is_said_before_the_work(tmp_path, monkeypatch, capsys):

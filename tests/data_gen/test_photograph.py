@@ -1,4 +1,3 @@
-import dataclasses
 import json
 
 import numpy as np
@@ -10,10 +9,9 @@ from data_gen.catalogues import shapes
 from data_gen.catalogues.entry import Entry
 from data_gen.engine import Variant
 from data_gen.mesh import Material
-from data_gen.photograph import develop, trace
+from data_gen.photograph import trace
 from data_gen.picture import Mesh, Scene, render
 from data_gen.render_model import Context
-from data_gen.settings import FilmSettings
 from data_gen.surroundings import Surroundings
 from psgn_jax.config import structured
 from psgn_jax.data import camera as project_camera
@@ -73,24 +71,6 @@ def test_contact_shadow_of_a_black_box(started):
     assert 0.5 < foot < 0.8
     assert foot < near < far
     assert far == pytest.approx(1, abs=0.12)
-
-
-def test_film_is_repeatable_and_follows_its_settings():
-    rng = np.random.default_rng(0)
-    light = rng.uniform(0, 1, (24, 32, 3)).astype(np.float32) ** 2
-    weight = np.ones((24, 32))
-    still = FilmSettings(exposure=(0, 0), grain=(0, 0), vignette=(0, 0), blur=(0, 0))
-
-    def take(chosen):
-        return develop(light, weight, chosen, np.random.default_rng(1), illuminant=np.ones(3))
-
-    np.testing.assert_array_equal(take(FilmSettings()), take(FilmSettings()))
-    dark = dataclasses.replace(still, exposure=(-1.0, -1.0))
-    assert take(dark).mean() < take(still).mean() - 10
-    blurred = dataclasses.replace(still, blur=(1.5, 1.5))
-    assert take(blurred).std() < 0.7 * take(still).std()
-    corners = take(dataclasses.replace(still, vignette=(1.0, 1.0)))[0, 0].mean()
-    assert corners < take(still)[0, 0].mean()
 
 
 def load_box():

@@ -83,8 +83,3 @@ def test_off_polygons_free_form_and_refusals(write):
         ("abc\n", "OFF"),
     )
     all_refused(lambda text: load_model(write("a.off", text)), UnusableModelError, table)
-
-
-def test_off_faces_over_lines_keep_their_colours(write):
-    faces = ["3 0\n1\n2 255 0 0", "3\n0 2 3 0 0 255"]
-    assert colours(load_model(write("a.off", off(faces=faces)))) == [RED, BLUE]

@@ -43,19 +43,6 @@ def test_other_suffixes_are_named(write):
     all_refused(lambda kind: load_model(write(f"a.{kind}", OBJ)), UnusableModelError, table)
 
 
-def test_reasons_of_files_beside_a_model(write):
-    pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:00\n"
-    write("m.mtl", pointer)
-    write("n.mtl", "newmtl a\nmap_Kd x.png\n")
-    write("x.png", pointer)
-    model = load_model(write("a.obj", f"mtllib m.mtl n.mtl\nusemtl a\n{OBJ}"))
-    assert [line.partition(": ")[0] for line in model.warnings] == [
-        "material files not readable",
-        "textures not readable, the plain colour is used",
-    ]
-    assert all("it is a Git LFS pointer" in line for line in model.warnings)
-
-
 def test_reasons_of_compressed_files(write, monkeypatch):
     monkeypatch.setattr(load, "MAX_FILE_BYTES", 10_000)
     assert len(load_model(write("a.obj.gz", gzip.compress(OBJ.encode()))).faces) == 12
