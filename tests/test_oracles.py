@@ -1,7 +1,7 @@
 """Results that no refactoring may change: the leaves of a checkpoint, metrics, and a resumed run.
 
 `oracles/golden.json` has the measurements of a run that was stopped after 6 of 12 steps, from the
-code of version 0.1.0.dev0.
+code of version 0.1.0.dev0, on the records in `oracles/solids`.
 """
 
 import dataclasses
@@ -11,7 +11,6 @@ import pathlib
 import numpy as np
 import pytest
 from helpers import standin
-from helpers.small_runs import write_solids
 
 from psgn_jax.tasks.run import evaluate_run
 from psgn_jax.training import loop
@@ -19,14 +18,14 @@ from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.leaves import named_leaves
 from psgn_jax.weights.run_folder import open_run
 
-GOLDEN = json.loads(pathlib.Path(__file__).with_name("oracles").joinpath("golden.json").read_text())
+ORACLES = pathlib.Path(__file__).with_name("oracles")
+GOLDEN = json.loads((ORACLES / "golden.json").read_text())
 
 
 @pytest.fixture(scope="module")
-def config(tmp_path_factory):
-    data = write_solids(tmp_path_factory.mktemp("oracles") / "data")
+def config():
     steps = {"train__eval_every": 3, "train__keep_checkpoints": 1, "eval__emd_tolerance": 0.01}
-    return standin.config(data__path=str(data), **steps)
+    return standin.config(data__path=str(ORACLES / "solids"), **steps)
 
 
 @pytest.fixture(scope="module")
