@@ -1,3 +1,4 @@
+import dataclasses
 import json
 
 import numpy as np
@@ -9,9 +10,10 @@ from data_gen.catalogues import shapes
 from data_gen.catalogues.entry import Entry
 from data_gen.engine import Variant
 from data_gen.mesh import Material
-from data_gen.photograph import trace
+from data_gen.photograph import develop, trace
 from data_gen.picture import Mesh, Scene, render
 from data_gen.render_model import Context
+from data_gen.settings import FilmSettings
 from data_gen.surroundings import Surroundings
 from psgn_jax.config import structured
 from psgn_jax.data import camera as project_camera
@@ -71,6 +73,19 @@ def test_contact_shadow_of_a_black_box(started):
     assert 0.5 < foot < 0.8
     assert foot < near < far
     assert far == pytest.approx(1, abs=0.12)
+
+
+def test_film_follows_its_settings(rng):
+    light, weight = rng.uniform(0, 1, (24, 32, 3)).astype(np.float32) ** 2, np.ones((24, 32))
+    still = FilmSettings(exposure=(0, 0), grain=(0, 0), vignette=(0, 0), blur=(0, 0))
+
+    def take(**changes):
+        film = dataclasses.replace(still, **changes)
+        return develop(light, weight, film, np.random.default_rng(1), illuminant=np.ones(3))
+
+    assert take(exposure=(-1.0, -1.0)).mean() < take().mean() - 10
+    assert take(blur=(1.5, 1.5)).std() < 0.7 * take().std()
+    assert take(vignette=(1.0, 1.0))[0, 0].mean() < take()[0, 0].mean()
 
 
 def load_box():
