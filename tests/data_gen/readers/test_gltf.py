@@ -71,12 +71,6 @@ def painted(g, factors=None, fields=None, **attributes):
 # --- Files that were read wrongly ---------------------------------------------------------------
 
 
-@case(faces=5, area=0.5)
-def fanmix(g):
-    fan = np.array([[0, 0, 0], [-1, 0, 0], [-1, -0.5, 0], [-1, -1, 0], [0, -1, 0]], "f4")
-    return g.show([g.square(), g.square(None, fan) | {"mode": 6}]).text()
-
-
 def draco(garbage=False):
     DracoPy = pytest.importorskip("DracoPy")
     data = DracoPy.encode(at(2), TWO.reshape(2, 3), preserve_order=True)
