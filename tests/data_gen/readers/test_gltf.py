@@ -171,16 +171,13 @@ def box_vertex_colours(g):
     return g.show([g.square(COLOR_0=paint)]).text()
 
 
-@case(colours=[(0.73, 0, 0), (0, 0, 0)])
-def vertex_colours_times_a_texture(g):
-    dark = np.tile(np.array([[0.5, 1, 0, 1]], "f4"), (4, 1))
-    return g.show([textured(g, COLOR_0=dark)]).text()
+case("colours of vertices times a texture", colours=[(0.73, 0, 0), (0, 0, 0)])(
+    lambda g: g.show([textured(g, COLOR_0=np.array([[0.5, 1, 0, 1]] * 4, "f4"))]).text()
+)
 
-
-@case(warns=("scenes other than the default",))
-def multiple_scenes(_):
-    g = Gltf(scenes=[{"nodes": [0]}, {"nodes": [1]}], scene=1)
-    return g.show([g.square()]).show([g.square()]).text()
+case("MultipleScenes", warns=("scenes other than the default",))(
+    lambda _: changed(nodes=[{}, {"mesh": 0}], scenes=[{"nodes": [0]}, {"nodes": [1]}], scene=1)
+)
 
 
 @case("MorphPrimitivesTest", faces=4, extents=(2, 1.5, 0))
@@ -242,12 +239,12 @@ def quantised_coordinates_and_turned_instances(_):
     return g.show([part], extensions={"EXT_mesh_gpu_instancing": {"attributes": placed}}).text()
 
 
-@case("MultiUVTest", faces=4, colours=[R, B, B, R])
-def multi_uv(g):
-    first = textured(g, TEXCOORD_1=ASIDE)
-    second = textured(g, texture={"texCoord": 1}, positions=at(2),
-                      TEXCOORD_1=ASIDE)  # fmt: skip
-    return g.show([first, second]).text()
+case("MultiUVTest", faces=4, colours=[R, B, B, R])(
+    lambda g: g.show([
+        textured(g, TEXCOORD_1=ASIDE),
+        textured(g, texture={"texCoord": 1}, positions=at(2), TEXCOORD_1=ASIDE),
+    ]).text()
+)  # fmt: skip
 
 
 # A texture of four colours, whose columns are asked for beyond its right border.
@@ -315,11 +312,11 @@ case("the alpha of an opaque texture", opacities=[1, 1])(
     lambda g: g.show([textured(g, picture([[(*RED, 0), (*BLUE, 200)]]))]).text()
 )
 
-
-@case("UnlitTest", colours=[(1, 0.73, 0), (1, 0.73, 0)])
-def unlit(g):
-    bare = {"extensions": {"KHR_materials_unlit": {}}}
-    return g.show([painted(g, {"baseColorFactor": [1, 0.5, 0, 1]}, bare)]).text()
+case("UnlitTest", colours=[(1, 0.73, 0), (1, 0.73, 0)])(
+    lambda g: g.show([painted(
+        g, {"baseColorFactor": [1, 0.5, 0, 1]}, {"extensions": {"KHR_materials_unlit": {}}}
+    )]).text()
+)  # fmt: skip
 
 
 @case("NormalTangentTest", colours=[R, B],
