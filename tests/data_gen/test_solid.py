@@ -45,22 +45,18 @@ def build(*parts):
     return normalize(build_model(*joined(*parts)))
 
 
-THICK = {
-    "table": (
-        shapes.box(1.4, 1.0, 0.25).at(z=0.8),
-        *(shapes.box(0.22, 0.22, 0.7).at(x, y, 0.33) for x in (-0.5, 0.5) for y in (-0.3, 0.3)),
-    ),
-    "mushroom": (shapes.ball(1.2, 1.2, 0.6, 12).at(z=1), shapes.rod((0, 0, 0), (0, 0, 1), 0.2)),
-}
-"""Watertight bodies whose parts are thicker than two cells."""
-
-
 def table(thickness, radius):
     """A top of a thickness, and legs of a radius."""
     ends = itertools.product((-0.5, 0.5), (-0.5, 0.5))
     legs = [shapes.rod((x, y, 0), (x, y, 0.9), radius) for x, y in ends]
     return [shapes.box(1.4, 1.4, thickness).at(z=0.9), *legs]
 
+
+THICK = {
+    "table": table(0.25, 0.12),
+    "mushroom": (shapes.ball(1.2, 1.2, 0.6, 12).at(z=1), shapes.rod((0, 0, 0), (0, 0, 1), 0.2)),
+}
+"""Watertight bodies whose parts are thicker than two cells."""
 
 JUNCTIONS = {
     "thin top": table(0.02, 0.1),
