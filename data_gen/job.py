@@ -41,13 +41,9 @@ FEW_MODELS = 20
 _SHOWN = 40  # largest number of logged warnings of a kind, and of refusals in a summary
 
 
-def _with_samples(lines: Sequence[shards.Line]) -> dict[str, str]:
-    """The splits of the objects with samples, by name."""
-    return {original_name(x["model_id"]): x["split"] for x in lines if x["samples"]}
-
-
 def _warn_of_few(lines: Sequence[shards.Line], wanted: Sequence[str]) -> None:
-    counts = Counter(_with_samples(lines).values())
+    made = {original_name(x["model_id"]): x["split"] for x in lines if x["samples"]}
+    counts = Counter(made.values())
     if counts.total() < FEW_MODELS:
         logging.warning(
             "a small set (models with samples: %s): a network overfits on it, and its figures say "

@@ -1,6 +1,7 @@
 """Results that no refactoring may change: the leaves of a checkpoint, metrics, an evaluation.
 
-`oracles/golden.json` has the measurements of a run of 6 steps, from the code of version 0.1.0.dev0.
+`oracles/golden.json` has the measurements of a run of 6 steps, from the code of version 0.1.0.dev0,
+on the records in `oracles/solids`.
 """
 
 import json
@@ -8,7 +9,6 @@ import pathlib
 
 import numpy as np
 from helpers import standin
-from helpers.small_runs import write_solids
 
 from psgn_jax.tasks.run import evaluate_run
 from psgn_jax.training import loop
@@ -16,18 +16,22 @@ from psgn_jax.training.log import read_metrics
 from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.run_folder import open_run
 
-GOLDEN = json.loads(pathlib.Path(__file__).with_name("oracles").joinpath("golden.json").read_text())
+ORACLES = pathlib.Path(__file__).with_name("oracles")
+GOLDEN = json.loads((ORACLES / "golden.json").read_text())
 
 
 def test_a_run_of_six_steps(tmp_path):
-    data, run = write_solids(tmp_path / "data"), tmp_path / "run"
+    data, run = ORACLES / "solids", tmp_path / "run"
     steps = {"train__steps": 6, "train__eval_every": 3, "train__keep_checkpoints": 1}
     loop.train(standin.config(data__path=str(data), eval__emd_tolerance=0.01, **steps), run)
     found = Checkpoints(run / "checkpoints", read_only=True).restore_newest()
     leaves = {name: f"{a.dtype}{list(a.shape)}" for name, a in found.leaves.items()}
     assert leaves == GOLDEN["leaves"]
     measured = [*read_metrics(run / "metrics.jsonl"), evaluate_run(open_run(run, "last")).means]
-    for line, golden in zip(measured, [*GOLDEN["metrics"], GOLDEN["means"]], strict=True):
+    tolerances = [1e-3] * len(GOLDEN["metrics"]) + [1e-4]
+    for line, golden, rtol in zip(
+        measured, [*GOLDEN["metrics"], GOLDEN["means"]], tolerances, strict=True
+    ):
         for name, value in golden.items():
             if isinstance(value, int | float):
-                np.testing.assert_allclose(line[name], value, rtol=1e-3, atol=1e-6, err_msg=name)
+                np.testing.assert_allclose(line[name], value, rtol, 1e-6, err_msg=name)

@@ -54,7 +54,7 @@ class Entry:
         See `proportions.random_proportions` for the deviation.
         """
         name = f"{self.model_id}{_VARIANT}{number}"
-        load = functools.partial(_load_variant, self.load, name, deviation)
+        load = functools.partial(vary, self.load, name, deviation)
         return Entry(name, self.category, self.split, load, find_file=self.find_file)
 
 
@@ -64,10 +64,6 @@ _VARIANT = " variant "
 def original_name(model_id: str) -> str:
     """The name without the ending of a variant."""
     return re.sub(rf"{_VARIANT}[0-9]+$", "", model_id)
-
-
-def _load_variant(load: Callable[[], Model], name: str, deviation: float) -> Model:
-    return vary(load(), name, deviation)
 
 
 @dataclasses.dataclass(frozen=True)

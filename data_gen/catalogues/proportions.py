@@ -65,11 +65,12 @@ def random_proportions(
     return change, axes
 
 
-def vary(model: Model, name: str, deviation: float) -> Model:
-    """The model with random proportions and the name `name`, normalised again.
+def vary(load: Callable[[], Model], name: str, deviation: float) -> Model:
+    """The model of `load` with random proportions and the name `name`, normalised again.
 
     We divide normals by the mean stretch of their face along each axis.
     """
+    model = load()
     change, axes = random_proportions(model.vertices, name, deviation)
     turn = np.eye(3)
     turn[:2, :2] = axes

@@ -62,7 +62,7 @@ def authors_content(seed=0, validation=False):
     rotation = Rotation.from_euler("x", 0.3 + seed) * Rotation.from_euler("y", -np.deg2rad(20))
     rotation = rotation.as_matrix().astype(np.float32)
     # In the model's frame axis 0 points down. Its value is 0 on the ground (points / 255 = 0.7).
-    points = solids.torus(0.7, 0.3 if validation else 0.2).sample(rng, 16384)
+    points = solids.torus_points(rng, 0.7, 0.3 if validation else 0.2, 16384)
     model = np.stack([-0.2 - points[:, 2], points[:, 0], points[:, 1]], axis=1)
     codes = np.clip(np.rint((model * 0.4 + [0.7, 0.5, 0.5]) * 255), 0, 255).astype(np.uint8)
     # Draw the exact points, by the formulas of the reference instead of the package's functions.

@@ -80,7 +80,7 @@ def test_data_set_round_trip(dataset):
     train = RecordReader(dataset, "train")
     assert len(train) == 37
     assert [s.count for s in train.shards] == [10, 10, 10, 7]
-    assert [train[i].model_id for i in (9, 10)] == ["torus-0-00009", "box-0-00010"]
+    assert [train[i].model_id for i in (9, 10)] == ["prism-0-00009", "box-0-00010"]
     assert train.locate(29) == (dataset / "train-00002.arrayrecord", 9)
     train.verify()
     with pytest.raises(IndexError):

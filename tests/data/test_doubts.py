@@ -89,7 +89,7 @@ CONVENTIONS = [
     (framed(Y_UP), "+y is up", "[:, [0, 2, 1]] * [1, -1, 1]"),
     (framed(X_UP), "+x is up", "[2, 1, 0]"),
     (of(lambda p: p @ Y_UP.T, "points"), "points", "[0, 2, 1]] * [1, -1, 1]"),
-    (of(lambda d: 1000 * d, "depth"), "depth", "unit", "divide"),
+    (of(lambda d: 50 * d, "depth"), "depth", "unit", "divide"),
     (of(lambda d: np.where(d > 0, 5 / np.maximum(d, 1), 0), "depth"), "inverse depth"),
     (of(lambda d: np.where(d > 0, d, 1e8), "depth"), "depth outside of the mask"),
     (lambda s: outer(lambda e: e + e[:, 2:3] * [0, 0, 0, -0.5])(

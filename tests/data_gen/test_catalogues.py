@@ -78,8 +78,13 @@ def test_folder(trimesh, write, tmp_path, caplog):
     assert proportions(entries["top.glb"]) == [3, 1, 2]
     turned = open_catalogue("folder", tmp_path, up="+z", front="+x").models
     assert proportions(next(e for e in turned if e.model_id == "top.glb")) == [1, 2, 3]
-    table = (({"up": "up"}, "'up'", "+z"), ({"up": "-x", "front": "+x"}, "front '+x'", "up '-x'"))
-    all_refused(lambda axes: open_catalogue("folder", tmp_path, **axes), ValueError, table)
+    table = (
+        ({"up": "up"}, "'up'", "+z"), ({"up": "-x", "front": "+x"}, "front '+x'", "up '-x'"),
+        ({"variants": -1}, "variants", "-1"),
+        ({"variants": 2, "deviation": 1.5}, "deviation", "1.5"),
+        ({"deviation": 0.3}, "deviation", "0.3", "without variants"),
+    )  # fmt: skip
+    all_refused(lambda options: open_catalogue("folder", tmp_path, **options), ValueError, table)
 
 
 def test_folders_behind_links_are_entered_once_and_not_outside(write, tmp_path, caplog):

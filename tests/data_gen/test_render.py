@@ -271,11 +271,9 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
     command = ["--catalogue=procedural", "--source=1", f"--out={tmp_path / 'out'}"]
     cases = (
         ("--shard=2/2", "--shard=2/2", "i/n"),
-        ("--config.vews=3", "--config.vews=3", "'views'"),
         ("--config.views=abc", "abc"),
         ("--config=fotos", "--config=fotos", "'photo'"),
         (f"--config={CONFIG}:nobody", "'nobody'"),
-        ("--config.image.rays=9", "image.rays=9"),
         # The preset sets image.shading=photo, so that only the seed is wrong.
         ("--config=photo --config.image.rays=9 --seed=3", "--seed=3", "--sample"),
         ("--exclude=lmap", "--exclude=lmap", "'lamp'"),

@@ -3,7 +3,6 @@ import itertools
 import numpy as np
 import pytest
 from helpers.obj_text import CUBE, FACES
-from helpers.refusals import all_refused
 
 from data_gen.catalogues import proportions
 from data_gen.catalogues.entry import original_name
@@ -33,16 +32,6 @@ def test_meshes_have_variants_with_the_split_of_their_model(write, tmp_path):
         np.testing.assert_allclose(model.normals, np.broadcast_to(flat, (12, 3, 3)), atol=1e-6)
         np.testing.assert_array_equal(entry.load().vertices, model.vertices)
     assert len(extents) == 3
-
-
-def test_wrong_options_are_named(write, tmp_path):
-    write("a.obj", CUBE + FACES)
-    table = (
-        ({"variants": -1}, "variants", "-1"),
-        ({"variants": 2, "deviation": 1.5}, "deviation", "1.5"),
-        ({"deviation": 0.3}, "deviation", "0.3", "without variants"),
-    )
-    all_refused(lambda options: open_catalogue("folder", tmp_path, **options), ValueError, table)
 
 
 def test_proportions_keep_planes_and_symmetry():

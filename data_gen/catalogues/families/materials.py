@@ -10,7 +10,7 @@ import colorsys
 import dataclasses
 import functools
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -227,29 +227,23 @@ def _shaded(rng: np.random.Generator, colour: Colour, kind: str, gloss: float, p
                     kind in ("wood", "metal"))
 
 
+def _usual(colours: str, kind: str, gloss: float, plain_share: float,
+           *sorts: str) -> Callable[[np.random.Generator], Material]:
+    """Draws materials with a mean colour of `_COLOURS`; the other arguments are as in `_shaded`."""
+    return lambda rng: _shaded(rng, _of(rng, colours), kind, gloss, plain_share, sorts)
+
+
+wood = _usual("wood", "wood", 0.12, 0.15)  # solid wood or boards, with the grain along the part
+metal = _usual("metal", "metal", 0.45, 0.4, "brushed", "cast")  # steel, chrome, iron, brass, bronze
+steel = _usual("gun", "metal", 0.35, 0.5, "brushed", "cast")  # the dark steel of guns
+plastic = _usual("plastic", "metal", 0.25, 0.6, "cast")  # housings: black, grey, white, beige
+stone = _usual("stone", "stone", 0.2, 0.1)  # marble, granite, concrete
+leather = _usual("leather", "leather", 0.2, 0.2)  # grained or with buttons
+
+
 def _pictured(texture: np.ndarray, tile: float, gloss: float, name: str) -> Material:
     """A material with the colours of its texture."""
     return Textured((1.0, 1.0, 1.0), (gloss,) * 3, 60.0, 1.0, texture, name, tile)
-
-
-def wood(rng: np.random.Generator) -> Material:
-    """Solid wood or boards, with the grain along the part."""
-    return _shaded(rng, _of(rng, "wood"), "wood", 0.12, 0.15)
-
-
-def metal(rng: np.random.Generator) -> Material:
-    """Steel, chrome, black iron, brass, bronze."""
-    return _shaded(rng, _of(rng, "metal"), "metal", 0.45, 0.4, ("brushed", "cast"))
-
-
-def steel(rng: np.random.Generator) -> Material:
-    """The dark steel of guns."""
-    return _shaded(rng, _of(rng, "gun"), "metal", 0.35, 0.5, ("brushed", "cast"))
-
-
-def plastic(rng: np.random.Generator) -> Material:
-    """Housings: black, grey, white, beige."""
-    return _shaded(rng, _of(rng, "plastic"), "metal", 0.25, 0.6, ("cast",))
 
 
 def paint(rng: np.random.Generator) -> Material:
@@ -262,16 +256,6 @@ def lacquer(rng: np.random.Generator) -> Material:
     colour = (grey, grey, grey, muted, lively)[int(rng.choice(5,
         p=(0.2, 0.2, 0.2, 0.25, 0.15)))](rng)
     return _shaded(rng, colour, "wood", 0.2, 0.6)
-
-
-def stone(rng: np.random.Generator) -> Material:
-    """Marble, granite, concrete."""
-    return _shaded(rng, _of(rng, "stone"), "stone", 0.2, 0.1)
-
-
-def leather(rng: np.random.Generator) -> Material:
-    """Leather, grained or with buttons."""
-    return _shaded(rng, _of(rng, "leather"), "leather", 0.2, 0.2)
 
 
 def mesh(rng: np.random.Generator) -> Material:

@@ -1,14 +1,13 @@
 """Small files that ask for much by repeating their parts, with a small budget."""
 
-import io
 import struct
-import zipfile
 
 import numpy as np
 import pytest
 from helpers.gltf_files import SQUARE, Gltf
 from helpers.obj_text import CUBE, FACES, png
 from helpers.refusals import refused
+from helpers.xml_models import VERTEX, dae, mesh, three_mf
 
 from data_gen.readers import model_files
 from data_gen.readers.load import load_model
@@ -17,22 +16,8 @@ from data_gen.readers.model_files import OverBudgetError
 ONE = "<instance_geometry url='#g'/>"
 
 
-def dae(nodes, indices="<p>0 1 2</p>", more=""):
-    return f"""<COLLADA><library_geometries><geometry id="g"><mesh><source id="p">
-<float_array id="a">0 0 0 1 0 0 0 1 0</float_array><technique_common><accessor source="#a" count="3"
-stride="3"/></technique_common></source><vertices id="v"><input semantic="POSITION" source="#p"/>
-</vertices>{more}<polygons><input semantic="VERTEX" source="#v"/>{indices}</polygons></mesh>
-</geometry></library_geometries><library_visual_scenes><visual_scene id="s">{nodes}</visual_scene>
-</library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
-
-
-def three_mf(components):
-    stream = io.BytesIO()
-    inside = f"<object id='1'><components>{components}</components></object>"
-    with zipfile.ZipFile(stream, "w") as archive:
-        text = f"<resources>{inside}</resources><build><item objectid='1'/></build>"
-        archive.writestr("a.model", f"<model>{text}</model>")
-    return stream.getvalue()
+def polygons(nodes, indices="<p>0 1 2</p>", more=""):
+    return dae(mesh(f"{more}<polygons>{VERTEX}{indices}</polygons>", "0 0 0 1 0 0 0 1 0"), nodes)
 
 
 def gltf(nodes=1, count=3, primitive=(), **fields):
@@ -61,6 +46,7 @@ def ply(element, body):
     return f"{head}{element}end_header\n".encode() + points + body
 
 
+COMPONENTS = "<component objectid='1'/>" * 500
 LISTS = "element face {}\nproperty list uchar uchar vertex_indices\n"
 STRIPS = "element tristrips 1\nproperty list int char vertex_indices\n"
 STAR = np.exp(2j * np.pi * np.arange(400) / 400) * (1 + np.arange(400) % 2)
@@ -69,12 +55,12 @@ NAMES = "".join(f"newmtl {k}\nmap_Kd {'./' * k}x.png\n" for k in range(300))
 USES = "".join(f"usemtl {k}\nf 1 2 3\n" for k in range(300))
 
 BOMBS = {
-    "components.3mf": three_mf("<component objectid='1'/>" * 500),
-    "nodes.dae": dae("<node id='n'>" + "<instance_node url='#n'/>" * 500 + "</node>"),
-    "damaged.dae": dae(f"<node>{ONE * 200}</node>", "<p>" + "0 1 2 " * 2000 + "x</p>"),
-    "hole.dae": dae(f"<node>{ONE}</node>", f"<ph>{'<p>' + '0 1 2 ' * 500 + '</p>'}"
+    "components.3mf": three_mf(f"<object id='1'><components>{COMPONENTS}</components></object>"),
+    "nodes.dae": polygons("<node id='n'>" + "<instance_node url='#n'/>" * 500 + "</node>"),
+    "damaged.dae": polygons(f"<node>{ONE * 200}</node>", "<p>" + "0 1 2 " * 2000 + "x</p>"),
+    "hole.dae": polygons(f"<node>{ONE}</node>", f"<ph>{'<p>' + '0 1 2 ' * 500 + '</p>'}"
                     f"{'<h>' + '0 1 2 ' * 500 + '</h>'}</ph>"),
-    "empty.dae": dae(f"<node>{ONE * 200}</node>", more="<triangles/>" * 200),
+    "empty.dae": polygons(f"<node>{ONE * 200}</node>", more="<triangles/>" * 200),
     "targets.gltf": sparse(),
     "primitives.gltf": gltf(nodes=200, count=0).text(),
     "joints.gltf": gltf(nodes=200, skins=[{"joints": [0] * 9000}]).text(),

@@ -2,7 +2,6 @@ import contextlib
 
 import numpy as np
 import pytest
-from helpers.features import outcome, promised
 from helpers.looks import BLUE, RED, colours
 from helpers.obj_text import CUBE, FACES, QUADS, RED_BLUE, png
 from helpers.refusals import all_refused, check_message
@@ -52,62 +51,40 @@ def test_blocks_of_lines_do_not_change_the_arrays(tmp_path, monkeypatch):
         np.testing.assert_array_equal(getattr(parts, key), getattr(whole, key))
 
 
-def test_features_are_read_as_the_table_says(write):
-    write("m.mtl", "newmtl a\nmap_Kd gone.png\n")
+def test_what_is_not_read_is_named(write):
+    write("m.mtl", "newmtl a\nmap_Bump x.png\n")
+    write("red.mtl", "newmtl a\nmap_Kd x.png\n")
     write("x.png", png((255, 0, 0)))
-    for name, more in {
-        "clear": "d .5", "moved": "map_Kd -s 2 2 -o .5 x.png", "clamped": "map_Kd -clamp on x.png",
-        "bumpy": "map_Bump x.png", "bright": "Ke 1 1 1", "red": "map_Kd x.png",
-    }.items():  # fmt: skip
-        write(f"{name}.mtl", f"newmtl a\n{more}\n")
-    painted = CUBE.replace("\n", " 1 0 0\n")
-    square = "vt 0 0\nvt 2 0\nvt 0 2\nf 1/1 2/2 3/3\nf 1/1 3/3 8/2\n"
-
-    def made_of(name, vertices=CUBE, faces=FACES):
-        return f"mtllib {name}.mtl\n{vertices}usemtl a\n{faces}"
-
-    texts = {
-        "concave polygons": "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0\nf 1 2 3 4 5 6\n",
-        "faces with missing vertices": CUBE + FACES + "f 1 2 9\n",
-        "missing material files": "mtllib gone.mtl\n" + CUBE + FACES,
-        "missing textures": "mtllib m.mtl\n" + CUBE + "usemtl a\n" + FACES,
-        "coordinates that are not finite": CUBE.replace("v 1", "v nan") + FACES,
-        "missing materials": CUBE + "usemtl a\n" + FACES,
-        "colours of vertices": painted + FACES,
-        "colours of faces with a texture": made_of("red", painted),
-        "lines and points": CUBE + FACES + "l 1 2 3\np 1\n",
-        "curves and surfaces": CUBE + FACES + "curv 0 1 1 2\n",
-        "transparency": made_of("clear"),
-        "normal maps, emission, maps of roughness": made_of("bumpy") + "mtllib bright.mtl\n",
-        "transforms of textures": made_of("moved", faces=square),
-        "textures that do not repeat": made_of("clamped", faces=square),
-        "a byte-order mark": "\ufeff" + CUBE + FACES,
-        "line ends of old Macs": (CUBE + FACES).replace("\n", "\r"),
-    }
-    assert {f: outcome(write("a.obj", text)) for f, text in texts.items()} == promised("OBJ")
+    painted = CUBE.replace("\n", " 1 0 0\n") + "vt 0 0\n" + "usemtl a\nf 1/1 2/1 3/1\n"
+    for text, *words in (
+        (CUBE + FACES + "f 1 2 9\n", "missing vertices", 1),
+        (CUBE + FACES + "l 1 2 3\np 1\n", "lines"),
+        (CUBE + FACES + "curv 0 1 1 2\n", "curves"),
+        (f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}", "map_bump"),
+        (f"mtllib red.mtl\n{painted}", "colours of faces with a texture"),
+    ):
+        (line,) = load_model(write("a.obj", text)).warnings
+        check_message(line, *words)
 
 
 def test_materials_and_missing_files(write):
     materials = {
-        "red paint": "Kd 1 0 0\nKs .5 .5 .5\nNs 80",
-        "glass": "Kd 0 0 1\nd 0.3",
-        "clear": "Tr 0.6",
-        "picture": "Kd 0 0 0\nmap_Kd -s 1 1 1 -o 0.5 some folder\\my picture.png",
+        "red paint": "Kd 1 0 0\nKs .5 .5 .5\nNs 80\nTr 0.6",
+        "picture": "Kd 0 0 0\nmap_Kd some folder\\my picture.png",
         "leaf": "map_Kd my picture.png\nmap_d holes.png",
-        "no picture": "Kd 0 0 0\nmap_Kd ../../../../etc/passwd",
+        "no picture": "Kd 0 0 0\nmap_Kd gone.jpg",
         "plain": "Kd .1 .2 .3\nmap_Kd gone.jpg",
     }
     write("my picture.png", png((10, 20, 30)))
     write("holes.png", png(0, mode="L"))
     write("m.mtl", "".join(f"newmtl {name}\n{text}\n" for name, text in materials.items()))
-    sides = [*QUADS[:4], "3 4 8", "3 8 7", "4 1 5", "4 5 8"]
     names = [*materials, "nothing"]
-    body = "".join(f"usemtl {n}\nf {side}\n" for n, side in zip(names, sides, strict=True))
+    body = "".join(f"usemtl {n}\nf {side}\n" for n, side in zip(names, QUADS, strict=True))
     model = load_model(write("a.obj", f"mtllib m.mtl\nmtllib gone.mtl\n{CUBE}{body}"))
     by_name = {m.name: m for m in model.materials}
     red = by_name["red paint"]
     assert (red.diffuse, red.specular, red.shininess) == ((1, 0, 0), (0.5, 0.5, 0.5), 80)
-    assert [by_name[n].opacity for n in ("glass", "clear")] == pytest.approx([0.3, 0.4])
+    assert red.opacity == pytest.approx(0.4)
     assert by_name["picture"].diffuse == (1, 1, 1)
     assert by_name["picture"].texture[0, 0].tolist() == [10, 20, 30, 255]
     assert by_name["leaf"].texture[0, 0].tolist() == [10, 20, 30, 0]
@@ -115,7 +92,7 @@ def test_materials_and_missing_files(write):
     assert by_name["no picture"].diffuse == (0.6, 0.6, 0.6)
     assert by_name["plain"].diffuse == (0.1, 0.2, 0.3)
     assert len(model.warnings) == len({kind_of_warning(w) for w in model.warnings}) == 4
-    for word in ("'nothing'", "gone.mtl", "etc/passwd', 'gone.jpg'", "'picture', 'leaf'"):
+    for word in ("'nothing'", "gone.mtl", "gone.jpg", "'picture', 'leaf'"):
         assert word in " ".join(model.warnings)
 
 
@@ -149,10 +126,8 @@ def test_mtl_names_and_comments(write):
         assert [m.diffuse for m in model.materials] == [BLUE, RED]
         assert model.warnings == ()
         assert all(m.name.isprintable() for m in model.materials)
-    write("bild ü.png", png((255, 0, 0)))
-    text = "newmtl a b  # 1\nmap_Kd bild ü.png # 2\nnewmtl M #2\nKd 0 0 1 # 3\n"
-    write("m.mtl", text.encode("latin-1"))
-    faces = f"vt 0 0\nusemtl a b\nf 4/1 3/1 2/1 1/1\nusemtl M #2\nf {QUADS[1]} # 4\n"
+    write("m.mtl", "newmtl a b  # 1\nKd 1 0 0\nnewmtl M #2\nKd 0 0 1 # 3\n")
+    faces = f"usemtl a b\nf {QUADS[0]}\nusemtl M #2\nf {QUADS[1]} # 4\n"
     model = load_model(write("a.obj", f"mtllib m.mtl # 0\n{CUBE}{faces}"))
     assert (colours(model), model.warnings) == ([RED] * 2 + [BLUE] * 2, ())
 
@@ -192,24 +167,11 @@ def test_obj_files_that_are_refused(write):
         (CUBE + "f 1 2 99", "vertices"),
         (CUBE + "l 1 2", "8 points", "1 lines"),
         (CUBE + "f 0 1 2", "index 0"),
-        (CUBE + "f 1//1 0//1 2//1", "index 0"),
         (CUBE.replace("v 1 1 1", "v nan 1 1") + FACES, "finite"),
         (CUBE + "f 1 2 x", "number"),
-        ("v 1 2 abc\n" + CUBE + FACES, "number"),
         (CUBE + f"f 1 2 {10**23}", "number"),
         (CUBE + FACES * 5000, "60000 faces", "limit of 1000"),
         (CUBE + "f 1\n" * 2000, "2000 faces"),
     )
     read = lambda text: load_model(write("a.obj", text), max_faces=1000)  # noqa: E731
     all_refused(read, UnusableModelError, table)
-
-
-def test_opacity_0_of_all_materials_is_opaque(write):
-    write("m.mtl", "newmtl a\nKd 1 0 0\nd 0\nnewmtl\nKd 0 0 1\nTr 1\n")
-    faces = "usemtl a\nf 1 2 3\nusemtl\nf 5 6 7\n"
-    model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}{faces}"))
-    assert colours(model) == [RED, BLUE]
-    assert [m.opacity for m in model.materials] == [1, 1]
-    (line,) = model.warnings
-    check_message(line, "opacity 0")
-    assert len(load_model(write("a.obj", f"mtllib m.mtl\nf 4 3 2\n{CUBE}{faces}")).faces) == 1

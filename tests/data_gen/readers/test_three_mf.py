@@ -1,35 +1,16 @@
-import io
-import zipfile
-
 import numpy as np
 import pytest
 from helpers.looks import area
 from helpers.refusals import all_refused, check_message, refused
+from helpers.xml_models import SHAPE, three_mf
 
 from data_gen.mesh import UnusableModelError, face_normals
 from data_gen.readers.load import load_model
 
-POINTS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
-FACES = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
-VERTICES = "".join(f"<vertex x='{x}' y='{y}' z='{z}'/>" for x, y, z in POINTS)
-TRIANGLES = "".join(f"<triangle v1='{a}' v2='{b}' v3='{c}'/>" for a, b, c in FACES)
-MESH = f"<mesh><vertices>{VERTICES}</vertices><triangles>{TRIANGLES}</triangles></mesh>"
-SHAPE = f"<object id='1'>{MESH}</object>"
 TWO = (
     "<object id='2'><components><component objectid='1' transform='-1 0 0 0 1 0 0 0 1 -1 0 0'/>"
     "<component objectid='1' p:path='/3D/b.model'/></components></object>"
 )
-
-
-def three_mf(objects=SHAPE, items="<item objectid='1'/>", head=""):
-    space = "xmlns='http://schemas.microsoft.com/3dmanufacturing/core/2015/02' xmlns:p='p'"
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        for name, inner in {"a": objects, "b": SHAPE}.items():
-            build = f"<build>{items}</build>" if name == "a" else ""
-            text = f"{head}<model {space}><resources>{inner}</resources>{build}</model>"
-            archive.writestr(f"3D/{name}.model", text)
-    return stream.getvalue()
 
 
 def test_3mf_places_and_parts_in_other_files(write):

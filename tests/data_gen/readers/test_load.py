@@ -1,11 +1,62 @@
+import bz2
+import gzip
+import io
+import lzma
 import random
 import re
+import zipfile
 
 import numpy as np
 import pytest
+from helpers.obj_text import CUBE, FACES
+from helpers.refusals import all_refused
+from helpers.xml_models import dae, primitive
 
 from data_gen.mesh import UnusableModelError
-from data_gen.readers.load import load_model
+from data_gen.readers import load
+from data_gen.readers.load import READERS, load_model
+
+OBJ = CUBE + FACES
+
+
+def zipped(text):
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr("a.obj", text)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("kind", sorted(READERS))
+def test_reasons(write, kind):
+    table = (
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:00\n", "git lfs pull"),
+        (b"/annex/objects/MD5E-s1--a.obj\n", "git annex get"),
+        (b"\n <!DOCTYPE HTML><html>", "web page"),
+        (b"", "empty"),
+        (bytes(1000), "zeros"),
+        (gzip.compress(OBJ.encode()), "gzip"),
+        (bz2.compress(OBJ.encode()), "bzip2"),
+        (lzma.compress(OBJ.encode()), "xz"),
+        (zipped(OBJ), {"zae": ".dae", "3mf": "3MF"}.get(kind, "zip")),
+    )
+    all_refused(lambda data: load_model(write(f"a.{kind}", data)), UnusableModelError, table)
+
+
+def test_other_suffixes_are_named(write):
+    table = (("xyzzy", "'xyzzy'", *READERS), ("", "''", *READERS))
+    all_refused(lambda kind: load_model(write(f"a.{kind}", OBJ)), UnusableModelError, table)
+
+
+def test_reasons_of_compressed_files(write, monkeypatch):
+    monkeypatch.setattr(load, "MAX_FILE_BYTES", 10_000)
+    assert len(load_model(write("a.obj.gz", gzip.compress(OBJ.encode()))).faces) == 12
+    table = (
+        (gzip.compress(OBJ.encode())[:-20], "cut off"),
+        (b"abc", "gzip"),
+        (gzip.compress(bytes(20_000)), "10001 bytes", "10000"),
+    )
+    all_refused(lambda data: load_model(write("a.obj.gz", data)), UnusableModelError, table)
+
 
 # Words of Python and its libraries, which a reason must not have.
 PYTHON = r"\w+(Error|Exception)\b|object has no|<_io|NoneType|literal|not convert|out of bounds"
@@ -27,25 +78,13 @@ def broken(data, rng):
     return data[:place] + bytes(rng.choices(b"0123456789.-e ", k=3)) + data[place + 3 :]
 
 
-DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
-<asset><up_axis>Y_UP</up_axis></asset><library_geometries><geometry id="g"><mesh>
-<source id="p"><float_array id="a" count="24">{}</float_array><technique_common>
-<accessor source="#a" count="8" stride="3"><param name="X" type="float"/>
-<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
-<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
-<triangles count="12"><input semantic="VERTEX" source="#v" offset="0"/><p>{}</p></triangles>
-</mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="s"><node>
-<instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
-<scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
-
-
 @pytest.mark.parametrize("kind", ["obj", "ply", "ascii.ply", "off", "stl", "ascii.stl", "dae"])
 def test_broken_files_are_refused_or_read(trimesh, write, kind):
     box, ending = trimesh.creation.box(), kind.rpartition(".")[2]
     box.visual.vertex_colors = [255, 0, 0, 255]
     if kind == "dae":
-        numbers = (" ".join(map(str, values.ravel())) for values in (box.vertices, box.faces))
-        data = DAE.format(*numbers)
+        points, corners = (" ".join(map(str, a.ravel())) for a in (box.vertices, box.faces))
+        data = dae(primitive("triangles", f"<p>{corners}</p>", points))
     elif kind == "ascii.stl":
         data = trimesh.exchange.stl.export_stl_ascii(box).encode()
     elif kind == "ascii.ply":
