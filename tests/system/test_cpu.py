@@ -2,13 +2,8 @@
 
 import sys
 
-import jax
-import jax.numpy as jnp
-import numpy as np
 import pytest
 from helpers.commands import python
-
-from psgn_jax.system import cpu
 
 _PAGE_FAULTS_OF_SECOND = """
 import resource, threading
@@ -38,10 +33,3 @@ def test_memory_is_used_again_without_page_faults():
     done = python(_PAGE_FAULTS_OF_SECOND)
     # 128 MiB are 32,768 pages of 4 KiB, or 64 huge pages.
     assert max(map(int, done.stdout.split())) < 50
-
-
-def test_xla_knows_the_option(monkeypatch, rng):
-    monkeypatch.setattr(cpu, "features_line", lambda: "flags : avx512_bf16")
-    x = rng.normal(size=100).astype(np.float32)
-    total = jax.jit(jnp.sum, compiler_options=cpu.compiler_options())(x)
-    np.testing.assert_allclose(total, x.sum(), rtol=1e-5)
