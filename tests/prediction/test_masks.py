@@ -173,20 +173,14 @@ def test_the_masks_of_an_installed_rembg_are_taken(monkeypatch):
 
 
 def test_names_that_people_take_for_the_same_one_are_paired(tmp_path):
-    names = (
-        "stuhl_\u0061\u0308_MASK.png",
-        "IMG_1_mask.PNG",
-        "img_1_Mask.png",
-        "a_mask.heic",
-        "b.png",
-    )
-    for name in names:
+    chair, upper, lower = "stuhl_\u0061\u0308_MASK.png", "IMG_1_mask.PNG", "img_1_Mask.png"
+    for name in (chair, upper, lower, "a_mask.heic", "b.png"):
         (tmp_path / name).touch()
     for stem, expected in (
-        ("stuhl_\u00e4_mask", names[:1]),
-        ("img_1_Mask", (names[2], names[1])),
-        ("A_mask", names[3:4]),
-        ("c_mask", ()),
+        ("stuhl_\u00e4_mask", [chair]),
+        ("img_1_Mask", [lower, upper]),
+        ("A_mask", ["a_mask.heic"]),
+        ("c_mask", []),
     ):
-        assert tuple(file.name for file in masks.images_named(tmp_path, stem)) == expected
+        assert [file.name for file in masks.images_named(tmp_path, stem)] == expected
     assert masks.images_named(tmp_path / "absent", "a") == []

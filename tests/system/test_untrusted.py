@@ -2,8 +2,6 @@ import os
 
 import pytest
 
-from psgn_jax.commands import convert, view
-from psgn_jax.commands import inspect_records as inspect
 from psgn_jax.system.untrusted import one_line, parse_json, read_json
 
 
@@ -23,22 +21,3 @@ def test_json_is_read_within_bounds_and_names_fit_into_one_line(tmp_path):
     assert one_line("a\nb\r\t\x1b[31m\u2028\x85") == r"a\nb\r\t\x1b[31m\u2028\x85"
     assert one_line(os.fsdecode(b"a\xff")) == r"a\udcff"
     assert one_line("--out=https:/a.b/c") == "--out=https://a.b/c"  # of a path
-
-
-ODD = "two\nlines \x1b[31m"
-
-
-def test_names_of_files_never_split_a_line(tmp_path, capsys):
-    folder = tmp_path / ODD
-    folder.mkdir()
-    (folder / f"{ODD}.npz").write_text("no archive")
-    commands = (
-        (view.main, [f"{folder}/{ODD}.npz", "--out", str(tmp_path / "x.html")]),
-        (inspect.main, [str(folder)]),
-        (convert.main, ["r2n2", str(folder), str(tmp_path / "out")]),
-    )
-    for command, arguments in commands:
-        assert command(arguments) == 2
-        error = capsys.readouterr().err
-        assert error.count("\n") == 1, error
-        assert "\x1b" not in error
