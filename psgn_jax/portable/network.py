@@ -11,7 +11,6 @@ The normalisation of colours is part of the function.
 """
 
 import dataclasses
-import functools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -75,8 +74,3 @@ class PortableNetwork:
         with convolutions_for("export"):
             batch = {"image": image, "mask": mask}
             return networks.predict(self.config, model, self.params, batch, r)
-
-    @functools.cached_property
-    def compiled(self) -> Any:
-        """The function, compiled by `jax.jit` in this process."""
-        return jax.jit(lambda *arrays: self(*arrays))
