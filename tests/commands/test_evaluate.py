@@ -51,11 +51,8 @@ def table(names="aaab", **metrics):
 
 
 def test_table_as_text_csv_and_json():
-    text = table_lib.text(table())
-    lines = [line.split() for line in text.splitlines()]
-    assert lines[2] == ["category", "samples", "[radius^2]", "radius", "[%]"]
+    lines = [line.split() for line in table_lib.text(table()).splitlines()]
     assert ["mean", "over", "samples", "4", "3.00000", "30.00"] in lines
-    assert "1024 predicted points against 4096" in text
     rows = table_lib.read_csv(table_lib.csv_text(table()))
     samples = table_lib.read_csv(table_lib.samples_csv(table()))
     assert [(r["record"], r["model_id"], r["view"]) for r in samples][3] == ("3", "d", "7")
