@@ -39,11 +39,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _main(flags: Flags) -> int:
     layout, source, destination = flags.arguments
-    if layout not in ("authors", *LAYOUTS):
-        hint = suggestion(layout, ["authors", *LAYOUTS])
-        raise ConfigError(
-            f"{layout}: no such layout; {hint}expected one of {', '.join(['authors', *LAYOUTS])}"
-        )
+    if layout not in (names := ["authors", *LAYOUTS]):
+        hint = suggestion(layout, names)
+        raise ConfigError(f"{layout}: no such layout; {hint}expected one of {', '.join(names)}")
     destination = local_path(destination, "DST")
     check_folder(destination, "DST")
     if layout == "authors":

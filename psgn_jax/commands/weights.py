@@ -63,7 +63,12 @@ def _list(names: Sequence[str]) -> str:
         path = weights_path(name)
         texts.append(describe(read_weights(path), path))
     if not names:
-        texts.append(_describe_mask_network())
+        size = mask_networks.FILE.stat().st_size / 1e6
+        about = {
+            "network": f"finds the object in a photo; ONNX, {size:.1f} MB",
+            "licences": _licences(mask_networks.SOURCE),
+        }
+        texts.append(_section(mask_networks.FILE.stem, about))
     return "\n".join(texts)
 
 
@@ -110,15 +115,6 @@ def _section(title: str, rows: Mapping[str, str]) -> str:
     for name, text in rows.items():
         lines += wrapper.wrap(one_line(f"  {name:9} {text}"))
     return "".join(f"{line}\n" for line in lines)
-
-
-def _describe_mask_network() -> str:
-    size = mask_networks.FILE.stat().st_size / 1e6
-    rows = {
-        "network": f"finds the object in a photo; ONNX, {size:.1f} MB",
-        "licences": _licences(mask_networks.SOURCE),
-    }
-    return _section(mask_networks.FILE.stem, rows)
 
 
 def _data(row: Mapping[str, Any]) -> str:

@@ -13,9 +13,9 @@ from scipy import ndimage
 _SIDE = 512
 # A level fills areas if windows of 3x3 pixels without another level cover this share of the mask.
 # With more than `FEW` levels, which soft edges and JPEG cause, levels that differ by less than
-# `_STEP` of the range count as one, up to `_WIDEST`, and the share is larger. With few levels, such
-# windows cover at least `_LEAST_FLAT` of the mask: less is noise, or stripes.
-FEW, _LEAST_AREA, _LEAST_AREA_OF_MANY, _LEAST_FLAT = 16, 0.001, 0.005, 0.5
+# `_STEP` of the range count as one, up to `_WIDEST`. With few levels, such windows cover at least
+# `_LEAST_FLAT` of the mask: less is noise, or stripes.
+FEW, _LEAST_AREA, _LEAST_FLAT = 16, 0.005, 0.5
 _STEP, _WIDEST = 0.02, 0.4
 # Of the difference of the two levels: other pixels are near a level, or between them, or beyond
 # them. At most the share `_BEYOND` of the pixels is beyond.
@@ -121,19 +121,17 @@ def _two_levels(light: np.ndarray, codes: np.ndarray, levels: np.ndarray) -> np.
     if not 0 < span < np.inf:
         return None
     light, heights = ((each - lowest) / span for each in (light, levels))
-    groups, least = np.arange(len(levels)), _LEAST_AREA
-    inner = np.bincount(codes[flat], minlength=len(levels))
     if not few:
         if _jumps(light, flat):
             return None
         flat = ndimage.maximum_filter(light, 3) - ndimage.minimum_filter(light, 3) <= _STEP
-        inner = np.bincount(codes[flat], minlength=len(levels))
-        # Levels that fill areas belong together, unless there is a gap between them.
-        order = np.argsort(heights)
-        filling = order[inner[order] > 0]
-        groups[:], least = 0, _LEAST_AREA_OF_MANY
-        groups[filling[1:]] = np.cumsum(np.diff(heights[filling]) > _STEP)
-    areas = np.flatnonzero(np.bincount(groups, inner) >= least * codes.size)
+    inner = np.bincount(codes[flat], minlength=len(levels))
+    # Levels that fill areas: of many, those without a gap between them belong together.
+    order = np.argsort(heights)
+    filling = order[inner[order] > 0]
+    groups = np.zeros(len(levels), int)
+    groups[filling[1:]] = np.cumsum(few | (np.diff(heights[filling]) > _STEP))
+    areas = np.flatnonzero(np.bincount(groups, inner) >= _LEAST_AREA * codes.size)
     ranges = [np.ptp(heights[(groups == group) & (inner > 0)]) for group in areas]
     if len(areas) not in (1, 2) or max(ranges) > _WIDEST:
         return None

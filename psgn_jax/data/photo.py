@@ -90,8 +90,13 @@ def read_photo(image: Source | Photo) -> Photo:
     """
     if isinstance(image, Photo):
         return image
-    path = pathlib.Path(image) if isinstance(image, str | os.PathLike) else None
-    return dataclasses.replace(_read(image), path=path)
+    image = _with_numpy(image, "the image")
+    if isinstance(image, np.ndarray):
+        return _from_array(image)
+    with _opened(image, "the image") as (file, size):
+        file.load()
+        path = pathlib.Path(image) if isinstance(image, str | os.PathLike) else None
+        return dataclasses.replace(_from_picture(file, size), path=path)
 
 
 def read_mask(mask: Source, photo: Photo, label: int | Sequence[int] | None = None) -> np.ndarray:
@@ -199,23 +204,17 @@ def _with_numpy(image: Source, noun: str) -> Source:
     return np.asarray(image)
 
 
-def _read(image: Source) -> Photo:
-    """The first frame."""
-    image = _with_numpy(image, "the image")
-    if isinstance(image, np.ndarray):
-        if image.dtype != np.uint8 or image.ndim < 2 or image.shape[2:] not in ((), (3,), (4,)):
-            raise ValueError(
-                f"image is {image.dtype} {list(image.shape)}: accepted: uint8 [h, w], [h, w, 3] "
-                "(RGB) or [h, w, 4] (RGBA)"
-            )
-        size = image.shape[0], image.shape[1]
-        _check_size("the image", size)
-        colours = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
-        alpha = colours[..., 3] if colours.shape[2] == 4 else None
-        return Photo(colours[..., :3], useful_alpha(alpha), size)
-    with _opened(image, "the image") as (file, size):
-        file.load()
-        return _from_picture(file, size)
+def _from_array(image: np.ndarray) -> Photo:
+    if image.dtype != np.uint8 or image.ndim < 2 or image.shape[2:] not in ((), (3,), (4,)):
+        raise ValueError(
+            f"image is {image.dtype} {list(image.shape)}: accepted: uint8 [h, w], [h, w, 3] (RGB) "
+            "or [h, w, 4] (RGBA)"
+        )
+    size = image.shape[0], image.shape[1]
+    _check_size("the image", size)
+    colours = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
+    alpha = colours[..., 3] if colours.shape[2] == 4 else None
+    return Photo(colours[..., :3], useful_alpha(alpha), size)
 
 
 def _check_size(shown: str, size: tuple[int, int]) -> None:

@@ -91,7 +91,7 @@ def write_network(
     from psgn_jax.portable import onnx_file  # imports onnx
 
     inputs = drawn_inputs(network)
-    expected = np.asarray(network.compiled(*inputs.values()))
+    expected = np.asarray(jax.jit(network.__call__)(*inputs.values()))
     description = _describe(run, network)
     out = pathlib.Path(out)
 

@@ -11,13 +11,9 @@ The normalisation of colours is part of the function.
 """
 
 import dataclasses
-import functools
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
-import numpy as np
-from jax import export as jax_export
 
 from psgn_jax.config.experiment import Config
 from psgn_jax.models import networks
@@ -37,16 +33,6 @@ class InputSpec(NamedTuple):
 
 class ExportError(UserError):
     """A network cannot be exported, or an exported file computes wrong results."""
-
-
-def symbolic(inputs: Sequence[InputSpec]) -> list[jax.ShapeDtypeStruct]:
-    """Arguments that trace a function for any number of images and draws."""
-    batch, draws = jax_export.symbolic_shape("batch, draws")
-    sizes: dict[int | str, object] = {"batch": batch, "draws": draws}
-    return [
-        jax.ShapeDtypeStruct([sizes.get(s, s) for s in item.shape], np.dtype(item.dtype))
-        for item in inputs
-    ]
 
 
 class PortableNetwork:
@@ -75,8 +61,3 @@ class PortableNetwork:
         with convolutions_for("export"):
             batch = {"image": image, "mask": mask}
             return networks.predict(self.config, model, self.params, batch, r)
-
-    @functools.cached_property
-    def compiled(self) -> Any:
-        """The function, compiled by `jax.jit` in this process."""
-        return jax.jit(lambda *arrays: self(*arrays))

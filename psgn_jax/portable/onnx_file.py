@@ -13,11 +13,12 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 import onnx
+from jax import export as jax_export
 from jax.extend.core import Literal
 from onnx import TensorProto, helper, numpy_helper
 
 from psgn_jax.models.cpu_convolution import convolutions_for
-from psgn_jax.portable.network import ExportError, InputSpec, symbolic
+from psgn_jax.portable.network import ExportError, InputSpec
 from psgn_jax.system.untrusted import brief
 
 OPSET, IR_VERSION = 17, 8
@@ -67,9 +68,15 @@ def to_onnx(
       ExportError: the function needs the number of images, or has a primitive that cannot be
         converted.
     """
+    batch, draws = jax_export.symbolic_shape("batch, draws")
+    symbols: dict[Any, Any] = {"batch": batch, "draws": draws}
+    shapes = ([symbols.get(size, size) for size in item.shape] for item in inputs)
+    types = (np.dtype(item.dtype) for item in inputs)
     try:
         with convolutions_for("export"):
-            traced = jax.make_jaxpr(lambda *arrays: function(*arrays))(*symbolic(inputs))
+            traced = jax.make_jaxpr(lambda *arrays: function(*arrays))(
+                *map(jax.ShapeDtypeStruct, shapes, types)
+            )
     except (TypeError, ValueError) as error:  # such as that of `len(x)`
         raise ExportError(
             f"ONNX: the network cannot be traced for any number of images: {brief(error)}; use "

@@ -1,10 +1,8 @@
 """Which clouds of a network with a random input r are shown, and how far each point varies.
 
 The first cloud is the prediction for r = 0, the most probable r, or the mean of the draws. A draw
-is the prediction for an r of N(0, I). Further clouds are draws that differ most from the clouds
-before them, among the more plausible half: the draws that are nearer to all clouds than the rest
-are. This is **ours**; the paper shows draws as they come (section "Predicting Multiple Plausible
-Shapes").
+is the prediction for an r of N(0, I). `ranked` chooses further clouds. This is **ours**; the paper
+shows draws as they come (section "Predicting Multiple Plausible Shapes").
 """
 
 import functools

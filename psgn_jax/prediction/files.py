@@ -113,21 +113,19 @@ def predict_files(
     def predict(
         image: photo.Photo, found: masks.FoundMask, target: _Target, clock: Clock
     ) -> Prediction:
-        result = predictor(image, found, **options)
-        result = dataclasses.replace(result, seconds=clock.laps | result.seconds)
-        files = _files(target.start.name, kinds, len(result.points))
-        contents: dict[str, bytes] = {}
-        clock = Clock()
-        for name, (kind, k) in files.items():
-            if kind == SURFACE:
-                try:
-                    contents[name] = glb(result.surface(k, height))
-                except SurfaceError as error:
-                    result = dataclasses.replace(result, warnings=(*result.warnings, str(error)))
+        result, again = predictor(image, found, **options), Clock()
+        warnings, surfaces = [*result.warnings], {}
+        named = _files(target.start.name, [SURFACE] * surface, len(result.points))
+        for name, (_, k) in named.items():
+            try:
+                surfaces[name] = glb(result.surface(k, height))
+            except SurfaceError as error:
+                warnings.append(str(error))
         if surface:
-            clock.lap("surface")
-            result = dataclasses.replace(result, seconds=result.seconds | clock.laps)
-        _write(predictor, result, target, formats, contents, options.get("seed", 0))
+            again.lap("surface")
+        seconds = clock.laps | result.seconds | again.laps
+        result = dataclasses.replace(result, warnings=tuple(warnings), seconds=seconds)
+        _write(predictor, result, target, formats, surfaces, options.get("seed", 0))
         return result
 
     for path in paths:

@@ -55,11 +55,7 @@ def _u2netp() -> Any:
 
 
 def by_rembg(image: np.ndarray, model: str) -> np.ndarray:
-    """The mask that a model of rembg finds in an image, float32 [h, w] in [0, 1].
-
-    Raises:
-      ConfigError: see `rembg_session`.
-    """
+    """The mask that a model of rembg (`rembg_session`) finds, float32 [h, w] in [0, 1]."""
     import rembg
 
     levels = rembg.remove(image, session=rembg_session(model), only_mask=True)

@@ -80,18 +80,15 @@ class Predictor:
           mask: a path, an open file, a PIL image, or an array [h, w], bright on the object; None =
             automatic (`masks.find_mask`).
           samples: number of clouds, up to 64; more than one needs a network with a random input r.
-            The first cloud is the prediction for r = 0, averaged with the mirror image's. The
-            others are draws: of 16 (or twice `samples`), those that differ most from the clouds
-            before them, among the more typical half (`draws.ranked`).
+            All but the first are draws that differ (`draws.ranked`).
           seed: seed of the random input, which is the same for every image.
           frame: "place" crops and scales the object (`framing.place`); "keep" keeps the framing of
             an image of 4:3; "auto" keeps training renderings and places other images.
-          normal_form: "yes" moves and scales the clouds so that the lowest point is at z = 0 and
-            the farthest at distance 1 from the origin (`framing.normal_form`), because a photo does
-            not show the size of its object; "no" does not; "auto" does if the image was placed.
-          refine: whether to average the cloud with the mirror image's (`prediction.refine`) and to
-            fit it to the mask, with a camera of another elevation if the image was placed
-            (`prediction.silhouette`).
+          normal_form: "yes" puts the lowest point at z = 0 and the farthest at distance 1 from the
+            origin (`framing.normal_form`), because a photo does not show the size of its object;
+            "no" does not; "auto" does if the image was placed.
+          refine: whether to average the first cloud with the mirror image's (`prediction.refine`)
+            and to fit all to the mask (`prediction.silhouette`).
           first: the first cloud, with a random input r: "zero" is the prediction for r = 0, "mean"
             the mean of all draws (`draws.with_first`).
           mask_options: `mask_from`, `invert_mask`, `accept_mask`, `mask_label`, `box` and `point`,

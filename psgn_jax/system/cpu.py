@@ -17,10 +17,9 @@ def keep_freed_memory() -> bool:
 
     XLA allocates a program's temporary memory at each call. By default, glibc returns large blocks
     to the operating system, so every call causes a page fault for each 4 KiB. With these settings,
-    blocks under 2 GiB come from one heap for all threads, which keeps up to 2 GiB of free memory. A
-    forward and backward pass of `authors_small.py` with 16 samples on one core takes 166 ms instead
-    of 206, and trainings process a third more samples per second (docs/journal.md, "speed on two
-    cores"). The peak memory of a training grows by at most a few percent.
+    blocks under 2 GiB come from one heap for all threads, which keeps up to 2 GiB of free memory.
+    Trainings process a third more samples per second and take a few percent more memory at most
+    (docs/journal.md, "speed on two cores").
     """
     if sys.platform != "linux":
         return False
@@ -35,8 +34,7 @@ def compiler_options() -> dict[str, int] | None:
     """Options for `jax.jit` of programs with long loops over points; None = XLA's defaults.
 
     With AVX-512, XLA by default uses half of the vector width, because many older processors lower
-    their clock rate for the full width. With the full width, a training step with EMD and CD of
-    `authors_small.py` takes .161 s of CPU time instead of .178 (16 samples, one core). We use it
+    their clock rate for the full width. The full width saves a tenth of a training step; we use it
     only on processors with AVX512-BF16, which most older ones lack.
     """
     import jax  # here, because commands use this module before JAX is loaded

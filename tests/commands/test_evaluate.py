@@ -8,21 +8,14 @@ import numpy as np
 import pytest
 from helpers import drawn_solids as solids
 from helpers import standin
-from helpers.refusals import refused
 from helpers.weights import config as small_config
 from helpers.weights import random_params
 
 from psgn_jax import tasks
-from psgn_jax.commands import evaluate
-from psgn_jax.commands.evaluate import open_with_records
-from psgn_jax.config.experiment import ConfigError, to_json
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.evaluation import table as table_lib
 from psgn_jax.evaluation.results import Evaluation, SampleName
 from psgn_jax.evaluation.split import evaluate_split
-from psgn_jax.weights.checkpoint import CheckpointError
-from psgn_jax.weights.opening import open_initial
-from psgn_jax.weights.run_folder import Trained
 
 
 @pytest.fixture(autouse=True)
@@ -49,15 +42,6 @@ def test_every_sample_counts_once():
     assert len(evaluate_split(config, {}, step, max_samples=6).names) == 6
 
 
-def test_emd_is_measured_up_to_its_tolerance():
-    config = small_config(eval__emd_tolerance=0.05, data__num_eval_points=12)
-    params = random_params(config)
-    result = tasks.create(config).evaluate(params, max_samples=4)
-    assert (result.metrics["emd_radius"] > 0.1).all()
-    assert (result.metrics["emd_gap"] <= 0.05).all()
-    assert " EMD " in table_lib.text(result).splitlines()[1]
-
-
 def table(names="aaab", **metrics):
     """An evaluation of four models, the last one of another category."""
     named = [SampleName(i, *name, view=7) for i, name in enumerate(zip(names, "abcd", strict=True))]
@@ -67,11 +51,8 @@ def table(names="aaab", **metrics):
 
 
 def test_table_as_text_csv_and_json():
-    text = table_lib.text(table())
-    lines = [line.split() for line in text.splitlines()]
-    assert lines[2] == ["category", "samples", "[radius^2]", "radius", "[%]"]
+    lines = [line.split() for line in table_lib.text(table()).splitlines()]
     assert ["mean", "over", "samples", "4", "3.00000", "30.00"] in lines
-    assert "1024 predicted points against 4096" in text
     rows = table_lib.read_csv(table_lib.csv_text(table()))
     samples = table_lib.read_csv(table_lib.samples_csv(table()))
     assert [(r["record"], r["model_id"], r["view"]) for r in samples][3] == ("3", "d", "7")
@@ -115,20 +96,6 @@ def test_true_points_that_are_repeated_are_told(monkeypatch, count, shown):
     assert result.num_distinct == (count, count)
     assert f"8 true ones{shown}" in table_lib.text(result)
     assert json.loads(table_lib.json_text(result))["num_distinct_gt_points"] == [count, count]
-
-
-def test_missing_runs_checkpoints_and_records_are_named(tmp_path, monkeypatch):
-    with refused(ConfigError, f"compare={tmp_path}", "run"):
-        open_with_records(tmp_path, argument="compare")
-    with refused(ConfigError, f"train.init={tmp_path}", "run"):
-        open_initial(standin.config(train__init=str(tmp_path)))
-    (tmp_path / "config.json").write_text(to_json(standin.config()))
-    with refused(CheckpointError, tmp_path, "checkpoint"):
-        open_with_records(tmp_path)
-    moved = Trained(standin.config(data__path="no/records"), 0, {}, {})
-    monkeypatch.setattr(evaluate, "open_weights", lambda *_, **__: moved)
-    with refused(ConfigError, "data.path='no/records'", "--data"):
-        open_with_records("run")
 
 
 def test_samples_without_visible_points_have_no_part_in_their_means():

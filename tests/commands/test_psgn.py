@@ -4,7 +4,7 @@ import os
 import sys
 
 import pytest
-from helpers.commands import ROOT, psgn_each, run
+from helpers.commands import ROOT, run
 from helpers.refusals import check_message, refused
 from helpers.small_runs import write_solids
 
@@ -60,34 +60,6 @@ sys.exit(psgn.main())
 """
     done = run(sys.executable, "-c", script, cwd=ROOT)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "stopped by Ctrl-C\n")
-
-
-@pytest.mark.slow
-def test_an_unknown_user_without_a_home_trains_and_predicts(tmp_path):
-    """As in `docker run -u 12345`, where nothing sets HOME."""
-    (tmp_path / "nobody.py").write_text("""
-import os, pwd
-def getpwuid(uid):
-    raise KeyError(f"getpwuid(): uid not found: {uid}")
-pwd.getpwuid = getpwuid
-os.environ.pop("HOME", None)
-for name in ("LOGNAME", "USER", "LNAME", "USERNAME", "PSGN_CACHE"):
-    os.environ.pop(name, None)
-""")
-    small = ("--config.train.steps=1", "--config.data.image_size=(16,32)", "--config=debug",
-             "--config.model.widths=(8,8,8)", "--config.model.deconv_level=1",
-             "--config.train.eval_every=0",
-             f"--config.data.path={write_solids(tmp_path / 'data')}")  # fmt: skip
-    run, out = tmp_path / "run", tmp_path / "out"
-    train, predict = psgn_each(
-        ["train", *small, f"--workdir={run}"],
-        ["predict", ROOT / "docs" / "photos" / "cup.jpg", f"--workdir={run}", f"--out={out}"],
-        imports=["nobody", "psgn_jax.training.loop", "psgn_jax.prediction.files"],
-        PYTHONPATH=f"{ROOT}:{tmp_path}",
-    )
-    assert train.returncode == 0, train.stderr
-    assert predict.returncode == 0, predict.stderr
-    assert (out / "cup.ply").is_file()
 
 
 def test_a_configuration_is_a_path_or_a_name_and_executed_once(tmp_path, capsys):

@@ -1,14 +1,18 @@
 """Masks of data sets, editors and networks: the object, or a refusal; never a guess."""
 
 import io
+import shutil
 
 import numpy as np
 import pytest
 from helpers.commands import PHOTOS
+from helpers.javascript import NODE, node
 from helpers.refusals import all_refused, refused
 from PIL import Image, ImageFilter
 
 from psgn_jax.data import photo
+from psgn_jax.portable import folder
+from psgn_jax.web.page.build import STATIC
 
 HEIGHT, WIDTH = 240, 320
 ROWS, COLUMNS = np.mgrid[:HEIGHT, :WIDTH]
@@ -131,3 +135,32 @@ def test_a_photograph_is_no_mask_but_a_soft_mask_is_one(path, side):
     for deviation in (1, 2):
         soft = photo.read_mask(mask.filter(ImageFilter.GaussianBlur(deviation)), read)
         assert (soft == photo.read_mask(mask, read)).mean() > 0.93
+
+
+@pytest.mark.skipif(NODE is None, reason="node is not installed")
+def test_the_page_reads_or_refuses_masks_as_python(tmp_path):
+    (tmp_path / "package.json").write_text('{"type": "module"}')
+    for path in (*(folder.TEMPLATES / name for name in folder.JAVASCRIPT), STATIC / "levels.js"):
+        shutil.copy(path, tmp_path)
+    red = np.where(OBJECT[..., None], [255, 0, 0], [0, 0, 0])
+    accepted = [labels(255), labels(1), np.asarray(BLURRED), labels(0, rest=255), red, CUT_OUT]
+    photos = [Image.open(PHOTOS / f"{name}.jpg").resize((WIDTH, HEIGHT)) for name in ("car", "pan")]
+    wrong = [labels(1, 2), labels(0), labels(255, rest=255), *photos]
+    masks = [Image.fromarray(np.asarray(mask).astype(np.uint8)) for mask in (*accepted, *wrong)]
+    body = """return input.masks.map(rgba => {
+  try { return levels.objectIn(rgba, input.width, input.height); }
+  catch (error) { return error.message; }
+});"""
+    given = [np.asarray(mask.convert("RGBA")) for mask in masks]
+    path = {"levels": tmp_path / "levels.js"}
+    results = node(body, path, masks=given, width=WIDTH, height=HEIGHT)
+    for i, (mask, result) in enumerate(zip(masks, results, strict=True)):
+        if i >= len(accepted):
+            assert result.startswith("The mask "), i
+            with pytest.raises(photo.PhotoError):
+                photo.read_mask(mask, READ)
+        else:
+            inverted = i == 3
+            assert bool(result["doubt"]) == inverted
+            expected = photo.read_mask(mask, READ) ^ inverted
+            np.testing.assert_array_equal(np.reshape(result["mask"], expected.shape), expected)

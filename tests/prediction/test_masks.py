@@ -1,22 +1,18 @@
 """Masks that are found: by the background, and by the network of the package."""
 
 import io
-import shutil
 import sys
 import types
 
 import numpy as np
 import pytest
-from helpers import javascript
 from helpers.commands import PHOTOS
 from helpers.refusals import all_refused, refused
 from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data import photo
-from psgn_jax.portable import folder
 from psgn_jax.prediction import mask_networks, masks
-from psgn_jax.web.page.build import MASK_RULES, STATIC
 
 
 def test_alpha_and_a_plain_background_come_before_the_network():
@@ -176,60 +172,15 @@ def test_the_masks_of_an_installed_rembg_are_taken(monkeypatch):
     all_refused(masks.check_method, ConfigError, table)
 
 
-def test_the_page_chooses_the_same_mask(monkeypatch, tmp_path):
-    """With the same probabilities, which are read from the photo's red channel."""
-    if javascript.NODE is None:
-        pytest.skip("no node")
-    modules = [*(folder.TEMPLATES / name for name in folder.JAVASCRIPT), STATIC / "mask.js"]
-    for path in modules:
-        shutil.copy(path, tmp_path)
-    image = np.random.default_rng(0).integers(0, 30, (150, 210, 3), np.uint8)
-    for x, y, wide, high, v in (10, 20, 60, 50, 240), (90, 60, 70, 60, 210), (80, 30, 9, 9, 250):
-        image[y : y + high, x : x + wide] = v
-    monkeypatch.setattr(mask_networks, "_u2netp", lambda: red_of)
-    rules = {name.lower(): getattr(masks, name) for name in MASK_RULES}
-    rules |= {"side": 320, "mean": mask_networks.MEAN, "deviation": mask_networks.DEVIATION}
-    body = """
-const run = x => x.slice(0, 320 * 320).map(v => Math.min(Math.max(v / 3, 0), 1));
-const photo = { rgb: input.image, width: 210, height: 150 };
-return Promise.all(input.hints.map(hint => mask.findMask(photo, input.about, run, hint)));
-"""
-    hints = [{}, {"point": (20, 30)}, {"box": (70, 20, 150, 110)}, {"point": (84, 34)}]
-    path = {"mask": tmp_path / "mask.js"}
-    given = {"image": image, "about": rules, "hints": hints}
-    results = javascript.node(body, path, **given)
-    for hint, result in zip(hints, results, strict=True):
-        found = masks.find_mask(image, mask_from="network", accept_mask=True, **hint)
-        np.testing.assert_array_equal(np.reshape(result["mask"], (150, 210)), found.mask)
-        assert found.method == f"network, {int(100 * result['certainty'])}% certain"
-
-
-def red_of(arrays):
-    (x,) = arrays.values()
-    return np.clip(x[:, :1] / 3, 0, 1)
-
-
-def test_a_large_image_is_looked_at_without_pillows_warning(tmp_path, recwarn):
-    Image.new("1", (12000, 8000)).save(tmp_path / "large.png")
-    assert not masks.is_result(tmp_path / "large.png")
-    assert not recwarn.list
-
-
 def test_names_that_people_take_for_the_same_one_are_paired(tmp_path):
-    names = (
-        "stuhl_\u0061\u0308_MASK.png",
-        "IMG_1_mask.PNG",
-        "img_1_Mask.png",
-        "a_mask.heic",
-        "b.png",
-    )
-    for name in names:
+    chair, upper, lower = "stuhl_\u0061\u0308_MASK.png", "IMG_1_mask.PNG", "img_1_Mask.png"
+    for name in (chair, upper, lower, "a_mask.heic", "b.png"):
         (tmp_path / name).touch()
     for stem, expected in (
-        ("stuhl_\u00e4_mask", names[:1]),
-        ("img_1_Mask", (names[2], names[1])),
-        ("A_mask", names[3:4]),
-        ("c_mask", ()),
+        ("stuhl_\u00e4_mask", [chair]),
+        ("img_1_Mask", [lower, upper]),
+        ("A_mask", ["a_mask.heic"]),
+        ("c_mask", []),
     ):
-        assert tuple(file.name for file in masks.images_named(tmp_path, stem)) == expected
+        assert [file.name for file in masks.images_named(tmp_path, stem)] == expected
     assert masks.images_named(tmp_path / "absent", "a") == []

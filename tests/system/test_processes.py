@@ -47,14 +47,6 @@ def test_a_child_process_imports_from_absolute_folders_only(hostile, monkeypatch
     assert not (hostile.parent / "executed").exists()
 
 
-def test_a_command_may_open_many_files():
-    code = """import resource; from psgn_jax.system.terminal import start_command
-start_command(); print(*resource.getrlimit(resource.RLIMIT_NOFILE))"""
-    shell = ["bash", "-c", 'ulimit -S -n 256; exec "$@"', "bash", sys.executable, "-c", code]
-    soft, hard = map(int, commands.run(*shell, cwd=ROOT).stdout.split())
-    assert soft == (min(hard, 10_240) if hard >= 0 else 10_240)
-
-
 @pytest.mark.skipif(not has_mitsuba(), reason="Mitsuba is not installed")
 def test_render_executes_no_file_of_the_current_folder(hostile):
     done = run(

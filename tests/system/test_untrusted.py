@@ -1,13 +1,7 @@
-import dataclasses
 import os
 
-import numpy as np
 import pytest
-from helpers import drawn_solids
 
-from psgn_jax.commands import convert, view
-from psgn_jax.commands import inspect_records as inspect
-from psgn_jax.data.dataset import write_dataset
 from psgn_jax.system.untrusted import one_line, parse_json, read_json
 
 
@@ -26,33 +20,4 @@ def test_json_is_read_within_bounds_and_names_fit_into_one_line(tmp_path):
     assert one_line("bär 椅子.png") == "bär 椅子.png"
     assert one_line("a\nb\r\t\x1b[31m\u2028\x85") == r"a\nb\r\t\x1b[31m\u2028\x85"
     assert one_line(os.fsdecode(b"a\xff")) == r"a\udcff"
-
-
-ODD = "two\nlines \x1b[31m"
-
-
-def test_names_of_files_never_split_a_line(tmp_path, capsys):
-    folder = tmp_path / ODD
-    folder.mkdir()
-    (folder / f"{ODD}.npz").write_text("no archive")
-    commands = (
-        (view.main, [f"{folder}/{ODD}.npz", "--out", str(tmp_path / "x.html")]),
-        (inspect.main, [str(folder)]),
-        (convert.main, ["r2n2", str(folder), str(tmp_path / "out")]),
-    )
-    for command, arguments in commands:
-        assert command(arguments) == 2
-        error = capsys.readouterr().err
-        assert error.count("\n") == 1, error
-        assert "\x1b" not in error
-
-
-def test_names_in_results_never_split_a_line(capsys, tmp_path):
-    sample = next(iter(drawn_solids.samples(1, seed=0, image_size=(48, 64))))
-    off = np.random.default_rng(0).random(sample.mask.shape) < 0.01  # so that it is named
-    sample = dataclasses.replace(sample, mask=off, depth=None, category=ODD, model_id=ODD)
-    write_dataset(tmp_path / "odd", {"train": [sample]}, source="test")
-    assert inspect.main([str(tmp_path / "odd"), "--sheet", str(tmp_path / "sheet.png")]) == 1
-    out = capsys.readouterr().out
-    assert r"two\nlines \x1b[31m" in out
-    assert "\x1b" not in out
+    assert one_line("--out=https:/a.b/c") == "--out=https://a.b/c"  # of a path

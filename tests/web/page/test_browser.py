@@ -143,12 +143,6 @@ def test_points_and_files_are_those_of_python(open_page, predictor, tmp_path):
     spread = np.array(page.evaluate("psgn.page.clouds.map(c => Array.from(c.spread))"))
     # Python's bijections have an error of up to 5 %, the page's are nearly optimal.
     np.testing.assert_allclose(spread.mean(), expected.spread.mean(), rtol=0.05)
-    first, *others = expected.draws
-    partners = [other[emd_exact(first, other).index] for other in others]
-    optimal = np.linalg.norm(np.array(partners) - first, axis=-1).mean(axis=0) / expected.scale
-    np.testing.assert_allclose(spread[0].mean(), optimal.mean(), rtol=0.01)
-    # Bijections of nearly equal sums give some points other partners.
-    assert np.corrcoef(spread[0], optimal)[0, 1] > 0.8
     np.testing.assert_array_equal(np.sort(spread[3]), np.sort(spread[0]))
 
 
