@@ -211,26 +211,19 @@ class Config:
 def parse(config: Any) -> Config:
     """Converts an `ml_collections.ConfigDict` or a nested mapping; missing keys have defaults.
 
-    Raises:
-      ConfigError: a key is unknown, a type is wrong, a value is out of range, or fields contradict
-        each other. One line names the field, its value and what is accepted.
+    Errors: as `structured.build`, and `ConfigError` if fields contradict each other.
     """
     parsed = build(Config, config)
-    views = parsed.task == "views"
-    parsed = dataclasses.replace(
-        parsed,
-        data=dataclasses.replace(
-            parsed.data,
-            occupancy=parsed.task != "points",
-            train_views=parsed.voxels.max_views if views else 0,
-            eval_views=max(parsed.voxels.eval_views, default=0) if views else 0,
-        ),
-        model=dataclasses.replace(
-            parsed.model,
-            image_size=parsed.data.image_size,
-            in_channels=sum(CHANNELS_OF[name] for name in parsed.data.inputs),
-        ),
+    views, voxels = parsed.task == "views", parsed.voxels
+    data = dataclasses.replace(
+        parsed.data,
+        occupancy=parsed.task != "points",
+        train_views=voxels.max_views if views else 0,
+        eval_views=max(voxels.eval_views, default=0) if views else 0,
     )
+    channels = sum(CHANNELS_OF[name] for name in data.inputs)
+    model = dataclasses.replace(parsed.model, image_size=data.image_size, in_channels=channels)
+    parsed = dataclasses.replace(parsed, data=data, model=model)
     _check_together(parsed)
     return parsed
 

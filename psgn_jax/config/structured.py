@@ -37,15 +37,13 @@ class Bounds:
         return above and (value < self.high if self.open_high else value <= self.high)
 
     def __str__(self) -> str:
-        ends = [
-            (self.low, ">" if self.open_low else ">="),
-            (self.high, "<" if self.open_high else "<="),
-        ]
-        return " and ".join(
-            f"{sign} {end if isinstance(end, int) else format(end, 'g')}"
-            for end, sign in ends
-            if math.isfinite(end)
-        )
+        signs = {
+            ">" if self.open_low else ">=": self.low,
+            "<" if self.open_high else "<=": self.high,
+        }
+        ends = {sign: end for sign, end in signs.items() if math.isfinite(end)}
+        texts = [f"{s} {x if isinstance(x, int) else format(x, 'g')}" for s, x in ends.items()]
+        return " and ".join(texts)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,15 +88,12 @@ def build(cls: type[T], node: Any, prefix: str = "") -> T:
         raise wrong(prefix.rstrip("."), node, f"a section with {', '.join(_keys(cls))}")
     keys = _keys(cls)
     for key in node:
-        if key in keys:
-            continue
-        path = f"{prefix}{key}"
-        for field in dataclasses.fields(cls):  # type: ignore[arg-type]
-            if field.name == key:
-                raise ConfigError(f"{path} follows from {field.metadata['derived']}; remove it")
-        raise ConfigError(
-            f"{path} is not a field; {suggestion(str(key), keys)}accepted: {', '.join(keys)}"
-        )
+        if key not in keys:
+            why = f"is not a field; {suggestion(str(key), keys)}accepted: {', '.join(keys)}"
+            for field in dataclasses.fields(cls):  # type: ignore[arg-type]
+                if field.name == key:
+                    why = f"follows from {field.metadata['derived']}; remove it"
+            raise ConfigError(f"{prefix}{key} {why}")
     hints = typing.get_type_hints(cls, include_extras=True)
     return cls(**{key: _convert(hints[key], value, prefix + key) for key, value in node.items()})
 
@@ -211,16 +206,10 @@ def _convert(hint: Any, value: Any, path: str) -> Any:
 def _convert_tuple(args: tuple[Any, ...], value: Any, path: str) -> tuple[Any, ...]:
     if not isinstance(value, list | tuple):
         raise wrong(path, value, "a tuple")
-    if args[-1] is Ellipsis:
-        hints = args[:1] * len(value)
-    elif len(value) == len(args):
-        hints = args
-    else:
+    hints = args[:1] * len(value) if args[-1] is Ellipsis else args
+    if len(value) != len(hints):
         raise wrong(path, value, f"a tuple of {len(args)}")
-    return tuple(
-        _convert(hint, item, f"{path}[{i}]")
-        for i, (hint, item) in enumerate(zip(hints, value, strict=True))
-    )
+    return tuple(_convert(hints[i], item, f"{path}[{i}]") for i, item in enumerate(value))
 
 
 def _keys(cls: Any) -> list[str]:

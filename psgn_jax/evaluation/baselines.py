@@ -110,9 +110,8 @@ def measure(config: Config, params: Any, split: str) -> tuple[dict[str, np.ndarr
 
 
 def _batches(config: Config, split: str, count: int, wanted: int) -> Iterator[Any]:
-    data = dataclasses.replace(config.data, num_eval_points=count)
-    if split == data.train_split:
-        data = dataclasses.replace(data, eval_path="")
+    path = "" if split == config.data.train_split else config.data.eval_path
+    data = dataclasses.replace(config.data, num_eval_points=count, eval_path=path)
     size = config.eval.batch_size
 
     def choose(number: int) -> list[int]:
@@ -170,12 +169,11 @@ def text(rows: dict[str, np.ndarray], models: np.ndarray, num_points: int) -> st
     """The table: mean [interval] of every metric."""
     lines = [["", *TITLES]]
     for name, values in rows.items():
-        shown = []
-        for title, mean, low, high in zip(TITLES, *intervals(values, models), strict=True):
+        lines.append([name])
+        for title, *numbers in zip(TITLES, *intervals(values, models), strict=True):
             factor, digits = (100, 1) if title.endswith("[%]") else (1, 4)
-            a, b, c = (f"{factor * v:.{digits}f}" for v in (mean, low, high))
-            shown.append(f"{a} [{b}, {c}]")
-        lines.append([name, *shown])
+            mean, low, high = (f"{factor * v:.{digits}f}" for v in numbers)
+            lines[-1].append(f"{mean} [{low}, {high}]")
     count = len(next(iter(rows.values())))
     note = (
         f"{count} samples, {num_points} predicted and {num_points} true points; in brackets 95 %\n"

@@ -38,16 +38,11 @@ def emd(
     If gt has more than n points, we use n of them (`subset`). Then even a perfect prediction has a
     positive EMD, the distance between two random samples of the object. It depends on n, so report
     n. `gap` bounds (emd - optimum) / optimum. It is at most `tolerance`, unless the auction used up
-    its budget.
-
-    Raises:
-      ValueError: pred has more points than gt, or the errors of `losses.assign`.
+    its budget. Errors: `losses.assign`, and ValueError if pred has more points than gt.
     """
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
-    if len(pred) > len(gt):
-        raise ValueError(
-            f"gt: got {len(gt)} points, expected at least as many as pred has ({len(pred)})"
-        )
+    if (n := len(pred)) > len(gt):
+        raise ValueError(f"gt: got {len(gt)} points, expected at least as many as pred has ({n})")
     matched = matched_distances(pred, subset(gt, len(pred)), tolerance=tolerance)
     return Emd(matched.distance.mean(), matched.assignment.gap)
 

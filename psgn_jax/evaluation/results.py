@@ -119,14 +119,12 @@ def at_thresholds(
             taken[key] = PREDICTION_THRESHOLDS[column]
     if best in metrics:
         metrics["one_minus_iou"] = 1 - metrics[best]
-    earlier = taken.keys() <= chosen.keys()
-    where = "on the split that was evaluated during training" if earlier else "on this split"
-    text = ", ".join(f"{k.removeprefix(THRESHOLD_OF)} {v:g}" for k, v in taken.items())
-    note = (
-        f"IoU of {OCCUPANCY_SIZE}^3 solid volumes; thresholds, chosen {where}: {text}."
-        if taken
-        else "Natural logarithms of volumes in radius^3."
-    )
+    note = "Natural logarithms of volumes in radius^3."
+    if taken:
+        earlier = taken.keys() <= chosen.keys()
+        where = "on the split that was evaluated during training" if earlier else "on this split"
+        text = ", ".join(f"{k.removeprefix(THRESHOLD_OF)} {v:g}" for k, v in taken.items())
+        note = f"IoU of {OCCUPANCY_SIZE}^3 solid volumes; thresholds, chosen {where}: {text}."
     return dataclasses.replace(measured, metrics=metrics, note=note, chosen=taken)
 
 

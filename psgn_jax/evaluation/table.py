@@ -68,18 +68,20 @@ def cell(metric: str, value: float) -> str:
     return f"{100 * value:.2f}" if title(metric).endswith("[%]") else f"{value:.5f}"
 
 
+def lines(evaluation: Evaluation, names: Sequence[str], prefix: str = "") -> list[list[str]]:
+    """The cells of the metrics in `names`; their headers begin with `prefix`."""
+    head = ["category", "samples", *(prefix + header(evaluation, name) for name in names)]
+    rows = [(one_line(row.name), str(row.count), row.metrics) for row in evaluation.rows()]
+    return [head, *([*ids, *(cell(name, of[name]) for name in names)] for *ids, of in rows)]
+
+
 def text(evaluation: Evaluation) -> str:
     """The printed table: a row for each category, the two averages, and an explanation."""
     names = [name for name in METRICS if title(name) and name in evaluation.metrics]
     names += filter(_OF_DRAWS.fullmatch, evaluation.metrics)
     if evaluation.note:
         names = list(evaluation.metrics)
-    head = ["category", "samples", *(header(evaluation, name) for name in names)]
-    body = [
-        [one_line(row.name), str(row.count), *(cell(name, row.metrics[name]) for name in names)]
-        for row in evaluation.rows()
-    ]
-    table = aligned([head, *body], apart=2)
+    table = aligned(lines(evaluation, names), apart=2)
     if evaluation.note:
         return f"{table}\nSplit {evaluation.split!r}. {evaluation.note}\n"
     return table + _note_on_points(evaluation)

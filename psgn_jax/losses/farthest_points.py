@@ -35,12 +35,9 @@ def farthest_point_indices(points: Float[Array, "n 3"], num_samples: int) -> Int
         non-finite coordinate.
     """
     points = check_points(points, "points")
-    is_count = isinstance(num_samples, int | np.integer)
-    if not is_count or not 1 <= num_samples <= len(points):
-        raise ValueError(
-            f"num_samples: got {num_samples}, expected an integer from 1 to the number of points "
-            f"({len(points)})"
-        )
+    if not (isinstance(num_samples, int | np.integer) and 1 <= num_samples <= len(points)):
+        accepted = f"an integer from 1 to the number of points ({len(points)})"
+        raise ValueError(f"num_samples: got {num_samples}, expected {accepted}")
     return _indices(points, num_samples)
 
 

@@ -92,23 +92,19 @@ Conv3D = functools.partial(Conv, ndim=3)  # for volumes
 
 
 class ConvTranspose(nn.Module):
-    """`convolve_transposed(x, kernel, stride) + bias`."""
+    """`convolve_transposed(x, kernel) + bias`, with a 5x5 kernel and stride 2."""
 
     features: int
-    kernel_size: int = 5
-    stride: int = 2
-    kernel_init: Initializer = SUMMED
     bias_init: Initializer = nn.initializers.zeros_init()
     dtype: Any = jnp.float32
 
     @nn.compact
     def __call__(self, x: Float[Array, "b h w c_in"]) -> Float[Array, "b ho wo c_out"]:
         def init(key: PRNGKey, shape: Sequence[int], dtype: Any) -> jax.Array:
-            return self.stride * self.kernel_init(key, shape, dtype)
+            return 2 * SUMMED(key, shape, dtype)
 
-        shape = (self.kernel_size, self.kernel_size, x.shape[-1], self.features)
-        kernel = self.param("kernel", init, shape, jnp.float32)
-        y = convolve_transposed(x.astype(self.dtype), kernel.astype(self.dtype), self.stride)
+        kernel = self.param("kernel", init, (5, 5, x.shape[-1], self.features), jnp.float32)
+        y = convolve_transposed(x.astype(self.dtype), kernel.astype(self.dtype))
         return _add_bias(self, y)
 
 

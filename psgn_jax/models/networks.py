@@ -35,9 +35,8 @@ def build(config: ModelConfig) -> CloudNetwork:
 
 def build_posterior(config: ModelConfig) -> posterior.Posterior:
     """The network that predicts the distribution of r from the ground truth."""
-    return posterior.Posterior(
-        tuple(config.posterior_widths), config.posterior_hidden, config.random_size
-    )
+    sizes = config.posterior_hidden, config.random_size
+    return posterior.Posterior(tuple(config.posterior_widths), *sizes)
 
 
 def build_volume_net(config: ModelConfig) -> volumes.VolumeNet:
@@ -48,14 +47,10 @@ def build_volume_net(config: ModelConfig) -> volumes.VolumeNet:
 def build_r2n2(config: ModelConfig, sizes: VoxelConfig) -> recurrent.RecurrentVolume:
     """3D-R2N2 with the published widths times `voxels.width_multiplier`."""
     factor = sizes.width_multiplier
-    dense, hidden = scaled_widths((recurrent.DENSE_WIDTH, recurrent.HIDDEN_WIDTH), factor)
-    return recurrent.RecurrentVolume(
-        scaled_widths(recurrent.CONV_WIDTHS, factor),
-        dense,
-        hidden,
-        scaled_widths(recurrent.DECODER_WIDTHS, factor),
-        DTYPES[config.compute_dtype],
-    )
+    single = scaled_widths((recurrent.DENSE_WIDTH, recurrent.HIDDEN_WIDTH), factor)
+    conv = scaled_widths(recurrent.CONV_WIDTHS, factor)
+    decoder = scaled_widths(recurrent.DECODER_WIDTHS, factor)
+    return recurrent.RecurrentVolume(conv, *single, decoder, DTYPES[config.compute_dtype])
 
 
 def scaled_widths(widths: Sequence[int], multiplier: float) -> tuple[int, ...]:
@@ -66,19 +61,12 @@ def scaled_widths(widths: Sequence[int], multiplier: float) -> tuple[int, ...]:
 
 
 def _point_out_net(config: ModelConfig) -> PointOutNet:
-    return PointOutNet(
-        version=config.name,
-        image_size=config.image_size,
-        in_channels=config.in_channels,
-        widths=config.widths,
-        fc_points=config.fc_points,
-        fc_widths=config.fc_widths,
-        deconv_level=config.deconv_level,
-        deconv_channels=config.deconv_channels,
-        random_size=config.random_size,
-        random_at=config.random_at,
-        dtype=DTYPES[config.compute_dtype],
-    )
+    names = (
+        "image_size", "in_channels", "widths", "fc_points", "fc_widths", "deconv_level",
+        "deconv_channels", "random_size", "random_at",
+    )  # fmt: skip
+    fields: Any = {name: getattr(config, name) for name in names}
+    return PointOutNet(version=config.name, dtype=DTYPES[config.compute_dtype], **fields)
 
 
 NETWORKS: dict[str, Callable[[ModelConfig], CloudNetwork]] = {
@@ -181,14 +169,9 @@ def stack_channels(
 
 def network_inputs(channels: Sequence[str], batch: Mapping[str, Any]) -> Array:
     """`stack_channels` of a batch: [B,H,W,C], or [B,V,H,W,C] for several views."""
-    camera = batch.get("extrinsics")
-    return stack_channels(
-        batch["image"],
-        batch["mask"],
-        batch.get("depth"),
-        channels=channels,
-        distance=None if camera is None else camera[..., 2, 3],
-    )
+    camera, images = batch.get("extrinsics"), (batch["image"], batch["mask"], batch.get("depth"))
+    distance = None if camera is None else camera[..., 2, 3]
+    return stack_channels(*images, channels=channels, distance=distance)
 
 
 def predict(

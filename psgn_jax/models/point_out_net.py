@@ -136,7 +136,7 @@ class Merge(nn.Module):
         if self.down_size:
             x = Conv(width, self.down_size, stride=2, name="down", **linear)(x)
         else:
-            x = ConvTranspose(width, name="up", **linear)(x)
+            x = ConvTranspose(width, dtype=self.dtype, name="up")(x)
         x = nn.relu(_plus_random(_add(x, Conv(width, name="skip", **linear)(skip)), r))
         return nn.relu(Conv(width, dtype=self.dtype, name="conv")(x))
 
@@ -198,8 +198,7 @@ class FullyConnected(nn.Module):
         x = nn.relu(_plus_random(x, r))
         for i, width in enumerate(self.widths[1:], start=1):
             x = nn.relu(Dense(width, dtype=dtype, name=f"hidden{i}")(x))
-        bias = layers.cloud_bias(layers.CLOUD_SPREAD)
-        kernel = layers.small(0.1)
+        bias, kernel = layers.cloud_bias(layers.CLOUD_SPREAD), layers.small(0.1)
         x = Dense(3 * self.num_points, kernel_init=kernel, bias_init=bias, name="points")(x)
         return x.reshape(x.shape[0], self.num_points, 3)
 
@@ -303,16 +302,11 @@ class PointOutNet(CloudNetwork):
             clouds.append(fc(bottlenecks, later))
         if self.version != "vanilla":
             decoder = Decoder(widths, self.deconv_level, dtype, name="decoder")
-            features = decoder(x, features, later)
-            x = features[self.deconv_level]
+            x = decoder(x, features, later)[self.deconv_level]
             x = nn.relu(Conv(x.shape[-1], dtype=dtype, name="deconv_conv")(x))
-            points = Conv(
-                self.deconv_channels,
-                kernel_init=layers.small(layers.CLOUD_SPREAD),
-                bias_init=layers.cloud_bias(0.0),
-                name="deconv_points",
-            )(x)
-            points = points + layers.grid_offset(*self.grid)[None]
+            init, bias = layers.small(layers.CLOUD_SPREAD), layers.cloud_bias(0.0)
+            out = Conv(self.deconv_channels, kernel_init=init, bias_init=bias, name="deconv_points")
+            points = out(x) + layers.grid_offset(*self.grid)[None]
             clouds.append(points.reshape(points.shape[0], -1, 3))
         cloud = jnp.concatenate(clouds, axis=1)
         return cloud.reshape(*batch_shape, *cloud.shape[1:])

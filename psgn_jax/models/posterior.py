@@ -71,9 +71,8 @@ def occupied(points: Float[Array, "n 3"]) -> Float[Array, "32 32 32"]:
 
     Points outside the grid, for instance after stretching, belong to the nearest cell.
     """
-    place = (points - jnp.asarray(GRID_ORIGIN, points.dtype)[None, :]) / (
-        GRID_EDGE / OCCUPANCY_SIZE
-    )
+    origin = jnp.asarray(GRID_ORIGIN, points.dtype)[None]
+    place = (points - origin) / (GRID_EDGE / OCCUPANCY_SIZE)
     cell = jnp.clip(jnp.floor(place), 0, OCCUPANCY_SIZE - 1).astype(jnp.int32)
     volume = jnp.zeros(GRID, jnp.float32).at[cell[:, 0], cell[:, 1], cell[:, 2]].set(1.0)
     return jax.lax.stop_gradient(volume)

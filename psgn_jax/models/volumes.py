@@ -84,24 +84,16 @@ class VoxelRefiner(nn.Module):
 
     @nn.compact
     def __call__(
-        self,
-        splats: Float[Array, "b x y z c"],
-        log_volumes: Float[Array, " b"] | None = None,
+        self, splats: Float[Array, "b x y z c"], log_volumes: Float[Array, " b"] | None = None
     ) -> Float[Array, "b x y z"]:
         x = splats
         if log_volumes is not None:
-            channel = jnp.broadcast_to(
-                log_volumes[:, None, None, None, None].astype(x.dtype), (*x.shape[:-1], 1)
-            )
-            x = jnp.concatenate([x, channel], axis=-1)
+            channel = log_volumes[:, None, None, None, None].astype(x.dtype)
+            x = jnp.concatenate([x, jnp.broadcast_to(channel, (*x.shape[:-1], 1))], axis=-1)
         for i, width in enumerate(self.widths):
             x = nn.relu(Conv3D(width, dtype=self.dtype, name=f"conv{i}")(x))
-        last = Conv3D(
-            1,
-            kernel_init=layers.small(1.0),
-            bias_init=nn.initializers.constant(_FIRST_LOGIT),
-            name="occupancy",
-        )
+        bias = nn.initializers.constant(_FIRST_LOGIT)
+        last = Conv3D(1, kernel_init=layers.small(1.0), bias_init=bias, name="occupancy")
         return nn.sigmoid(last(x)[..., 0])
 
 
@@ -122,10 +114,6 @@ class VolumeNet(nn.Module):
         _, x = encoder(images.astype(self.dtype), None)
         x = x.reshape(x.shape[0], -1)
         x = nn.relu(Dense(self.hidden, dtype=self.dtype, name="dense")(x))
-        last = Dense(
-            1,
-            kernel_init=layers.small(0.3),
-            bias_init=nn.initializers.constant(_LOG_VOLUME),
-            name="log_volume",
-        )
+        bias = nn.initializers.constant(_LOG_VOLUME)
+        last = Dense(1, kernel_init=layers.small(0.3), bias_init=bias, name="log_volume")
         return last(x)[:, 0]

@@ -98,8 +98,7 @@ def cabinets(data: DataConfig) -> list[Cabinet]:
     """The parameters of the evaluated records, in order."""
     reader = RecordReader(data.eval_folders, data.eval_split)
     known: list[Cabinet] = []
-    for index in range(len(reader)):
-        sample = reader[index]
+    for sample in map(reader.__getitem__, range(len(reader))):
         try:
             entry = parse_json(sample.extra)["parameters"]
             depth = float(entry["hidden"]["depth"])

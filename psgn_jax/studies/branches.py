@@ -83,15 +83,11 @@ def measure_sample(case: runner.Sample, model: ModelConfig) -> dict[str, float]:
     by_fc, centre = to_fc < to_deconv, gt.mean(axis=0)
     found = {"gt_to_pred": float(np.minimum(to_fc, to_deconv).mean())}
     for i, branch in enumerate(("fc", "deconv")):
+        cloud, mine = clouds[i], by_fc if branch == "fc" else ~by_fc
         measures = (
-            len(clouds[i]),
-            order(clouds[i], pairs[i]),
-            _rms(clouds[i] - clouds[i].mean(axis=0)),
-            _rms(clouds[i] - centre),
-            gaps[i].min(axis=0).mean(),
-            nearest[i].mean(),
-            np.mean(by_fc if branch == "fc" else ~by_fc),
-        )
+            len(cloud), order(cloud, pairs[i]), _rms(cloud - cloud.mean(axis=0)),
+            _rms(cloud - centre), gaps[i].min(axis=0).mean(), nearest[i].mean(), np.mean(mine),
+        )  # fmt: skip
         found |= {f"{branch}_{key}": v for key, v in zip(_OF_BRANCH, measures, strict=True)}
     some = slice(None, None, max(1, len(gt) // _SAMPLED))
     around = (cdist(gt[some], gt[some]) < AROUND).sum(axis=1)

@@ -101,7 +101,6 @@ def configs(base: Config, folder: Callable[[str], str]) -> dict[str, runner.Over
     two cores, 3D-R2N2 made 1,689 and 1,382 steps.
     """
     half = max(1, base.train.steps // 2)
-    emd = {"loss.name": "emd_mean", "loss.emd_tolerance": 0.02, "train.steps": half}
     head = {
         "task": "refiner",
         "voxels.widths": (8,) * 5,
@@ -110,23 +109,21 @@ def configs(base: Config, folder: Callable[[str], str]) -> dict[str, runner.Over
         # The heads have few parameters and, on a CPU, few steps.
         "optim.learning_rate": 5 * base.optim.learning_rate,
     }
-    heads = {
-        name: {**head, **{f"voxels.from_{source}": folder(source) for source in sources}}
-        for name, sources in HEADS.items()
-    }
-    peer = {
-        "task": "views",
-        "voxels.width_multiplier": 0.125,
-        "voxels.max_views": max(VIEWS),
-        "voxels.eval_views": VIEWS,
-        "train.batch_size": 8,
-    }
     return {
         "cd": {"data.num_points": 2048, "loss.name": "chamfer_sq_mean"},
-        "emd": emd,
+        "emd": {"loss.name": "emd_mean", "loss.emd_tolerance": 0.02, "train.steps": half},
         "volume": {"task": "volume", "train.steps": half},
-        **heads,
-        PEER: peer,
+        **{
+            name: {**head, **{f"voxels.from_{source}": folder(source) for source in sources}}
+            for name, sources in HEADS.items()
+        },
+        PEER: {
+            "task": "views",
+            "voxels.width_multiplier": 0.125,
+            "voxels.max_views": max(VIEWS),
+            "voxels.eval_views": VIEWS,
+            "train.batch_size": 8,
+        },
     }
 
 
@@ -164,13 +161,10 @@ def distances(cloud: np.ndarray, case: runner.Sample, number: int) -> dict[str, 
     # A random subset, because the points of a record are ordered by position.
     order = np.random.default_rng([1, number]).permutation(len(case["points"]))
     surface = case["points"][order[:NUM_POINTS]]
-    values = {}
-    true = cloud_of(case["occupancy"], number, 0)
-    for label, gt in (("volume", true), ("surface", surface)):
-        measured = _distances(cloud, gt)
-        values[f"cd_{label}"] = float(measured["cd_sq_radius2"])
-        values[f"emd_{label}"] = float(measured["emd_radius"])
-    return values
+    truths = {"volume": cloud_of(case["occupancy"], number, 0), "surface": surface}
+    found = {label: _distances(cloud, gt) for label, gt in truths.items()}
+    values = {f"cd_{label}": float(of["cd_sq_radius2"]) for label, of in found.items()}
+    return values | {f"emd_{label}": float(of["emd_radius"]) for label, of in found.items()}
 
 
 def measure(run: runner.Run) -> runner.Measured:
@@ -253,18 +247,17 @@ def by_category(results: runner.Results) -> list[Lines]:
     more = {name: (name, "iou", 1) for name in HEADS if name != OURS}
     more |= {f"cloud of {name}": (OURS, f"iou_splat_{name}", 1) for name in POINTS}
     columns = {**_COLUMNS, **more}
-    kinds = sorted(set(categories.tolist()))
     rows = {
         kind: [
             factor * _mean([run.metrics[metric][categories == kind] for run in results[name]])
             for name, metric, factor in columns.values()
         ]
-        for kind in kinds
+        for kind in sorted(set(categories.tolist()))
     }
     rows["mean"] = [_mean([[row[i] for row in rows.values()]]) for i in range(len(columns))]
     lines = [["", "samples", *columns, "paper*: ours", *(f"3D-R2N2*, {n}" for n in VIEWS)]]
     for name, values in rows.items():
-        count = len(names) if name == "mean" else int((categories == name).sum())
+        count = len(names) if name == "mean" else (categories == name).sum()
         paper = [f"{v:.3f}" for v in PAPER.get(name, ())] or ["-"] * 4
         lines.append([name, str(count), *(f"{value:.3f}" for value in values), *paper])
     return [lines]

@@ -131,10 +131,9 @@ def measure_arc(mean: np.ndarray) -> dict[str, float]:
 def _measure_parts(mean: np.ndarray, to_parts: np.ndarray, name: str) -> dict[str, float]:
     to_bar = _outside_box(mean, (0, 0), BAR)
     outside = to_bar > NEAR
-    inside = (to_parts[outside] == 0).sum() / max(1, outside.sum())
     return {
         "points outside the bar [%]": float(outside.mean()),
-        f"of them inside a {name} [%]": float(inside),
+        f"of them inside a {name} [%]": (to_parts[outside] == 0).sum() / max(1, outside.sum()),
         "points in no shape at all [%]": float(np.mean(np.minimum(to_bar, to_parts) > NEAR)),
     }
 
@@ -197,11 +196,10 @@ def train(run: Run) -> None:
     """Computes the mean shapes of all distributions, unless the folder has them."""
     if _file(run).exists():
         return
-    clouds, key = {}, jax.random.key(run.seed)
+    clouds, key, steps = {}, jax.random.key(run.seed), run.config.train.steps
     for row, (name, (draw, _)) in enumerate(DISTRIBUTIONS.items()):
-        distance, steps = DISTANCES[run.name], run.config.train.steps
-        found = mean_shape(distance, draw, jax.random.fold_in(key, row), steps)
-        clouds[name] = np.asarray(found)
+        of_row = jax.random.fold_in(key, row)
+        clouds[name] = np.asarray(mean_shape(DISTANCES[run.name], draw, of_row, steps))
     np.savez(buffer := io.BytesIO(), allow_pickle=False, **clouds)
     write_atomic(_file(run), buffer.getvalue())
 

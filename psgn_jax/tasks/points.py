@@ -10,10 +10,10 @@ import numpy as np
 
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config, ConfigError
-from psgn_jax.data import loader
 from psgn_jax.evaluation import clouds as metrics_lib
 from psgn_jax.evaluation.aligned import aligned_metrics
 from psgn_jax.evaluation.results import Evaluation
+from psgn_jax.evaluation.split import eval_batches
 from psgn_jax.losses.by_name import LossTerm, chosen_points, parse_terms, sum_of
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.losses.mapping import map_pairs
@@ -64,10 +64,9 @@ class Points(Task):
         config, r = self.config, networks.random_input(self.config, step, batch_size, train=train)
         found = {} if r is None else {"r": r}
         if self.draws:
-            first = step * batch_size
-            found["draws"] = sampling.sample_latents(
-                config, first, batch_size, self.draws, np.uint32(config.seed & 0xFFFFFFFF)
-            )
+            place = step * batch_size, batch_size, self.draws
+            seed = np.uint32(config.seed & 0xFFFFFFFF)
+            found["draws"] = sampling.sample_latents(config, *place, seed)
         return found
 
     def predict(self, params: Any, batch: Batch, r: Array | None) -> Array:
@@ -107,12 +106,11 @@ class Points(Task):
     def min_of_n_loss(self, params: Any, batch: Batch, r: Array) -> tuple[Array, MinOfN]:
         """Mean over the batch of the loss of each sample's best draw, for r [B,draws,size].
 
-        The best draw has the smallest loss or, with `loss.winner_points` = k > 0, the smallest
-        Chamfer distance of k points to k true points. In the first case, value and gradient are
-        those of `min_of_n` of all draws, up to rounding. In the second, we compute the loss of the
-        best draw only, and `loss.mean_weight` adds the Chamfer distance of the first draw, an
-        estimate of the mean over all draws. `MinOfN.distances` are the distances by which draws are
-        compared.
+        The best draw has the smallest of `MinOfN.distances`: of the losses or, with
+        `loss.winner_points` = k > 0, of the Chamfer distances of k points to k true points. In the
+        first case, value and gradient are those of `min_of_n` of all draws, up to rounding. In the
+        second, `loss.mean_weight` adds the Chamfer distance of the first draw, an estimate of the
+        mean over all draws.
 
         Only the best draw of each sample has a gradient. So we compute all draws without storing
         activations, and the best draws again for the backward pass. XLA computes the parts that do
@@ -185,26 +183,19 @@ class Points(Task):
     def evaluate(
         self, params: Any, *, chosen: Any = None, draws: int = 0, **options: Any
     ) -> Evaluation:
-        if draws and not self.config.model.random_size:
+        if not draws:
+            return super().evaluate(params, **options)
+        if not self.config.model.random_size:
             raise ConfigError(
                 f"draws={draws}: model.random_size=0, so this network gives one prediction per "
                 "image; accepted: a network trained with a random input, such as configs/mo2_cd.py"
             )
-        if draws:
-            return Points(self.config, draws=draws).evaluate(params, **options)
-        return super().evaluate(params, **options)
+        return Points(self.config, draws=draws).evaluate(params, **options)
 
     def picture(self, params: Any) -> np.ndarray:
         """A picture of the first evaluation samples: predictions beside true clouds."""
         config = self.config
-        (batch,) = loader.eval_batches(
-            config.data,
-            split=config.data.eval_split,
-            batch_size=config.eval.batch_size,
-            seed=config.seed,
-            visible_tolerance=config.eval.visible_tolerance,
-            choose=lambda number: range(1),
-        )
+        (batch,) = eval_batches(config, choose=lambda number: range(1))
         points, _ = self.eval_step(params, batch, 0)
         rows = []
         for i in np.flatnonzero(batch["valid"])[:_NUM_PICTURES].tolist():

@@ -60,11 +60,9 @@ class Task:
     def evaluate(
         self, params: Any, *, chosen: Any = None, draws: int = 0, **options: Any
     ) -> Evaluation:
-        """Metrics on a split, by `evaluation.split.evaluate_split` with the other `options`.
+        """Metrics by `evaluate_split` with `options`, and of `draws` more clouds per image.
 
-        Args:
-          chosen: thresholds of an earlier evaluation; others are chosen on this split.
-          draws: number of further predictions per image to measure (points only).
+        `chosen` are thresholds of an earlier evaluation; others are chosen on this split.
         """
         return evaluate_split(self.config, params, self.eval_step, **options)
 

@@ -145,8 +145,11 @@ def read_metrics(path: str | pathlib.Path) -> list[dict[str, Any]]:
     entries, damaged = [], 0
     with contextlib.suppress(FileNotFoundError), open(path, "rb") as file:
         for line in file:
-            entry = _entry(line)
-            if entry is not None:
+            try:
+                entry = json.loads(line)
+            except (ValueError, RecursionError):
+                entry = None
+            if isinstance(entry, dict) and type(entry.get("step")) is int:
                 entries.append(entry)
             elif line.endswith(b"\n"):
                 damaged += 1
@@ -168,12 +171,9 @@ class MetricsWriter:
         self._step = step
         path = self._workdir / "metrics.jsonl"
         if path.exists():
-            kept = [
-                entry
-                for entry in read_metrics(path)
-                if entry["step"] < step
-                or (entry["step"] == step and (evaluated or entry.get("kind") != "eval"))
-            ]
+            kept = [x for x in read_metrics(path) if x["step"] <= step]
+            if not evaluated:
+                kept = [x for x in kept if x["step"] < step or x.get("kind") != "eval"]
             write_atomic(path, "".join(map(_line, kept)))
         self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
 
@@ -237,11 +237,3 @@ class MetricsWriter:
 
 def _line(entry: Mapping[str, Any]) -> str:
     return json.dumps(finite_or_none(entry), allow_nan=False) + "\n"
-
-
-def _entry(line: bytes) -> dict[str, Any] | None:
-    try:
-        entry = json.loads(line)
-    except (ValueError, RecursionError):
-        return None
-    return entry if isinstance(entry, dict) and type(entry.get("step")) is int else None

@@ -60,8 +60,7 @@ class Checkpoints:
     """
 
     def __init__(self, directory: str | pathlib.Path, keep: int = 2, *, read_only: bool = False):
-        self._directory = pathlib.Path(directory).absolute()
-        self._keep = keep
+        self._directory, self._keep = pathlib.Path(directory).absolute(), keep
         self._read_only = read_only
         self._saver: ocp.AsyncCheckpointer | None = None
         if self._directory.is_dir() and not read_only:
@@ -137,12 +136,9 @@ class Checkpoints:
         """The newest intact checkpoint, or None if there is no checkpoint.
 
         With `best_first`, it is the best checkpoint, if intact. Damaged checkpoints are skipped
-        with a warning, and moved to `damaged/` unless read-only.
-
-        Raises:
-          CheckpointError: no checkpoint can be read (then none is moved, because the cause is
-            probably the disk or a permission), a later version of this package wrote it, or its
-            folder has the name of another step.
+        with a warning, and moved to `damaged/` unless read-only. `CheckpointError` if no checkpoint
+        can be read (then none is moved, because the cause is probably the disk or a permission), if
+        a later version of this package wrote it, or if its folder has the name of another step.
         """
         steps, best = self.steps()[::-1], self.best_step()
         if best_first:
@@ -179,11 +175,9 @@ class Checkpoints:
                     f"{folder} was made by a later version of psgn_jax: its format is "
                     f"{document['format']}, this version reads {FORMAT}; use a newer psgn_jax"
                 )
-            if (stored := document["step"]) != step:
-                raise CheckpointError(
-                    f"{folder} has the checkpoint of step {stored}; rename the folder to {stored}, "
-                    "or remove it"
-                )
+            if (found := document["step"]) != step:
+                remedy = f"rename the folder to {found}, or remove it"
+                raise CheckpointError(f"{folder} has the checkpoint of step {found}; {remedy}")
             if not isinstance(document["meta"], dict):
                 raise ValueError("its meta is not an object")
             template = {

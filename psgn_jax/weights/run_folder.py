@@ -62,11 +62,11 @@ def open_run(
     # Imported here because weights do not need orbax, which takes an eighth of all imports.
     from psgn_jax.weights.checkpoint import CheckpointError, Checkpoints
 
-    config, damaged = None, None
+    config: Config | DamagedError
     try:
         config = load_config(workdir, name)
     except DamagedError as error:
-        damaged = error
+        config = error
     checkpoints = Checkpoints(pathlib.Path(workdir) / "checkpoints", read_only=True)
     try:
         opened = checkpoints.restore_newest(best_first=checkpoint == "best")
@@ -77,8 +77,8 @@ def open_run(
     if checkpoint == "best" and opened.step != checkpoints.best_step():
         logging.warning("no best checkpoint can be used; using the last one")
     trained = trained_config(opened, workdir, name)
-    if config is None:
-        logging.warning("%s; using the configuration in the checkpoint", damaged)
+    if isinstance(config, DamagedError):
+        logging.warning("%s; using the configuration in the checkpoint", config)
         config = trained
     _check_fits(config, trained, f"{name}={workdir}", opened.step)
     params = params_from_named_leaves(opened.leaves, averaged=averaged)
@@ -138,11 +138,7 @@ def _refuse_pipes(workdir: str | os.PathLike[str]) -> None:
 
 @contextlib.contextmanager
 def locked(workdir: str | pathlib.Path) -> Iterator[None]:
-    """Context that locks a run's folder against other trainings, without temporary files.
-
-    Raises:
-      ConfigError: another process holds the lock.
-    """
+    """Locks a run's folder, without temporary files; `ConfigError` if another training has it."""
     folder = pathlib.Path(workdir)
     folder.mkdir(parents=True, exist_ok=True)
     _refuse_pipes(workdir)
