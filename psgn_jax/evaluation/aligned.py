@@ -71,13 +71,9 @@ def aligned_metrics(
 ) -> dict[str, Float[Array, ""]]:
     """Aligned CD and EMD of a pair, as defined above.
 
-    Args:
-      emd_tolerance: relative error of the EMD; None = no EMD.
-      known_emd: the EMD without alignment, if known; it saves an auction.
-
-    Returns:
-      `aligned_cd_sq_radius2` (unit^2), `aligned_scale` (s, or 1 if alignment does not reduce the
-      CD) and, with `emd_tolerance`, `aligned_emd_radius` (unit, mean over the points).
+    The result has `aligned_cd_sq_radius2` (unit^2), `aligned_scale` (s, or 1 if alignment does not
+    reduce the CD) and, with `emd_tolerance` (its relative error), `aligned_emd_radius` (unit, mean
+    over the points). `known_emd`, the EMD without alignment, saves an auction.
     """
     scale, shift = align(pred, gt)
     moved = scale * pred + shift[None]

@@ -115,14 +115,10 @@ def by_visibility(
 ) -> dict[str, Float[Array, ""]]:
     """Means over the visible and over the hidden true points (`data.visibility`); NaN without any.
 
-    Args:
-      distance_sq: from every true point to the nearest predicted point, unit^2.
-      threshold: largest distance of a recalled point, in the unit.
-
-    Returns:
-      `visible_share`, the fraction of true points that are visible, and for each class C of
-      `VISIBILITY`: `cd_sq_gt_to_pred_C_radius2` (unit^2), `cd_l1_gt_to_pred_C_radius` (unit), and
-      `recall_C`, the fraction within the threshold.
+    `distance_sq` are from every true point to the nearest predicted point, unit^2. The result has
+    `visible_share`, the fraction of true points that are visible, and for each class C of
+    `VISIBILITY`: `cd_sq_gt_to_pred_C_radius2` (unit^2), `cd_l1_gt_to_pred_C_radius` (unit), and
+    `recall_C`, the fraction within the threshold (unit).
     """
     visible = jnp.asarray(visible)
     metrics = {"visible_share": visible.astype(distance_sq.dtype).mean()}

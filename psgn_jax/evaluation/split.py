@@ -43,13 +43,10 @@ def evaluate_split(
     max_samples: int = 0,
     on_batch: OnBatch | None = None,
 ) -> Evaluation:
-    """Metrics of a network on a split.
+    """Metrics of a network on a split, or on its first `max_samples` > 0 samples.
 
-    Args:
-      eval_step: maps (params, batch on the host, index of the batch) to predictions and metrics
-        with a row for each sample; see `compile_measure`.
-      max_samples: number of first samples; 0 = all.
-      on_batch: called with (index of the batch, batch, predictions).
+    `eval_step` is a function from `compile_measure`. We call `on_batch` with (index of the batch,
+    batch, predictions).
     """
     split = split or config.data.eval_split
     process, count = distributed.index_and_count()
@@ -113,10 +110,8 @@ def compile_measure(
     """Compiled (params, batch on the host, index of the batch) -> (predictions, metrics).
 
     This process's devices share the batch if their number divides it; otherwise one computes it.
-
-    Args:
-      measure: a pytree that is called with (params, batch) for a device's share.
-      latents: (index, size, train=False) -> random inputs, one row per sample.
+    `measure` is a pytree, a function of (params, batch) for a device's share. `latents` maps
+    (index, size, train=False) to random inputs, one row per sample.
     """
     devices = jax.local_devices()
     mesh = Mesh(np.asarray(devices[: 1 if batch_size % len(devices) else None]), ("data",))

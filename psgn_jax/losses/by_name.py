@@ -35,8 +35,7 @@ class LossTerm(NamedTuple):
 def parse_terms(config: LossConfig) -> tuple[LossTerm, ...]:
     """The terms of `loss.name` in order; the EMD gets `loss.emd_tolerance`.
 
-    Raises:
-      ConfigError: a term is not `WEIGHT*NAME@POINTS`, or its name is unknown or occurs twice.
+    `ConfigError` if a term is not `WEIGHT*NAME@POINTS`, or its name is unknown or occurs twice.
     """
     parts = [part.strip() for part in config.name.split("+")]
     terms: dict[str, LossTerm] = {}

@@ -90,10 +90,8 @@ def emd_exact(pred: Float[Array, "n 3"], gt: Float[Array, "n 3"]) -> ExactAssign
     """The optimal bijection, in float64 by scipy's `linear_sum_assignment` on the host.
 
     For evaluation: no `jit`, no gradient, 24 n^2 bytes, a time like n^3 (.1 to 1 s at 1,024
-    points). The error of `cost` is about 1e-12 of the extent.
-
-    Raises:
-      ValueError: wrong shape or dtype, unequal sizes, a non-finite coordinate, or traced clouds.
+    points). The error of `cost` is about 1e-12 of the extent. ValueError for a wrong shape or
+    dtype, unequal sizes, a non-finite coordinate, or traced clouds.
     """
     if isinstance(pred, jax.core.Tracer) or isinstance(gt, jax.core.Tracer):
         raise ValueError("emd_exact: got traced clouds, expected arrays (it runs on the host)")

@@ -13,18 +13,14 @@ from psgn_jax.losses.numeric import per_platform
 def map_pairs(function: Callable[..., Any]) -> Callable[..., Any]:
     """Maps a function of one pair over a batch of pairs.
 
+    `function` maps (pred [n, 3], gt [m, 3]) to any pytree of arrays, the result (pred [B, n, 3],
+    gt [B, m, 3]) to the pytree with a leading axis B on every array. Further arguments need the
+    same leading axis. ValueError if the batches differ in size, or for a single pair of clouds.
+
     A CPU processes the pairs one after another (`jax.lax.scan`), so that a pair's data stay in the
     cache: the CD of 32 pairs of 1024 x 1024 points with gradient takes .033 s on one core, with
     `vmap` .051 s. Only several CPU devices process parts of a batch at the same time. Accelerators
     process all pairs together (`jax.vmap`). The results agree up to rounding.
-
-    Args:
-      function: (pred [n, 3], gt [m, 3]) -> any pytree of arrays, for one pair.
-
-    Returns:
-      (pred [B, n, 3], gt [B, m, 3]) -> the pytree with a leading axis B on every array. Further
-      arguments need the same leading axis. It raises ValueError if the batches differ in size, or
-      for a single pair of clouds.
     """
 
     # Not defined in `over_batch`: every call must pass the same function to `scan`, so that JAX

@@ -139,13 +139,9 @@ def stack_channels(
       units; on the object it is in [-1, 1]. The second is 1 where depth was measured. Both are 0 on
       the background and where the object's depth is missing (z <= 0 or not finite).
 
-    Args:
-      image: RGB.
-      mask: True on the object.
-      depth: z along the optical axis, in units (radius of the bounding hemisphere); for "depth".
-      channels: any of "rgb", "mask", "depth".
-      distance: depth of the frame's origin along the optical axis, `extrinsics[2, 3]`; None: 3.6,
-        as for the default camera.
+    The image is RGB, `mask` True on the object, `depth` z along the optical axis in units (radius
+    of the bounding hemisphere), and `distance` the z of the frame's origin, `extrinsics[2, 3]`;
+    None: 3.6, as for the default camera.
 
     Source: the authors' published code and data, which store colours as BGR.
     """

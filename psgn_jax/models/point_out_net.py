@@ -262,15 +262,12 @@ class PointOutNet(CloudNetwork):
     def __call__(
         self, x: Float[Array, "b h w c"], r: Float[Array, "b *draws k"] | None = None
     ) -> Float[Array, "b *draws n 3"]:
-        """Predicts the clouds of a batch.
+        """Points float32 in the project's frame, unit = radius of the bounding hemisphere.
 
         Args:
           x: images from `networks.stack_channels`.
           r: standard normal numbers [b, random_size], or [b, draws, random_size] for several clouds
             per image; None if and only if `random_size` is 0.
-
-        Returns:
-          Points in the project's frame, unit = radius of the bounding hemisphere; float32.
 
         Raises:
           ValueError: the shape of an argument does not match the network.

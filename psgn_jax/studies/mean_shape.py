@@ -164,11 +164,7 @@ DISTANCES = {"EMD": losses.emd_mean, "CD": losses.chamfer_sq_mean}
 def mean_shape(
     distance: Callable[..., Array], draw: Callable[[PRNGKey, int], Plane], key: PRNGKey, steps: int
 ) -> Plane:
-    """The minimiser x [n, 2] of E_S[distance(x, S)], by Adam on eight random shapes per step.
-
-    The learning rate falls from .01 to .0001 along half a cosine. The start is a normal cloud with
-    standard deviation .1.
-    """
+    """The minimiser x [n, 2] of E_S[distance(x, S)], by Adam on eight random shapes per step."""
     tx = optax.adam(optax.cosine_decay_schedule(0.01, steps, alpha=0.01))
     start = 0.1 * jax.random.normal(jax.random.fold_in(key, steps), (NUM_POINTS, 2))
 

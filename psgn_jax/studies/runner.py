@@ -82,9 +82,7 @@ def evaluate(
 ) -> Measured:
     """The metrics of a run's last checkpoint on every sample of the evaluation split.
 
-    Args:
-      of_sample: maps `keys` and `pred` of a sample to further metrics.
-      keys: arrays of a sample to keep, if the batch contains them.
+    `of_sample` maps the arrays `keys`, as far as a batch has them, and `pred` to further metrics.
     """
     opened, config = open_run(run.folder, "last"), run.config
     split = config.data.eval_split

@@ -18,16 +18,10 @@ Result = tuple[Array, Metrics]
 
 
 class Task:
-    """A network with its loss and its metrics.
+    """A network with its loss and its metrics; `keys` are the arrays of a batch that it needs."""
 
-    Attributes:
-      title: name of the network, for the log.
-      keys: names of the arrays of a batch that devices need.
-      frozen: parameters of other networks, which loss and metrics read.
-    """
-
-    title: str
-    frozen: Any = ()
+    title: str  # name of the network, for the log
+    frozen: Any = ()  # parameters of other networks, which loss and metrics read
 
     def __init__(self, config: Config, keys: Sequence[str]) -> None:
         self.config, self.keys = config, tuple(keys)

@@ -26,13 +26,9 @@ def apply(model: nn.Module, params: Any, *inputs: Any) -> Array:
 
 
 class VoxelTask(Task):
-    """A task on solid volumes; metrics have a number for each sample or for each threshold.
+    """A task on solid volumes; metrics have a number for each sample or for each threshold."""
 
-    Attributes:
-      best: the metric that decides which checkpoint is the best; "" = none.
-    """
-
-    best = ""
+    best = ""  # the metric that decides which checkpoint is the best; "" = none
 
     def __init__(self, config: Config, model: nn.Module) -> None:
         keys = [key for key in networks.input_keys(config) if key != "points"]

@@ -40,12 +40,8 @@ class TrainingLog:
 
     A line has the metrics of its step, and the mean `loss` since the previous line. Between lines,
     metrics are read two steps late: the device does not wait for the host, and the host is at most
-    two steps ahead.
-
-    Args:
-      losses: sum and number of the losses between the last line and `start`; `loss_sum` (float32)
-        and `loss_count` continue them.
-      began: when the compilation began, in seconds of `time.monotonic`.
+    two steps ahead. `loss_sum` (float32) and `loss_count` are the sum and number of the losses
+    since the last line, from `losses` on. The compilation `began` at this `time.monotonic`.
     """
 
     def __init__(

@@ -47,13 +47,10 @@ def open_run(
     workdir: str | os.PathLike[str], checkpoint: str = "best", *, averaged: bool = True,
     name: str = "workdir",
 ) -> Trained:  # fmt: skip
-    """Opens a run at its best or last checkpoint.
+    """Opens a run at its last checkpoint, or at the best by the validation metric.
 
-    Args:
-      checkpoint: "last", or "best" by the validation metric. With a warning, the last checkpoint
-        replaces a missing or damaged best checkpoint, and the configuration in the checkpoint a
-        damaged `config.json`.
-      name: name of the argument in messages.
+    With a warning, the last checkpoint replaces a missing or damaged best checkpoint, and the
+    configuration in the checkpoint a damaged `config.json`. `name` is the argument in messages.
 
     Raises:
       ConfigError: there is no run, or its configuration does not fit the checkpoint.
