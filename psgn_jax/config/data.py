@@ -51,8 +51,7 @@ class DataConfig:
     """The records, and how batches are made from them."""
 
     # Folders of records, separated by commas; their splits are joined. `FOLDER*N` counts the
-    # folder's training samples N times, `~` is your home. Empty = the default data set, rendered on
-    # first use.
+    # folder's training samples N times, `~` is your home. Empty = the default data set.
     path: str = ""
     eval_path: str = ""  # Folders for evaluation, written like `path`; empty = the same as `path`.
     train_split: str = "train"  # Name of the split for training.
@@ -78,8 +77,7 @@ class DataConfig:
     # normally distributed and clipped at two standard deviations; the scale is reduced if the
     # object would leave the image. In the authors' images the standard deviation is 0.12.
     reframe_scale: Annotated[float, Bounds(low=0, high=0.3)] = 0.0
-    # The same for a random shift along rows and columns, as a fraction of the image height: 0.07
-    # in the authors' images.
+    # The same for random shifts of rows and columns, in image heights; the authors' have 0.07.
     reframe_shift: Annotated[float, Bounds(low=0, high=0.3)] = 0.0
     photo: PhotoEffects = dataclasses.field(default_factory=PhotoEffects)  # Effects of photos.
     # Strength of random changes of brightness, contrast and channel gains; 0 = off.

@@ -2,8 +2,7 @@
 
 Field names, annotations (`Annotated[int, Bounds(low=1)]`, `Literal`, tuples, nested dataclasses)
 and defaults of the dataclass define what is accepted. A field with the metadata
-`{"derived": "NAMES"}` is computed from the fields or flags in NAMES: it is no key and is not
-written.
+`{"derived": "NAMES"}` is computed from the fields or flags in NAMES: no key, and not written.
 """
 
 import dataclasses
@@ -78,9 +77,8 @@ Need = tuple[str, Callable[[Any], object], Sequence[str]]
 def build(cls: type[T], node: Any, prefix: str = "") -> T:
     """Builds a dataclass from an `ml_collections.ConfigDict` or a mapping; lists count as tuples.
 
-    Raises:
-      ConfigError: an unknown key, a wrong type or a value out of range. One line has the field's
-        name after `prefix` (such as "model."), its value and what is accepted.
+    `ConfigError` for an unknown key, a wrong type or a value out of range. One line has the field's
+    name after `prefix` (such as "model."), its value and what is accepted.
     """
     if hasattr(node, "to_dict"):
         node = node.to_dict()

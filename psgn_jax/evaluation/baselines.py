@@ -12,8 +12,7 @@ Every row has a cloud of n points for each sample of a split; n is the network's
 - retrieval: the cloud of the training image with the most similar mask (cosine of masks averaged
   over 24x32 cells).
 - fixed cloud: n random points of all training clouds.
-- shuffled: the network's predictions for other images of the split. If they are as good, the
-  network ignores its images.
+- shuffled: predictions for other images. If they are as good, the network ignores its images.
 """
 
 import dataclasses
@@ -51,9 +50,8 @@ _RESAMPLES = 2000
 def measure(config: Config, params: Any, split: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """The metrics of all rows, {row: float64 [samples, len(METRICS)]}, and the samples' models.
 
-    Raises:
-      ConfigError: `split` is the training split, or its records have too few points.
-      RecordError: the records are missing or damaged.
+    `ConfigError` if `split` is the training split, or its records have too few points;
+    `RecordError` if they are missing or damaged.
     """
     if split == config.data.train_split:
         raise ConfigError(f"split={split!r} is the training split; accepted: another")

@@ -132,8 +132,7 @@ def compile_measure(
     measure = jax.device_put(measure, everywhere)
 
     def run(params: Any, batch: Mapping[str, Any], index: int) -> Any:
-        # Training may have put the parameters on more devices. A batch has `visible` only if the
-        # records have depth.
+        # Training may use more devices. A batch has `visible` only if the records have depth.
         params = jax.device_put(params, everywhere)
         arrays = {key: batch[key] for key in (*keys, "visible") if key in batch}
         return compiled(measure, params, jax.device_put(arrays, split), np.int32(index))

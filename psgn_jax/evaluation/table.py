@@ -166,8 +166,7 @@ def csv_of(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """A table as CSV, whose texts are quoted and never formulas or control characters.
 
     Names come from other people's records, and spreadsheet programs compute cells such as `=1+1`.
-    We put an apostrophe before such a text (OWASP, "CSV Injection") and escape control characters;
-    `read_csv` undoes both.
+    We put an apostrophe before them (OWASP, "CSV Injection") and escape control characters.
     """
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC)

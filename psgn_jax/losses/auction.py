@@ -53,8 +53,7 @@ from psgn_jax.system.cores import num_cores
 
 # The paper (section "Distance Metric between Point Sets") reports an error of about 1 %.
 TOLERANCE = 0.01
-# Default budget, in bids per point. Clouds of 1,024 points of the authors' data need 5 to 40 bids
-# per point for a gap of 1 %.
+# Default budget, in bids per point. For a gap of 1 %, 1,024 points of the authors' need 5 to 40.
 BIDS_PER_POINT = 2000
 
 _MOST_BIDS = 2**31 - 1  # bids are counted in int32
@@ -256,8 +255,7 @@ def _on_host(*pair: Array) -> Any:
 
 # An accelerator would launch several kernels for each of some ten thousand bids. So the host solves
 # all pairs of a batch in one callback. On a CPU, we solve the pairs one after another, under `vmap`
-# too: in lockstep, every pair would take as long as the slowest pair, and every bid would copy the
-# state of all pairs.
+# too: in lockstep, each pair would take as long as the slowest, and each bid copy all states.
 @custom_vmap
 def _solve_anywhere(*pair: Array) -> Any:
     return per_platform(_solve, _on_host, *pair)

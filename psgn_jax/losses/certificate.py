@@ -51,8 +51,7 @@ class Problem(NamedTuple):
     exact_b: Array
     a: Array
     b: Array
-    # With b padded to m = padded_size(n) points: the distances [n, m], or a and the coordinates of
-    # b, three arrays [m].
+    # With b padded to m = padded_size(n) points: the distances [n, m], or a and three arrays [m].
     rows: tuple[Array, ...]
     unit: Array  # of the scaled distances, in the caller's unit
     finite: Array

@@ -5,8 +5,7 @@
 The distance is Euclidean, not squared: Fan, Su, Guibas, "A Point Set Generation Network for 3D
 Object Reconstruction from a Single Image", CVPR 2017, section "Distance Metric between Point Sets".
 All functions take one pair, `pred` and `gt` [n, 3]; use `losses.map_pairs` for batches. Results are
-in the unit of the clouds. Distances are square roots of float32 squares: below 1e-19 they become 0,
-above 1e19 they overflow.
+in the unit of the clouds. Float32 distances become 0 below 1e-19 and overflow above 1e19.
 
 The first call for a number of points compiles for 2 to 3 seconds on a CPU. Later calls do not
 compile, with or without an enclosing `jax.jit`.

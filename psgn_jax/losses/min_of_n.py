@@ -7,8 +7,7 @@ If an image allows several shapes, the plain loss (n = 1) is minimal at a mean o
 minimal when different samples predict different shapes.
 
 Source: Fan, Su, Guibas, "A Point Set Generation Network for 3D Object Reconstruction from a Single
-Image", CVPR 2017, section "Generation of Multiple Plausible Shapes". They report that n = 2
-suffices.
+Image", CVPR 2017, section "Generation of Multiple Plausible Shapes", where n = 2 suffices.
 """
 
 from collections.abc import Callable

@@ -63,8 +63,7 @@ def convolve_transposed(x: Array, kernel: Array, stride: int) -> Array | None:
         return None
 
     def padding(k: int) -> tuple[int, int]:
-        # The padding of the output that corresponds to the padding `before` of the dilated input in
-        # `jax.lax.conv_transpose`.
+        # `before` pads the dilated input in `jax.lax.conv_transpose`; we pad the output.
         before = k - 1 if stride > k - 1 else -(-(k + stride - 2) // 2)
         low = k - 1 - before
         return low, k - stride - low

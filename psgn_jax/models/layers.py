@@ -118,8 +118,7 @@ def cloud_bias(spread: float) -> Initializer:
 
     This is **ours**. A dense output layer has a bias for each point. We spread them with the
     standard deviation `spread` (units), so that most points soon are the nearest to some part of
-    the surface. A convolution has one bias for all cells (spread 0); `grid_offset` spreads its
-    points.
+    the surface. A convolution has one bias for all cells (spread 0) and a `grid_offset`.
     """
 
     def init(key: PRNGKey, shape: Sequence[int], dtype: Any = jnp.float32) -> jax.Array:

@@ -107,8 +107,7 @@ def computes(convolution: Convolution) -> bool:
 def compute(part: Part, first: Array, second: Array, convolution: Convolution) -> Array:
     """A part of a convolution, if oneDNN `computes` it.
 
-    The arguments are (x, kernel) for "forward", (dy, kernel) for "input_gradient", (x, dy) for
-    "kernel_gradient".
+    Arguments: (x, kernel) for "forward", (dy, kernel) or (x, dy) for the input or kernel gradient.
     """
     primitive = _primitive(threading.get_ident(), part, convolution)
     assert primitive is not None
@@ -117,8 +116,7 @@ def compute(part: Part, first: Array, second: Array, convolution: Convolution) -
 
     shapes = {"forward": convolution.y, "input_gradient": convolution.x}
     result = jax.ShapeDtypeStruct(shapes.get(part, convolution.kernel), first.dtype)
-    # `jax.vmap` makes a call for each element. JAX compares callbacks to find compiled programs; a
-    # bound method is equal to itself.
+    # JAX compares callbacks to find compiled programs; a bound method is equal to itself.
     return buffer_callback(primitive.callback, result, vmap_method="sequential")(first, second)
 
 

@@ -12,8 +12,7 @@ are 3x3 convolutions with ReLU unless stated otherwise.
   coordinates of each cell's points.
 - `hourglass`: encode, decode up to 96x128, encode again, decode to 24x32, then as `two_branch`. The
   fc branch reads both bottlenecks: the first through a dense layer of 2048 with ReLU and a linear
-  layer of 2048 (`carry`), the second through another linear layer of 2048. A ReLU of their sum
-  follows.
+  layer of 2048 (`carry`), the second through another linear layer of 2048; then a ReLU of the sum.
 
 Output: first the fc points, then the deconv points row by row, cell by cell. Both output layers are
 linear, so that coordinates can be negative.

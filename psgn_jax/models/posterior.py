@@ -8,8 +8,7 @@ truth S and a distance d between clouds, the loss is
 
     E over z ~ Q(z | Y) of d(G(image, z), S)  +  weight * KL(Q(z | Y) || N(0, I)).
 
-At test time z is sampled from N(0, I). The generator is the network of `point_out_net`, and z its
-random input r.
+At test time z is sampled from N(0, I). The generator is a `point_out_net` with z as its input r.
 
 The authors published no code for this version, and the paper gives no sizes; it refers to VoxNet
 (Maturana and Scherer, IROS 2015). The following is **ours**:

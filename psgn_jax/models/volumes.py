@@ -11,8 +11,7 @@ Source: paper, implementation details, "Post processing":
   the registered occupancy".
 
 **Ours**, because the paper does not say: a splat is clipped to [0, 1]. The refiner has hidden
-layers of 16 channels, ReLUs and a final sigmoid. It reads the logarithm of the volume as a constant
-channel.
+layers of 16 channels, ReLUs, a final sigmoid, and a constant channel for the volume's logarithm.
 
 Frame: the grid of `data.schema`, indexed [x, y, z], over [-1, 1] x [-1, 1] x [0, 2].
 """
@@ -44,9 +43,8 @@ def splat(
 
     grid[c] = min(1, sum_i prod_axis max(0, 1 - |u_i - (c + 1/2)|)),   u = (p - origin) size / 2
 
-    The points [n, 3] are in the project's frame. A cube is as large as a cell; its parts outside
-    the grid are ignored. The gradient of clipped cells is 0. A non-finite coordinate makes the
-    whole grid NaN.
+    The points are in the project's frame. A cube is as large as a cell; its parts outside the grid
+    are ignored. The gradient of clipped cells is 0. A non-finite coordinate makes the grid NaN.
     """
     points = jnp.asarray(points)
     u = (points - jnp.asarray(GRID_ORIGIN, points.dtype)[None]) * (size / GRID_EDGE) - 0.5
@@ -75,8 +73,7 @@ def log_volume(occupancy: Bool[Array, "s s s"]) -> Float[Array, ""]:
 class VoxelRefiner(nn.Module):
     """Maps splats of clouds, one a channel, and optionally log-volumes to probabilities of cells.
 
-    Six 3x3x3 convolutions with ReLUs between them and a final sigmoid, for any grid size. The last
-    layer computes in float32.
+    Six 3x3x3 convolutions with ReLUs between them, and a sigmoid in float32, for any grid size.
     """
 
     widths: tuple[int, ...] = (16, 16, 16, 16, 16)
@@ -100,8 +97,7 @@ class VoxelRefiner(nn.Module):
 class VolumeNet(nn.Module):
     """Maps images, whose sides are multiples of 2^(levels - 1), to the `log_volume` of the object.
 
-    **Ours**: the encoder of `PointOutNet`, a dense layer of `hidden` with ReLU and a linear layer
-    in float32.
+    **Ours**: the encoder of `PointOutNet`, a dense layer with ReLU, a linear layer in float32.
     """
 
     widths: tuple[int, ...]

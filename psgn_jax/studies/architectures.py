@@ -2,8 +2,7 @@
 
 We train `vanilla` (fully connected), `two_branch` and `hourglass` with the squared Chamfer distance
 (CD) and with the earth mover's distance (EMD) plus five times the CD. `fc_equal` is `vanilla` with
-as many parameters as `two_branch`. With the same `--workdir`, the studies `branches` and `losses`
-measure some of these runs.
+as many parameters as `two_branch`. The studies `branches` and `losses` measure some of these runs.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figure comparing networks: "the introduction
 of deconvolution significantly improves performance. Stacking another hourglass level also gives

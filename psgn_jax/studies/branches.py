@@ -1,8 +1,7 @@
 """The points of each branch: `psgn study branches [--runs=RUN]`.
 
 According to the paper, the deconv branch predicts the main body as an ordered surface, the fc
-branch unordered points on details. We measure the two-branch networks of the study `networks`, or
-the runs in `--runs`:
+branch unordered points on details. For the two-branch networks of the study `networks`, we measure:
 
 - order: the mean distance of neighbours in the output (fc: consecutive points; deconv: adjacent
   cells), divided by the mean distance of two points of the branch; 1 = no order;

@@ -9,8 +9,7 @@ test split or, if there is none, on the evaluation split:
 - CD and EMD of 1,024 points. As in the paper, farthest point sampling turns grids into clouds. We
   sample from 4,096 points on the surface of the occupied cells (**ours**: the paper does not state
   the points). CD and EMD to the true surface points are **ours**, too;
-- recall of thin parts (**ours**): the share of the true cells in no 2x2x2 block of occupied cells
-  that a predicted grid contains.
+- recall of thin parts (**ours**), the true cells in no 2x2x2 block of occupied cells.
 
 Source: Fan, Su, Guibas, CVPR 2017, section "Comparison to state-of-the-art", table and figures;
 Choy et al., "3D-R2N2", ECCV 2016. The networks are smaller than theirs; the data differ.
@@ -148,8 +147,7 @@ _distances = jax.jit(functools.partial(evaluate_pair, emd_tolerance=0.01))
 def cloud_of(volume: np.ndarray, number: int, stream: int) -> np.ndarray:
     """A cloud [1024, 3], by farthest point sampling of the surface of the occupied cells.
 
-    `stream` selects the random numbers: 0 for true volumes, 1 for true surfaces, 2 for predicted
-    volumes.
+    `stream` selects the random numbers: 0 for true volumes, 2 for predicted volumes.
     """
     solid = shapenet.WorldGrid(volume, np.array(GRID_ORIGIN), GRID_EDGE / len(volume))
     points = shapenet.surface_points(solid, CANDIDATES, np.random.default_rng([stream, number]))
@@ -272,8 +270,7 @@ def _mean(parts: Sequence[Any]) -> float:
 def figure(results: runner.Results) -> figures.Figure:
     """Image, our cloud, our volume, 3D-R2N2's volume and the true volume, from two sides.
 
-    For up to six categories, we show the sample with the most thin cells. Spheres are at the
-    centres of occupied cells.
+    We show the sample with the most thin cells of up to six categories, cells as spheres.
     """
     rows, titles = [], {"our volume": OURS, "3D-R2N2, 1 view": PEER}
     for category, case in results["cd"][0].shown.items():

@@ -24,8 +24,7 @@ from psgn_jax.prediction.refine import first_clouds
 from psgn_jax.tasks.task import Batch, Metrics, Result, Task
 from psgn_jax.viewing import spheres
 
-# Weights w of the L2 terms w * sum(kernel**2) / 2 in the authors' published training code, and of
-# their sum.
+# Weights w of the L2 terms w * sum(kernel**2) / 2 in the authors' training code, and of the sum.
 L2_CONV, L2_DENSE, L2_CARRY = 1e-5, 1e-3, 1e-4
 L2_SCALE = 0.1
 _NUM_PICTURES = 6  # at most, in TensorBoard
@@ -113,8 +112,7 @@ class Points(Task):
         mean over all draws.
 
         Only the best draw of each sample has a gradient. So we compute all draws without storing
-        activations, and the best draws again for the backward pass. XLA computes the parts that do
-        not depend on r once.
+        activations, and the best draws again for the backward pass; parts without r only once.
         """
         constant, rows, gt = jax.lax.stop_gradient(params), jnp.arange(len(r)), batch["points"]
         preds, k = self.predict(constant, batch, r), self.config.loss.winner_points
@@ -208,11 +206,7 @@ class Points(Task):
 
 
 def l2_authors(params: Any) -> Array:
-    """The authors' L2 terms: half the sum of squares of each kernel, without biases.
-
-    The weights are 1e-5 for convolutions, 1e-4 for the dense layer `carry` of the hourglass, and
-    1e-3 for other dense layers.
-    """
+    """The authors' L2 terms: half the weighted sum of squares of each kernel, without biases."""
     total = jnp.float32(0)
     for path, leaf in jax.tree_util.tree_flatten_with_path(params)[0]:
         names = [str(getattr(entry, "key", entry)) for entry in path]

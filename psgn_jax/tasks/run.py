@@ -5,8 +5,7 @@ The network's task (`Config.task`) defines the metrics; clouds have the metrics 
 
 `table.txt`, `table.csv` and `table.json` have a row for each category and the two averages,
 `samples.csv` has a row for each sample. They are in the run's folder `eval_<split>_<best|last>`,
-or for weights in `eval_<weights>_<split>`; `_placed` and `_refine` follow if objects were placed
-and clouds refined.
+or for weights in `eval_<weights>_<split>`; `_placed` follows placed objects, `_refine` refinement.
 """
 
 import dataclasses

@@ -157,8 +157,7 @@ def read_metrics(path: str | pathlib.Path) -> list[dict[str, Any]]:
 class MetricsWriter:
     """Writes the metrics of a run to `metrics.jsonl` and `tensorboard/` in `workdir`.
 
-    Removes the lines after `step`, where the run resumes, and the evaluation at `step` unless it is
-    complete (`evaluated`).
+    Removes the lines after `step`, where the run resumes, and unless `evaluated` its evaluation.
     """
 
     def __init__(self, workdir: str | pathlib.Path, step: int = 0, *, evaluated: bool = True):
@@ -182,8 +181,7 @@ class MetricsWriter:
     ) -> None:
         """Writes a line, and `kind/name` to TensorBoard; `vectors` are lists or histograms."""
         lists = {name: vector.tolist() for name, vector in vectors.items()}
-        # A single write in append mode: if the process is killed, the line is complete or, rarely,
-        # cut off.
+        # A single write in append mode: if the process is killed, it is rarely cut off.
         line = _line({"step": step, "kind": kind, **values, **lists}).encode()
         with self._named():
             if os.write(self._file, line) < len(line):
@@ -220,8 +218,7 @@ class MetricsWriter:
         import tensorboardX  # here, because this slow import would delay the first step
 
         folder = self._workdir / "tensorboard"
-        # With `purge_step`, TensorBoard hides events that a killed run wrote after its last
-        # checkpoint.
+        # TensorBoard hides events that a killed run wrote after its last checkpoint.
         purge = self._step + 1 if folder.exists() else None
         board = tensorboardX.SummaryWriter(str(folder), purge_step=purge)
         # Write events in this thread: an error in the writer's thread, such as a full disk, would

@@ -1,8 +1,7 @@
 """Opens a trained network: the folder of a run, a file of weights, or a name.
 
 Names are those of the files in `psgn_jax/weights/`. With `train.init`, a training starts from a
-trained network (`open_initial`, `initial_params`), whose data and licences it inherits (`data_of`,
-`sources_of`).
+trained network, whose data and licences it inherits (`data_of`, `sources_of`).
 """
 
 import contextlib
