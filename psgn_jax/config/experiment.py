@@ -280,11 +280,10 @@ class DamagedError(ConfigError):
 def from_json(text: str) -> Config:
     """The inverse of `to_json`; `DamagedError` for damaged text, `ConfigError` for wrong fields."""
     try:
-        return parse(without_checksum(parse_json(text)))
-    except ConfigError:
-        raise
+        stored = without_checksum(parse_json(text))
     except ValueError as error:
         raise DamagedError(f"damaged: {error}") from None
+    return parse(stored)
 
 
 def _check_together(config: Config) -> None:

@@ -59,8 +59,7 @@ class Within:
         return f"(low, high) from {self.low:g} to {self.high:g}"
 
 
-LARGEST_INT = 2**31 - 1
-"""Largest count in a configuration, because counts are int32 on devices."""
+LARGEST_INT = 2**31 - 1  # largest count in a configuration, because counts are int32 on devices
 
 Count = Annotated[int, Bounds(low=0, high=LARGEST_INT)]
 PositiveInt = Annotated[int, Bounds(low=1, high=LARGEST_INT)]
@@ -190,11 +189,10 @@ def _convert(hint: Any, value: Any, path: str) -> Any:
         if not isinstance(value, hint):
             raise wrong(path, value, "True or False" if hint is bool else "a string")
         return value
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    number = int if hint is int else int | float
+    if isinstance(value, bool) or not isinstance(value, number):
         raise wrong(path, value, "an integer" if hint is int else "a number")
     if hint is int:
-        if not isinstance(value, int):
-            raise wrong(path, value, "an integer")
         return value
     if not -sys.float_info.max <= value <= sys.float_info.max:
         raise wrong(path, value, "a finite number")

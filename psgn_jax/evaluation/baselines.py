@@ -39,8 +39,7 @@ ROWS = ("floor", "network", "refined", "oracle", "retrieval", "fixed cloud", "sh
 THRESHOLDS = (0.01, 0.02, 0.05)
 METRICS = ("cd_sq_radius2", "emd_radius", *(f"fscore_{t:g}" for t in THRESHOLDS))
 TITLES = ("CD squared [radius^2]", "EMD [radius]", *(f"F at {t:g} radius [%]" for t in THRESHOLDS))
-MOST_TRAINING = 20_000
-"""Largest number of training samples; of more, we draw so many at random."""
+MOST_TRAINING = 20_000  # largest number of training samples; of more, we draw so many at random
 
 # The oracle compares this many points first; clouds that it keeps after the first two comparisons.
 _COARSE, _BY_CD, _BY_EMD = 128, 64, 16

@@ -19,8 +19,7 @@ from psgn_jax.losses.numeric import check_points, safe_sqrt
 
 FSCORE_THRESHOLD = 0.01
 
-VISIBILITY = ("visible", "hidden")
-"""Classes of true points, as in the names of metrics."""
+VISIBILITY = ("visible", "hidden")  # classes of true points, as in the names of metrics
 
 
 class Emd(NamedTuple):

@@ -62,11 +62,10 @@ class Evaluation:
     def _counted(self, name: str, indices: Sequence[int]) -> np.ndarray:
         """A metric's values for samples that have it: visible (hidden) points may be missing."""
         values, share = self.metrics[name][list(indices)], self.metrics.get("visible_share")
-        if share is not None and "_visible" in name:
-            return values[share[list(indices)] > 0]
-        if share is not None and "_hidden" in name:
-            return values[share[list(indices)] < 1]
-        return values
+        if share is None or not ("_visible" in name or "_hidden" in name):
+            return values
+        some = share[list(indices)]
+        return values[some > 0 if "_visible" in name else some < 1]
 
     def rows(self) -> list[Row]:
         """A row per category, sorted by name, then the means over samples and over categories."""

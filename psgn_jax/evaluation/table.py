@@ -20,8 +20,7 @@ from psgn_jax.system.untrusted import one_line
 
 _HEADER = 10  # characters, as many as "[radius^2]" has
 
-Lines = Sequence[Sequence[str]]
-"""Cells of a table; the first row is the header."""
+Lines = Sequence[Sequence[str]]  # cells of a table; the first row is the header
 
 
 def aligned(lines: Lines, *, apart: int = 0) -> str:

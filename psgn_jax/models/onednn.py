@@ -277,8 +277,7 @@ class _Primitive:
             create = "dnnl_reorder_primitive_desc_create"
             reorder = _make(create, source, engine, target, engine, attributes)
             conversion = [_Step(reorder, {_SRC: start, _DST: end})]
-        # In the order of first, second and result.
-        arguments = {
+        arguments = {  # in the order of first, second and result
             "forward": {_SRC: images, _WEIGHTS: inner, _DST: result},
             "input_gradient": {_DIFF_DST: result, _WEIGHTS: inner, _DIFF_SRC: images},
             "kernel_gradient": {_SRC: images, _DIFF_DST: result, _DIFF_WEIGHTS: inner},

@@ -33,11 +33,9 @@ from psgn_jax.models import layers
 from psgn_jax.models.layers import Conv3D, Dense
 from psgn_jax.models.volumes import GRID, GRID_EDGE, GRID_ORIGIN
 
-NAME = "posterior"
-"""Name of the posterior network's parameters beside the generator's."""
+NAME = "posterior"  # name of the posterior network's parameters beside the generator's
 
-ACTIVE = 0.01
-"""A dimension of z is active if its mean divergence over samples (nats) exceeds this."""
+ACTIVE = 0.01  # A dimension of z is active if its mean divergence over samples (nats) exceeds this
 
 
 class Gaussian(NamedTuple):

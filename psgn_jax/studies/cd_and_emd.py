@@ -19,8 +19,7 @@ from psgn_jax.studies import architectures, figures
 from psgn_jax.studies.runner import Results, Sample, Study, evaluate
 from psgn_jax.viewing import spheres
 
-FAR = 0.1
-"""Distance in radii beyond which a point is an outlier or missed."""
+FAR = 0.1  # distance in radii beyond which a point is an outlier or missed
 
 METRICS = {
     "cd_sq_radius2": "CD squared [radius^2]",
@@ -33,8 +32,7 @@ METRICS = {
     "missed": "true points farther than .1 from the prediction [%]",
     "unevenness": "unevenness: std over mean of the distance to the nearest other point",
 }
-# As in the paper.
-COLOURS, TRUTH = ((70, 130, 180), (90, 165, 90)), (165, 165, 165)
+COLOURS, TRUTH = ((70, 130, 180), (90, 165, 90)), (165, 165, 165)  # as in the paper
 
 
 def measure_sample(case: Sample) -> dict[str, float]:

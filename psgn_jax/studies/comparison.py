@@ -47,8 +47,7 @@ HEADS = {
 OURS, PEER = "head_cd_emd_volume", "r2n2"
 VIEWS = (1, 3, 5)
 NUM_POINTS = 1024
-CANDIDATES = 4096
-"""Points on the surface of a volume, for farthest point sampling."""
+CANDIDATES = 4096  # points on the surface of a volume, for farthest point sampling
 
 PAPER = {
     "plane": (0.601, 0.513, 0.549, 0.561),

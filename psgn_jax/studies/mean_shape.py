@@ -38,8 +38,7 @@ SIDE = 0.14  # side of the square
 # Centres of the squares at the bar's corners, outside the bar.
 CORNERS = [(x * (BAR[0] - SIDE / 2), y * (BAR[1] + SIDE / 2)) for x in (-1, 1) for y in (-1, 1)]
 DISK, DISK_CENTRE = 0.1, (0.0, 0.26)
-# A point farther than this from a shape is outside: a quarter of the bar's width.
-NEAR = 0.03
+NEAR = 0.03  # a point farther than this from a shape is outside: a quarter of the bar's width
 
 
 def _uniform(key: PRNGKey, n: int, half: tuple[float, float]) -> Plane:

@@ -30,16 +30,14 @@ from psgn_jax.training import loop
 from psgn_jax.training.log import read_metrics
 from psgn_jax.weights.run_folder import load_config, open_run
 
-Sample = Mapping[str, np.ndarray]
-"""Arrays of a sample, including its prediction `pred`."""
+Sample = Mapping[str, np.ndarray]  # arrays of a sample, including its prediction `pred`
 
 CASE = ("image", "points", "intrinsics", "extrinsics")
 """Arrays of a sample that are kept by default, besides `pred`."""
 
 NUM_SHOWN = 6  # evenly spaced samples in the figure
 
-Overrides = Mapping[str, Any]
-"""Dotted name of a field -> its value."""
+Overrides = Mapping[str, Any]  # dotted name of a field -> its value
 
 
 class Run(NamedTuple):

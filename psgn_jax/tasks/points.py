@@ -224,15 +224,14 @@ def _check_loss(config: Config, terms: Sequence[LossTerm], num_points: int) -> N
             f"loss.winner_points={config.loss.winner_points}: accepted: at most {most}, the points "
             "of the smaller cloud (the network's, or data.num_points)"
         )
-    pred, gt = (
-        jax.ShapeDtypeStruct((n, 3), np.float32) for n in (num_points, config.data.num_points)
-    )
+    sizes = num_points, config.data.num_points
+    pred, gt = (jax.ShapeDtypeStruct((n, 3), np.float32) for n in sizes)
     for term in terms:
         try:
             jax.eval_shape(term.distance, pred, gt)
         except ValueError as error:
             which = f", the term {term.text!r}," if len(terms) > 1 else ""
+            what = f"data.num_points={sizes[1]} and a network of {num_points} points"
             raise ConfigError(
-                f"loss.name={config.loss.name!r}{which} with data.num_points="
-                f"{config.data.num_points} and a network of {num_points} points: {error}"
+                f"loss.name={config.loss.name!r}{which} with {what}: {error}"
             ) from error

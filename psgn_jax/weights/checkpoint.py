@@ -17,8 +17,8 @@ import pathlib
 import re
 import shutil
 import zlib
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -31,8 +31,7 @@ from psgn_jax.system.untrusted import brief, with_checksum, without_checksum
 
 FORMAT = 1
 
-_STEP = re.compile(r"0|[1-9][0-9]{0,17}")
-"""Names of the folders of checkpoints."""
+_STEP = re.compile(r"0|[1-9][0-9]{0,17}")  # names of the folders of checkpoints
 
 RANKING = ("cd_sq_radius2", "one_minus_iou", "log_volume_abs_error")
 """The first of these metrics in its evaluation ranks a checkpoint; lower is better."""
@@ -44,9 +43,6 @@ class Checkpoint(NamedTuple):
     step: int
     leaves: dict[str, np.ndarray]
     meta: dict[str, Any]
-
-
-_Checkpointer = TypeVar("_Checkpointer", bound=ocp.Checkpointer)
 
 
 class CheckpointError(UserError):
@@ -223,19 +219,17 @@ class Checkpoints:
                     saver.close()
 
     def _set_aside(self, step: int, error: Exception) -> None:
-        why = brief(error)
-        if self._read_only:
-            logging.warning("checkpoint %d is damaged (%s); skipped", step, why)
-            return
-        self.scores.pop(step, None)
         target = self._directory / "damaged" / str(step)
-        target.parent.mkdir(exist_ok=True)
-        shutil.rmtree(target, ignore_errors=True)
-        (self._directory / str(step)).rename(target)
-        logging.warning("checkpoint %d is damaged (%s); moved to %s", step, why, target)
+        done = "skipped" if self._read_only else f"moved to {target}"
+        logging.warning("checkpoint %d is damaged (%s); %s", step, brief(error), done)
+        if not self._read_only:
+            self.scores.pop(step, None)
+            target.parent.mkdir(exist_ok=True)
+            shutil.rmtree(target, ignore_errors=True)
+            (self._directory / str(step)).rename(target)
 
 
-def _of_this_process(kind: type[_Checkpointer]) -> _Checkpointer:
+def _of_this_process(kind: Callable[..., Any]) -> Any:
     """A checkpointer of orbax that does not wait for the training's other processes."""
     alone = ocp.options.MultiprocessingOptions()
     if jax.process_count() > 1:
@@ -273,9 +267,8 @@ def _writing(folder: pathlib.Path) -> Iterator[None]:
     except Exception as error:
         if is_disk_full(known := native_error(error, folder)):
             raise known from error
-        raise CheckpointError(
-            f"the checkpoint in {folder} could not be written: {brief(error)}"
-        ) from error
+        what = f"the checkpoint in {folder} could not be written: {brief(error)}"
+        raise CheckpointError(what) from error
 
 
 def _checksum(array: np.ndarray) -> int:

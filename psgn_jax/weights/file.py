@@ -42,8 +42,7 @@ FORMAT = "psgn_jax weights 1"
 SUFFIX = ".safetensors"
 MAX_HEADER_BYTES = 1 << 20
 MAX_FILE_BYTES = 1 << 30
-DTYPES = {"float16": "F16", "float32": "F32"}
-"""Dtype -> name in safetensors."""
+DTYPES = {"float16": "F16", "float32": "F32"}  # dtype -> name in safetensors
 
 _TEXTS = ("format", "config", "figures", "sources")
 

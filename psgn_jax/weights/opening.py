@@ -27,11 +27,9 @@ from psgn_jax.weights.run_folder import Trained, load_config, open_run
 Rows = Sequence[dict[str, Any]]
 """Data sets, or sources with their licences, as in the metadata of `weights.file`."""
 
-FOLDER = pathlib.Path(__file__).resolve().parent
-"""Folder of the package's weights."""
+FOLDER = pathlib.Path(__file__).resolve().parent  # folder of the package's weights
 
-DEFAULT = "free-2"
-"""Name of the default weights."""
+DEFAULT = "free-2"  # name of the default weights
 
 
 def shipped() -> dict[str, pathlib.Path]:
@@ -137,9 +135,8 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
     skipped = set(added)
     for pattern in config.train.init_skip:
         if not (matched := fnmatch.filter(layers, pattern)):
-            raise ConfigError(
-                f"train.init_skip: {pattern!r} matches no layer; layers: {', '.join(layers)}"
-            )
+            known = ", ".join(layers)
+            raise ConfigError(f"train.init_skip: {pattern!r} matches no layer; layers: {known}")
         skipped |= set(matched)
     misfits: dict[str, str] = {}
     for name in names:
@@ -182,10 +179,11 @@ def sources_of(config: Config, stated: Rows = ()) -> Rows:
     inherited: list[dict[str, Any]] = []
     known = set()
     for name, data, sources in _origins(config):
-        inherited += sources or [_not_stated(f"the data of {pathlib.Path(name).name}")]
+        unknown = {"source": f"the data of {pathlib.Path(name).name}", "licences": {}}
+        inherited += sources or [unknown]
         known |= {row["name"] for row in data}
     new = [row["name"] for row in _own_data(config) if row["name"] not in known]
-    rows = list(stated) or [_not_stated(name) for name in new if inherited]
+    rows = list(stated) or [{"source": name, "licences": {}} for name in new if inherited]
     return [*rows, *(row for row in _once(inherited) if row not in rows)]
 
 
@@ -219,10 +217,6 @@ def _origins(config: Config) -> list[tuple[str, Rows, Rows]]:
                 read = read_weights(path)
                 found[-1] = init, read.figures["data"], read.sources
     return found
-
-
-def _not_stated(source: str) -> dict[str, Any]:
-    return {"source": source, "licences": {}}
 
 
 def _once(rows: Rows) -> Rows:
