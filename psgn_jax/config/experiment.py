@@ -151,8 +151,7 @@ class EvalConfig:
     batch_size: Size = 32  # Samples per step.
     max_samples: Count = 0  # In training, only so many first samples are evaluated; 0 = all.
     fscore_threshold: Positive = 0.01  # Distance in units below which a point is correct.
-    # Accepted relative error of the earth mover's distance, which compares a prediction with
-    # equally many true points; 0 = no EMD.
+    # Accepted relative error of the EMD to as many true as predicted points; 0 = no EMD.
     emd_tolerance: NonNegative = 0.01
     # A true point is visible if a surface point of the depth image is within this distance, in
     # units (`data.visibility`); 0, or records without depth: no metrics of visible points.
@@ -161,8 +160,7 @@ class EvalConfig:
     # (`evaluation.aligned`, with a second EMD). `psgn evaluate` always does.
     aligned: bool = False
     # Whether to measure the clouds of `psgn predict`: averaged with the mirror image's cloud and
-    # fitted to the mask (`prediction.refine`); with a random input, the cloud of r = 0
-    # (`prediction.draws`). Only for the task "points".
+    # fitted to the mask (`prediction.refine`), for r = 0. Only for the task "points".
     refine: bool = False
 
 

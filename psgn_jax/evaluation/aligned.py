@@ -32,9 +32,8 @@ def align(
     """The scale in [0.8, 1.25] and the shift of pred that minimise the distance to gt.
 
     Iterated nearest neighbours (Besl, McKay, "A Method for Registration of 3-D Shapes", PAMI 1992)
-    in both directions, without rotation. Each iteration pairs every point of pred with the nearest
-    point of gt (weight 1/n) and every point of gt with the nearest point of pred (weight 1/m), then
-    solves least squares for these pairs:
+    in both directions, without rotation. Each iteration pairs every point of pred (weight 1/n) and
+    of gt (weight 1/m) with the nearest point of the other, then solves least squares:
 
         s = clip(sum w (p - mean p) . (g - mean g) / sum w |p - mean p|^2),  t = mean g - s mean p
 

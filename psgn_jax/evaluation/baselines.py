@@ -60,10 +60,8 @@ def measure(config: Config, params: Any, split: str) -> tuple[dict[str, np.ndarr
 
     least = len(RecordReader(config.data.eval_folders, split)[0].points)
     if least < 2 * n:
-        raise ConfigError(
-            f"split={split!r}: a record has {least} points; accepted for baselines: at least "
-            f"{2 * n}, twice as many as the network predicts"
-        )
+        accepted = f"at least {2 * n}, twice as many as the network predicts"
+        raise ConfigError(f"split={split!r}: a record has {least} points; accepted: {accepted}")
 
     def collect(split: str, count: int, wanted: int, predict: Any = None) -> list[np.ndarray]:
         parts = []

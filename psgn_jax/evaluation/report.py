@@ -72,16 +72,14 @@ class Reported:
 def write_report(folder: str | pathlib.Path, runs: Sequence[Reported]) -> pathlib.Path:
     """Writes the pages; returns the path of `index.html`.
 
-    `runs` are one run, or two on the same samples, else ValueError. The first run's errors rank
-    the cases.
+    `runs` are one, or two on the same samples, else ValueError. The errors of the first rank cases.
     """
     folder = pathlib.Path(folder)
     first = runs[0].evaluation
     names, errors = first.names, [run.evaluation.metrics[ERROR] for run in runs]
-    if other := [run.label for run in runs if run.evaluation.names != names]:
-        raise ValueError(
-            f"run {other[0]!r} has other samples: accepted: the same split of the same data"
-        )
+    for run in runs:
+        if run.evaluation.names != names:
+            raise ValueError(f"run {run.label!r} has other samples: accepted: the same split")
     parts = [(f"{name.record:05d}", name.category, name.model_id[:16]) for name in names]
     titles = [" ".join(filter(None, part)) for part in parts]
     viewed = (_viewer_case(i, title, runs, errors) for i, title in enumerate(titles))

@@ -45,8 +45,7 @@ def evaluate_split(
 ) -> Evaluation:
     """Metrics of a network on a split, or on its first `max_samples` > 0 samples.
 
-    `eval_step` is a function from `compile_measure`. We call `on_batch` with (index of the batch,
-    batch, predictions).
+    `eval_step` is from `compile_measure`; `on_batch` gets (index of a batch, batch, predictions).
     """
     split = split or config.data.eval_split
     process, count = distributed.index_and_count()

@@ -5,10 +5,8 @@
 The distance is Euclidean, not squared: Fan, Su, Guibas, "A Point Set Generation Network for 3D
 Object Reconstruction from a Single Image", CVPR 2017, section "Distance Metric between Point Sets".
 All functions take one pair, `pred` and `gt` [n, 3]; use `losses.map_pairs` for batches. Results are
-in the unit of the clouds. Float32 distances become 0 below 1e-19 and overflow above 1e19.
-
-The first call for a number of points compiles for 2 to 3 seconds on a CPU. Later calls do not
-compile, with or without an enclosing `jax.jit`.
+in the unit of the clouds. Float32 distances become 0 below 1e-19 and overflow above 1e19. On a CPU,
+the first call for a number of points compiles for 2 to 3 seconds, with or without `jax.jit`.
 """
 
 from typing import NamedTuple

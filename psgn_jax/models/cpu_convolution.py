@@ -2,8 +2,7 @@
 
 XLA is up to a hundred times slower than PyTorch for dilated convolutions: transposed convolutions
 and the input gradients of strided convolutions. With oneDNN, whose kernels PyTorch uses, a training
-step takes about half as long. Without oneDNN, XLA convolves blocks of pixels with stride 1, whose
-gradients have no dilation either.
+step takes about half as long. Without it, XLA convolves blocks of pixels, without dilation.
 
 The environment variable `PSGN_CONVOLUTIONS` selects `onednn` (an error if it is missing) or `xla`;
 it is read when a function is traced. oneDNN has no forward-mode derivatives. `jax.export` needs

@@ -1,10 +1,8 @@
 """Layers of the networks (convolution, transposed convolution, dense) and their initial values.
 
 XLA computes the convolutions, or on a CPU `cpu_convolution`, which is faster and agrees up to
-rounding. If you copy a network, leave it out.
-
-Every layer has float32 parameters named `kernel` and `bias`. It casts input, kernel and bias to
-`dtype` and computes in this type.
+rounding. If you copy a network, leave it out. Every layer has float32 parameters named `kernel` and
+`bias`, and computes in `dtype`.
 
 Initial values (**ours**: the paper gives none). The networks have no normalisation layers, so the
 initial kernels must keep the scale of the activations over some twenty layers (He et al. 2015,

@@ -1,7 +1,4 @@
-"""Constructors, initial parameters, inputs and predictions of all networks.
-
-All random numbers depend on the seed, a purpose and a step only.
-"""
+"""Constructors, initial parameters, inputs and predictions of all networks."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
@@ -21,7 +18,7 @@ from psgn_jax.models.point_out_net import CloudNetwork, PointOutNet
 DTYPES = {"float32": jnp.float32, "bfloat16": jnp.bfloat16}
 """The accepted values of `model.compute_dtype`."""
 
-# Purposes of random numbers, folded into the seed's key.
+# Purposes of random numbers, which depend on the seed, a purpose and a step only.
 _INIT, _TRAIN_RANDOM, _EVAL_RANDOM, _INIT_POSTERIOR = 0, 1, 2, 3
 
 

@@ -56,8 +56,7 @@ class OneDNNError(RuntimeError):
 class Convolution(NamedTuple):
     """Shapes and geometry of a convolution; `padding` is ((top, bottom), (left, right)).
 
-    The padded size is `(out - 1) * stride + k`. Padding is negative on a side whose outermost
-    pixels the convolution does not read.
+    The padded size is `(out - 1) * stride + k`; padding of unread outer pixels is negative.
     """
 
     x: tuple[int, ...]

@@ -14,8 +14,7 @@ are 3x3 convolutions with ReLU unless stated otherwise.
   fc branch reads both bottlenecks: the first through a dense layer of 2048 with ReLU and a linear
   layer of 2048 (`carry`), the second through another linear layer of 2048; then a ReLU of the sum.
 
-Output: first the fc points, then the deconv points row by row, cell by cell. Both output layers are
-linear, so that coordinates can be negative.
+Output of linear layers: first the fc points, then the deconv points row by row, cell by cell.
 
 **Ours**, because the sources leave it open or disagree:
 

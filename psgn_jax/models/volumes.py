@@ -7,8 +7,7 @@ Source: paper, implementation details, "Post processing":
 - `VoxelRefiner`: "6 layers of 3x3x3 convolutions" over local neighbourhoods, "trained by IoU"
   (`losses.soft_iou_loss`). The best result of the paper uses two input channels: the cloud of a
   network trained by CD and the cloud of a network trained by EMD.
-- `VolumeNet`: "another network to predict the object's volume", whose output "is concatenated with
-  the registered occupancy".
+- `VolumeNet`: "another network to predict the object's volume", a further input of the refiner.
 
 **Ours**, because the paper does not say: a splat is clipped to [0, 1]. The refiner has hidden
 layers of 16 channels, ReLUs, a final sigmoid, and a constant channel for the volume's logarithm.

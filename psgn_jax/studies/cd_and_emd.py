@@ -3,8 +3,7 @@
 We compare the two-branch networks of the study `networks`, trained with the CD and with EMD + 5 CD,
 or two finished runs. According to the paper, the CD "tends to scatter a few points in its uncertain
 area", and the EMD is "more compact" but "sometimes overly shrinks local structures". So we measure
-the share of predicted points farther than `FAR` from the truth (outliers) and of true points
-farther than `FAR` from the prediction (missed).
+the shares of predicted (outliers) and true points (missed) farther than `FAR` from the other cloud.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figure of both, which shows an example and
 no numbers; networks, sizes and measures here are **ours**.

@@ -224,12 +224,8 @@ _COLUMNS: dict[str, tuple[str, str, Any]] = {
     "thin: ours": (OURS, "thin_recall", 1),
     "thin: 3D-R2N2": (PEER, "thin_recall", 1),
     **{
-        f"{metric.upper()}{' to surface' if truth == 'surface' else ''}: {who} [{name}]": (
-            run,
-            f"{metric}_{truth}",
-            unit,
-        )
-        for truth in ("volume", "surface")
+        f"{metric.upper()}{to}: {who} [{name}]": (run, f"{metric}_{truth}", unit)
+        for truth, to in (("volume", ""), ("surface", " to surface"))
         for metric, unit, name in (("cd", _UNIT**2, "u^2"), ("emd", _UNIT, "u"))
         for who, run in (("ours", metric), ("3D-R2N2", PEER))
     },

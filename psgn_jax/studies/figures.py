@@ -46,8 +46,7 @@ def bars(
 ) -> Figure:
     """Charts of grouped bars, one below the other; bars are labelled with their values.
 
-    `charts` is title -> name of the bars -> a value for each of `groups`; `errors` is name of the
-    bars -> half lengths of the error bars.
+    `charts` is title -> name -> a value for each of `groups`; `errors` half an error bar for each.
     """
     count = len(next(iter(charts.values())))
     figure = blank(max(860, 40 * count * len(groups)), 300 * len(charts))

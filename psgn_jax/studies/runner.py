@@ -115,8 +115,7 @@ class Study:
 
     name: str  # of the result files
     base: Overrides  # changes of the recipe for all configurations
-    # (base configuration, function: configuration -> folder of its run with the same seed)
-    # -> {configuration: overrides}.
+    # (base, function: configuration -> folder with the same seed) -> {configuration: overrides}
     configs: Callable[[Config, Callable[[str], str]], Mapping[str, Overrides]]
     # Metric -> title of its row, which ends with the unit in brackets; empty: all metrics.
     metrics: Mapping[str, str]

@@ -57,11 +57,9 @@ def evaluate_run(
     for option in filter(asked.get, asked):
         require_points_task(config, option)
     refine = config.eval.refine if refine is None else refine
-    config = dataclasses.replace(
-        config,
-        data=dataclasses.replace(config.data, eval_frame=frame),
-        eval=dataclasses.replace(config.eval, aligned=True, refine=refine),
-    )
+    data = dataclasses.replace(config.data, eval_frame=frame)
+    measured = dataclasses.replace(config.eval, aligned=True, refine=refine)
+    config = dataclasses.replace(config, data=data, eval=measured)
     logging.info("evaluating %s, step %d, split %s", run.source, run.step, split)
     ends = ("_placed" if frame == "place" else "") + ("_refine" if refine else "")
     folder = output_folder(run, out, "eval", split, ends)

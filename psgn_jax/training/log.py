@@ -1,8 +1,7 @@
 """The output of training: JSON lines, TensorBoard files, and progress on the terminal.
 
 Each line of `metrics.jsonl` is a JSON object with `step`, `kind` ("train" or "eval") and metrics,
-which are numbers or lists of numbers. A resumed run removes the lines after the step from which it
-resumes, so no line is lost or duplicated.
+which are numbers or lists of numbers. A resumed run removes the lines after its first step.
 """
 
 import collections

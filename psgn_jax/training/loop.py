@@ -296,8 +296,7 @@ def _initial(config: Config, task: tasks.Task) -> Callable[[Any], Any] | None:
 
 def _started(create: Callable[[], TrainState], init: Callable[[Any], Any] | None) -> TrainState:
     """A new state, whose leaves share no memory, because the training step overwrites them."""
-    # The parameters are sampled only once. On a CPU, full optimisation would triple the time of
-    # compilation (23 s instead of 7 s) for no gain.
+    # On a CPU, full optimisation would triple the time of compilation (23 s, not 7 s) for no gain.
     quick = {"xla_backend_optimization_level": 1} if jax.default_backend() == "cpu" else None
     state = jax.tree.map(np.array, jax.jit(create, compiler_options=quick)())
     if init is None:

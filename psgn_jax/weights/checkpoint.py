@@ -105,8 +105,7 @@ class Checkpoints:
     def save(self, step: int, leaves: Mapping[str, Any], meta: Mapping[str, Any]) -> None:
         """Copies the arrays to the host, waits for the previous save and writes in the background.
 
-        This or the next call of `save`, `wait` or `close` raises `OSError` for a full disk, or
-        `CheckpointError` for another error of writing.
+        This or the next call raises `OSError` for a full disk, else `CheckpointError`.
         """
         self.wait()
         # A copy, because the caller donates the buffers while the writer still reads them.

@@ -110,10 +110,8 @@ def write_weights(path: str | os.PathLike[str], weights: Trained) -> None:
     metadata["sha256"] = _digest(metadata, stored)
     content = save(stored, metadata)
     if int.from_bytes(content[:8], "little") > MAX_HEADER_BYTES or len(content) > MAX_FILE_BYTES:
-        raise WeightsError(
-            f"{path}: {len(content)} bytes, expected at most {MAX_FILE_BYTES}, of which at most "
-            f"{MAX_HEADER_BYTES} for the header"
-        )
+        most = f"{MAX_FILE_BYTES}, of which at most {MAX_HEADER_BYTES} for the header"
+        raise WeightsError(f"{path}: {len(content)} bytes, expected at most {most}")
     write_atomic(path, content)
 
 
@@ -236,11 +234,9 @@ def _check_fits(config: Config, leaves: Mapping[str, np.ndarray], path: pathlib.
 def _without_paths(config: Config) -> Config:
     names = config.train.init.split(",") if config.train.init else []
     init = ",".join(pathlib.Path(name.strip()).name or "a run" for name in names)
-    return dataclasses.replace(
-        config,
-        data=dataclasses.replace(config.data, path="", eval_path=""),
-        train=dataclasses.replace(config.train, init=init),
-    )
+    data = dataclasses.replace(config.data, path="", eval_path="")
+    train = dataclasses.replace(config.train, init=init)
+    return dataclasses.replace(config, data=data, train=train)
 
 
 def _digest(metadata: Mapping[str, str], leaves: Mapping[str, np.ndarray]) -> str:

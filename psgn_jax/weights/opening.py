@@ -173,8 +173,7 @@ def data_of(config: Config) -> Rows:
 def sources_of(config: Config, stated: Rows = ()) -> Rows:
     """The sources and licences of `data_of`, as in `weights.file`.
 
-    `stated` are the rows for the training's data; without them, licences are "not stated". The
-    result is empty if nothing is known.
+    `stated` are the rows for the training's data. The result is empty if nothing is known.
     """
     inherited: list[dict[str, Any]] = []
     known = set()
