@@ -156,7 +156,7 @@ class Flags:
             text = " ".join(str(flag.help).split())
             if flag.default_as_str not in (None, "''", "'false'", "'[]'"):
                 text += f" (default: {str(flag.default_as_str).strip(chr(39))})"
-            indents = {"initial_indent": "  ", "subsequent_indent": " " * 6}
+            indents: Any = {"initial_indent": "  ", "subsequent_indent": " " * 6}
             lines.append(textwrap.fill(f"--{shown}: {text}", 100, **indents))
         lines.append(self._details())
         if self._config is not None:

@@ -189,7 +189,7 @@ def _convert(hint: Any, value: Any, path: str) -> Any:
         if not isinstance(value, hint):
             raise wrong(path, value, "True or False" if hint is bool else "a string")
         return value
-    number = int if hint is int else int | float
+    number: Any = int if hint is int else int | float
     if isinstance(value, bool) or not isinstance(value, number):
         raise wrong(path, value, "an integer" if hint is int else "a number")
     if hint is int:

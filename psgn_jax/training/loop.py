@@ -141,7 +141,7 @@ def train(config: Config, workdir: str | pathlib.Path) -> Outcome:
 
         def evaluate() -> None:
             with log.pause(), contextlib.suppress(Stopped):  # a resumed run evaluates first
-                options = {"max_samples": config.eval.max_samples, "on_batch": stop.check}
+                options: Any = {"max_samples": config.eval.max_samples, "on_batch": stop.check}
                 result = task.evaluate(_local(eval_params(state)), **options)
                 scores = {**result.means, **result.chosen}
                 log.evaluation(step, scores)
