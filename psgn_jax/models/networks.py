@@ -44,10 +44,10 @@ def build_volume_net(config: ModelConfig) -> volumes.VolumeNet:
 def build_r2n2(config: ModelConfig, sizes: VoxelConfig) -> recurrent.RecurrentVolume:
     """3D-R2N2 with the published widths times `voxels.width_multiplier`."""
     factor = sizes.width_multiplier
-    single = scaled_widths((recurrent.DENSE_WIDTH, recurrent.HIDDEN_WIDTH), factor)
+    dense, hidden = scaled_widths((recurrent.DENSE_WIDTH, recurrent.HIDDEN_WIDTH), factor)
     conv = scaled_widths(recurrent.CONV_WIDTHS, factor)
     decoder = scaled_widths(recurrent.DECODER_WIDTHS, factor)
-    return recurrent.RecurrentVolume(conv, *single, decoder, DTYPES[config.compute_dtype])
+    return recurrent.RecurrentVolume(conv, dense, hidden, decoder, DTYPES[config.compute_dtype])
 
 
 def scaled_widths(widths: Sequence[int], multiplier: float) -> tuple[int, ...]:
