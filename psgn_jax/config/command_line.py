@@ -33,19 +33,15 @@ _CHANGE = re.compile(r"--?(?:no)?config\.([\w.]+)(?:=(.*))?", re.DOTALL)
 class Flags:
     """The flags and arguments of one command, apart from the flags of the calling program.
 
-    Attributes:
-      string, integer, float, bool, enum, list, multi_string: define a flag, with the parameters of
-        `absl.flags.DEFINE_string` and so on.
+    `string`, `integer`, `float`, `bool`, `enum`, `list` and `multi_string` define a flag, with the
+    parameters of `absl.flags.DEFINE_string` and so on.
     """
 
     def __init__(self, usage: str, doc: str | None, details: Callable[[], str] = str) -> None:
-        """Begins a command that has no flags yet.
+        """A command without flags; `doc` and `details()` are above and below the flags in `--help`.
 
-        Args:
-          usage: the command and its arguments. `SRC DST`: two arguments; `NPZ...`: one or more;
-            `[NAME...]`: any number; `--out=FILE`: a required flag.
-          doc: the text above the flags in `--help`.
-          details: returns the text below the flags.
+        `usage` is the command with its arguments. `SRC DST`: two arguments; `NPZ...`: one or more;
+        `[NAME...]`: any number; `--out=FILE`: a required flag.
         """
         self._usage, self._doc, self._details = usage, doc, details
         self._paths: list[str] = []
@@ -55,14 +51,10 @@ class Flags:
         self.config_file = ""  # path of the configuration
         self.settings: Any = None  # the file's `ConfigDict` with the changed fields
         self.fields: list[str] = []  # names of the fields that `--config.FIELD=VALUE` changed
-        here = {"flag_values": self.values}
-        self.string = functools.partial(absl_flags.DEFINE_string, **here)
-        self.integer = functools.partial(absl_flags.DEFINE_integer, **here)
-        self.float = functools.partial(absl_flags.DEFINE_float, **here)
-        self.bool = functools.partial(absl_flags.DEFINE_bool, **here)
-        self.enum = functools.partial(absl_flags.DEFINE_enum, **here)
-        self.list = functools.partial(absl_flags.DEFINE_list, **here)
-        self.multi_string = functools.partial(absl_flags.DEFINE_multi_string, **here)
+
+    def __getattr__(self, kind: str) -> Any:
+        define = getattr(absl_flags, f"DEFINE_{kind}")
+        return functools.partial(define, flag_values=self.values)
 
     def path(self, name: str, default: str | None, text: str) -> None:
         """Defines a flag for a file or folder on this machine; each output has such a flag."""
@@ -164,11 +156,8 @@ class Flags:
             text = " ".join(str(flag.help).split())
             if flag.default_as_str not in (None, "''", "'false'", "'[]'"):
                 text += f" (default: {str(flag.default_as_str).strip(chr(39))})"
-            lines.append(
-                textwrap.fill(
-                    f"--{shown}: {text}", 100, initial_indent="  ", subsequent_indent=" " * 6
-                )
-            )
+            indents: Any = {"initial_indent": "  ", "subsequent_indent": " " * 6}
+            lines.append(textwrap.fill(f"--{shown}: {text}", 100, **indents))
         lines.append(self._details())
         if self._config is not None:
             fields = flatten(self._config[0]).items()

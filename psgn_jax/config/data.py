@@ -51,8 +51,7 @@ class DataConfig:
     """The records, and how batches are made from them."""
 
     # Folders of records, separated by commas; their splits are joined. `FOLDER*N` counts the
-    # folder's training samples N times, `~` is your home. Empty = the default data set, rendered on
-    # first use.
+    # folder's training samples N times, `~` is your home. Empty = the default data set.
     path: str = ""
     eval_path: str = ""  # Folders for evaluation, written like `path`; empty = the same as `path`.
     train_split: str = "train"  # Name of the split for training.
@@ -64,8 +63,7 @@ class DataConfig:
     num_points: Points = 4096  # Number of true points drawn per sample and training step.
     num_eval_points: Points = 4096  # Number of true points per sample in an evaluation.
     flip: bool = False  # Whether to mirror half of the training samples (y to -y).
-    # Largest relative change of width; the factor is uniform in [1 - stretch, 1 + stretch]. Samples
-    # with a rolled or skewed camera are not changed.
+    # Largest relative change of width, uniform; not of samples with a rolled or skewed camera.
     stretch: Annotated[float, Bounds(low=0, high=0.9)] = 0.0
     # Largest relative change of scale by cropping; the factor is uniform in [1 - zoom, 1 + zoom].
     zoom: Annotated[float, Bounds(low=0, high=0.9)] = 0.0
@@ -78,8 +76,7 @@ class DataConfig:
     # normally distributed and clipped at two standard deviations; the scale is reduced if the
     # object would leave the image. In the authors' images the standard deviation is 0.12.
     reframe_scale: Annotated[float, Bounds(low=0, high=0.3)] = 0.0
-    # The same for a random shift along rows and columns, as a fraction of the image height: 0.07
-    # in the authors' images.
+    # The same for random shifts of rows and columns, in image heights; the authors' have 0.07.
     reframe_shift: Annotated[float, Bounds(low=0, high=0.3)] = 0.0
     photo: PhotoEffects = dataclasses.field(default_factory=PhotoEffects)  # Effects of photos.
     # Strength of random changes of brightness, contrast and channel gains; 0 = off.
@@ -92,8 +89,7 @@ class DataConfig:
     # Filled in from `task` and `voxels`; not keys of a configuration file.
     # Whether batches contain the solid volume.
     occupancy: bool = dataclasses.field(default=False, metadata=DERIVED)
-    # Images of one model in a row of a training batch (at most this many) or an evaluation batch;
-    # 0 = a single image, without an axis of views.
+    # Images of a model in a row of a training (at most) or evaluation batch; 0 = no axis of views.
     train_views: int = dataclasses.field(default=0, metadata=DERIVED)
     eval_views: int = dataclasses.field(default=0, metadata=DERIVED)
     # "place": evaluations place every sample by the rule of `data.framing`; "keep": unchanged.

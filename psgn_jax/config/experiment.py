@@ -151,8 +151,7 @@ class EvalConfig:
     batch_size: Size = 32  # Samples per step.
     max_samples: Count = 0  # In training, only so many first samples are evaluated; 0 = all.
     fscore_threshold: Positive = 0.01  # Distance in units below which a point is correct.
-    # Accepted relative error of the earth mover's distance, which compares a prediction with
-    # equally many true points; 0 = no EMD.
+    # Accepted relative error of the EMD to as many true as predicted points; 0 = no EMD.
     emd_tolerance: NonNegative = 0.01
     # A true point is visible if a surface point of the depth image is within this distance, in
     # units (`data.visibility`); 0, or records without depth: no metrics of visible points.
@@ -161,8 +160,7 @@ class EvalConfig:
     # (`evaluation.aligned`, with a second EMD). `psgn evaluate` always does.
     aligned: bool = False
     # Whether to measure the clouds of `psgn predict`: averaged with the mirror image's cloud and
-    # fitted to the mask (`prediction.refine`); with a random input, the cloud of r = 0
-    # (`prediction.draws`). Only for the task "points".
+    # fitted to the mask (`prediction.refine`), for r = 0. Only for the task "points".
     refine: bool = False
 
 
@@ -211,26 +209,19 @@ class Config:
 def parse(config: Any) -> Config:
     """Converts an `ml_collections.ConfigDict` or a nested mapping; missing keys have defaults.
 
-    Raises:
-      ConfigError: a key is unknown, a type is wrong, a value is out of range, or fields contradict
-        each other. One line names the field, its value and what is accepted.
+    Errors: as `structured.build`, and `ConfigError` if fields contradict each other.
     """
     parsed = build(Config, config)
-    views = parsed.task == "views"
-    parsed = dataclasses.replace(
-        parsed,
-        data=dataclasses.replace(
-            parsed.data,
-            occupancy=parsed.task != "points",
-            train_views=parsed.voxels.max_views if views else 0,
-            eval_views=max(parsed.voxels.eval_views, default=0) if views else 0,
-        ),
-        model=dataclasses.replace(
-            parsed.model,
-            image_size=parsed.data.image_size,
-            in_channels=sum(CHANNELS_OF[name] for name in parsed.data.inputs),
-        ),
+    views, voxels = parsed.task == "views", parsed.voxels
+    data = dataclasses.replace(
+        parsed.data,
+        occupancy=parsed.task != "points",
+        train_views=voxels.max_views if views else 0,
+        eval_views=max(voxels.eval_views, default=0) if views else 0,
     )
+    channels = sum(CHANNELS_OF[name] for name in data.inputs)
+    model = dataclasses.replace(parsed.model, image_size=data.image_size, in_channels=channels)
+    parsed = dataclasses.replace(parsed, data=data, model=model)
     _check_together(parsed)
     return parsed
 
@@ -287,11 +278,10 @@ class DamagedError(ConfigError):
 def from_json(text: str) -> Config:
     """The inverse of `to_json`; `DamagedError` for damaged text, `ConfigError` for wrong fields."""
     try:
-        return parse(without_checksum(parse_json(text)))
-    except ConfigError:
-        raise
+        stored = without_checksum(parse_json(text))
     except ValueError as error:
         raise DamagedError(f"damaged: {error}") from None
+    return parse(stored)
 
 
 def _check_together(config: Config) -> None:

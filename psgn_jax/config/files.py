@@ -1,7 +1,4 @@
-"""Named configurations: `--config=quickstart` means the file `configs/quickstart.py`.
-
-A clone has the files in `configs/`, an installed wheel in `psgn_jax/configs/`.
-"""
+"""Named configurations: `--config=quickstart` means the file `configs/quickstart.py`."""
 
 import ast
 import pathlib
@@ -13,7 +10,7 @@ from psgn_jax.system.processes import ROOT
 
 
 def folder() -> pathlib.Path:
-    """The folder of the configurations that come with the package."""
+    """The folder of the configurations: in a wheel `psgn_jax/configs/`, in a clone `configs/`."""
     shipped = ROOT / "psgn_jax" / "configs"
     return shipped if shipped.is_dir() else ROOT / "configs"
 

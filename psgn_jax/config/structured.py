@@ -2,8 +2,7 @@
 
 Field names, annotations (`Annotated[int, Bounds(low=1)]`, `Literal`, tuples, nested dataclasses)
 and defaults of the dataclass define what is accepted. A field with the metadata
-`{"derived": "NAMES"}` is computed from the fields or flags in NAMES: it is no key and is not
-written.
+`{"derived": "NAMES"}` is computed from the fields or flags in NAMES: no key, and not written.
 """
 
 import dataclasses
@@ -37,15 +36,13 @@ class Bounds:
         return above and (value < self.high if self.open_high else value <= self.high)
 
     def __str__(self) -> str:
-        ends = [
-            (self.low, ">" if self.open_low else ">="),
-            (self.high, "<" if self.open_high else "<="),
-        ]
-        return " and ".join(
-            f"{sign} {end if isinstance(end, int) else format(end, 'g')}"
-            for end, sign in ends
-            if math.isfinite(end)
-        )
+        signs = {
+            ">" if self.open_low else ">=": self.low,
+            "<" if self.open_high else "<=": self.high,
+        }
+        ends = {sign: end for sign, end in signs.items() if math.isfinite(end)}
+        texts = [f"{s} {x if isinstance(x, int) else format(x, 'g')}" for s, x in ends.items()]
+        return " and ".join(texts)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,8 +59,7 @@ class Within:
         return f"(low, high) from {self.low:g} to {self.high:g}"
 
 
-LARGEST_INT = 2**31 - 1
-"""Largest count in a configuration, because counts are int32 on devices."""
+LARGEST_INT = 2**31 - 1  # largest count in a configuration, because counts are int32 on devices
 
 Count = Annotated[int, Bounds(low=0, high=LARGEST_INT)]
 PositiveInt = Annotated[int, Bounds(low=1, high=LARGEST_INT)]
@@ -80,9 +76,8 @@ Need = tuple[str, Callable[[Any], object], Sequence[str]]
 def build(cls: type[T], node: Any, prefix: str = "") -> T:
     """Builds a dataclass from an `ml_collections.ConfigDict` or a mapping; lists count as tuples.
 
-    Raises:
-      ConfigError: an unknown key, a wrong type or a value out of range. One line has the field's
-        name after `prefix` (such as "model."), its value and what is accepted.
+    `ConfigError` for an unknown key, a wrong type or a value out of range. One line has the field's
+    name after `prefix` (such as "model."), its value and what is accepted.
     """
     if hasattr(node, "to_dict"):
         node = node.to_dict()
@@ -90,15 +85,12 @@ def build(cls: type[T], node: Any, prefix: str = "") -> T:
         raise wrong(prefix.rstrip("."), node, f"a section with {', '.join(_keys(cls))}")
     keys = _keys(cls)
     for key in node:
-        if key in keys:
-            continue
-        path = f"{prefix}{key}"
-        for field in dataclasses.fields(cls):  # type: ignore[arg-type]
-            if field.name == key:
-                raise ConfigError(f"{path} follows from {field.metadata['derived']}; remove it")
-        raise ConfigError(
-            f"{path} is not a field; {suggestion(str(key), keys)}accepted: {', '.join(keys)}"
-        )
+        if key not in keys:
+            why = f"is not a field; {suggestion(str(key), keys)}accepted: {', '.join(keys)}"
+            for field in dataclasses.fields(cls):  # type: ignore[arg-type]
+                if field.name == key:
+                    why = f"follows from {field.metadata['derived']}; remove it"
+            raise ConfigError(f"{prefix}{key} {why}")
     hints = typing.get_type_hints(cls, include_extras=True)
     return cls(**{key: _convert(hints[key], value, prefix + key) for key, value in node.items()})
 
@@ -197,11 +189,10 @@ def _convert(hint: Any, value: Any, path: str) -> Any:
         if not isinstance(value, hint):
             raise wrong(path, value, "True or False" if hint is bool else "a string")
         return value
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    number: Any = int if hint is int else int | float
+    if isinstance(value, bool) or not isinstance(value, number):
         raise wrong(path, value, "an integer" if hint is int else "a number")
     if hint is int:
-        if not isinstance(value, int):
-            raise wrong(path, value, "an integer")
         return value
     if not -sys.float_info.max <= value <= sys.float_info.max:
         raise wrong(path, value, "a finite number")
@@ -211,16 +202,10 @@ def _convert(hint: Any, value: Any, path: str) -> Any:
 def _convert_tuple(args: tuple[Any, ...], value: Any, path: str) -> tuple[Any, ...]:
     if not isinstance(value, list | tuple):
         raise wrong(path, value, "a tuple")
-    if args[-1] is Ellipsis:
-        hints = args[:1] * len(value)
-    elif len(value) == len(args):
-        hints = args
-    else:
+    hints = args[:1] * len(value) if args[-1] is Ellipsis else args
+    if len(value) != len(hints):
         raise wrong(path, value, f"a tuple of {len(args)}")
-    return tuple(
-        _convert(hint, item, f"{path}[{i}]")
-        for i, (hint, item) in enumerate(zip(hints, value, strict=True))
-    )
+    return tuple(_convert(hints[i], item, f"{path}[{i}]") for i, item in enumerate(value))
 
 
 def _keys(cls: Any) -> list[str]:

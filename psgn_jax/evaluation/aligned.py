@@ -32,9 +32,8 @@ def align(
     """The scale in [0.8, 1.25] and the shift of pred that minimise the distance to gt.
 
     Iterated nearest neighbours (Besl, McKay, "A Method for Registration of 3-D Shapes", PAMI 1992)
-    in both directions, without rotation. Each iteration pairs every point of pred with the nearest
-    point of gt (weight 1/n) and every point of gt with the nearest point of pred (weight 1/m), then
-    solves least squares for these pairs:
+    in both directions, without rotation. Each iteration pairs every point of pred (weight 1/n) and
+    of gt (weight 1/m) with the nearest point of the other, then solves least squares:
 
         s = clip(sum w (p - mean p) . (g - mean g) / sum w |p - mean p|^2),  t = mean g - s mean p
 
@@ -71,13 +70,9 @@ def aligned_metrics(
 ) -> dict[str, Float[Array, ""]]:
     """Aligned CD and EMD of a pair, as defined above.
 
-    Args:
-      emd_tolerance: relative error of the EMD; None = no EMD.
-      known_emd: the EMD without alignment, if known; it saves an auction.
-
-    Returns:
-      `aligned_cd_sq_radius2` (unit^2), `aligned_scale` (s, or 1 if alignment does not reduce the
-      CD) and, with `emd_tolerance`, `aligned_emd_radius` (unit, mean over the points).
+    The result has `aligned_cd_sq_radius2` (unit^2), `aligned_scale` (s, or 1 if alignment does not
+    reduce the CD) and, with `emd_tolerance` (its relative error), `aligned_emd_radius` (unit, mean
+    over the points). `known_emd`, the EMD without alignment, saves an auction.
     """
     scale, shift = align(pred, gt)
     moved = scale * pred + shift[None]

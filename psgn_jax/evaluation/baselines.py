@@ -12,8 +12,7 @@ Every row has a cloud of n points for each sample of a split; n is the network's
 - retrieval: the cloud of the training image with the most similar mask (cosine of masks averaged
   over 24x32 cells).
 - fixed cloud: n random points of all training clouds.
-- shuffled: the network's predictions for other images of the split. If they are as good, the
-  network ignores its images.
+- shuffled: predictions for other images. If they are as good, the network ignores its images.
 """
 
 import dataclasses
@@ -40,8 +39,7 @@ ROWS = ("floor", "network", "refined", "oracle", "retrieval", "fixed cloud", "sh
 THRESHOLDS = (0.01, 0.02, 0.05)
 METRICS = ("cd_sq_radius2", "emd_radius", *(f"fscore_{t:g}" for t in THRESHOLDS))
 TITLES = ("CD squared [radius^2]", "EMD [radius]", *(f"F at {t:g} radius [%]" for t in THRESHOLDS))
-MOST_TRAINING = 20_000
-"""Largest number of training samples; of more, we draw so many at random."""
+MOST_TRAINING = 20_000  # largest number of training samples; of more, we draw so many at random
 
 # The oracle compares this many points first; clouds that it keeps after the first two comparisons.
 _COARSE, _BY_CD, _BY_EMD = 128, 64, 16
@@ -51,9 +49,8 @@ _RESAMPLES = 2000
 def measure(config: Config, params: Any, split: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """The metrics of all rows, {row: float64 [samples, len(METRICS)]}, and the samples' models.
 
-    Raises:
-      ConfigError: `split` is the training split, or its records have too few points.
-      RecordError: the records are missing or damaged.
+    `ConfigError` if `split` is the training split, or its records have too few points;
+    `RecordError` if they are missing or damaged.
     """
     if split == config.data.train_split:
         raise ConfigError(f"split={split!r} is the training split; accepted: another")
@@ -63,10 +60,8 @@ def measure(config: Config, params: Any, split: str) -> tuple[dict[str, np.ndarr
 
     least = len(RecordReader(config.data.eval_folders, split)[0].points)
     if least < 2 * n:
-        raise ConfigError(
-            f"split={split!r}: a record has {least} points; accepted for baselines: at least "
-            f"{2 * n}, twice as many as the network predicts"
-        )
+        accepted = f"at least {2 * n}, twice as many as the network predicts"
+        raise ConfigError(f"split={split!r}: a record has {least} points; accepted: {accepted}")
 
     def collect(split: str, count: int, wanted: int, predict: Any = None) -> list[np.ndarray]:
         parts = []
@@ -110,9 +105,8 @@ def measure(config: Config, params: Any, split: str) -> tuple[dict[str, np.ndarr
 
 
 def _batches(config: Config, split: str, count: int, wanted: int) -> Iterator[Any]:
-    data = dataclasses.replace(config.data, num_eval_points=count)
-    if split == data.train_split:
-        data = dataclasses.replace(data, eval_path="")
+    path = "" if split == config.data.train_split else config.data.eval_path
+    data = dataclasses.replace(config.data, num_eval_points=count, eval_path=path)
     size = config.eval.batch_size
 
     def choose(number: int) -> list[int]:
@@ -170,12 +164,11 @@ def text(rows: dict[str, np.ndarray], models: np.ndarray, num_points: int) -> st
     """The table: mean [interval] of every metric."""
     lines = [["", *TITLES]]
     for name, values in rows.items():
-        shown = []
-        for title, mean, low, high in zip(TITLES, *intervals(values, models), strict=True):
+        lines.append([name])
+        for title, *numbers in zip(TITLES, *intervals(values, models), strict=True):
             factor, digits = (100, 1) if title.endswith("[%]") else (1, 4)
-            a, b, c = (f"{factor * v:.{digits}f}" for v in (mean, low, high))
-            shown.append(f"{a} [{b}, {c}]")
-        lines.append([name, *shown])
+            mean, low, high = (f"{factor * v:.{digits}f}" for v in numbers)
+            lines[-1].append(f"{mean} [{low}, {high}]")
     count = len(next(iter(rows.values())))
     note = (
         f"{count} samples, {num_points} predicted and {num_points} true points; in brackets 95 %\n"

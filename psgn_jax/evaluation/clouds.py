@@ -19,8 +19,7 @@ from psgn_jax.losses.numeric import check_points, safe_sqrt
 
 FSCORE_THRESHOLD = 0.01
 
-VISIBILITY = ("visible", "hidden")
-"""Classes of true points, as in the names of metrics."""
+VISIBILITY = ("visible", "hidden")  # classes of true points, as in the names of metrics
 
 
 class Emd(NamedTuple):
@@ -38,16 +37,11 @@ def emd(
     If gt has more than n points, we use n of them (`subset`). Then even a perfect prediction has a
     positive EMD, the distance between two random samples of the object. It depends on n, so report
     n. `gap` bounds (emd - optimum) / optimum. It is at most `tolerance`, unless the auction used up
-    its budget.
-
-    Raises:
-      ValueError: pred has more points than gt, or the errors of `losses.assign`.
+    its budget. Errors: `losses.assign`, and ValueError if pred has more points than gt.
     """
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
-    if len(pred) > len(gt):
-        raise ValueError(
-            f"gt: got {len(gt)} points, expected at least as many as pred has ({len(pred)})"
-        )
+    if (n := len(pred)) > len(gt):
+        raise ValueError(f"gt: got {len(gt)} points, expected at least as many as pred has ({n})")
     matched = matched_distances(pred, subset(gt, len(pred)), tolerance=tolerance)
     return Emd(matched.distance.mean(), matched.assignment.gap)
 
@@ -120,14 +114,10 @@ def by_visibility(
 ) -> dict[str, Float[Array, ""]]:
     """Means over the visible and over the hidden true points (`data.visibility`); NaN without any.
 
-    Args:
-      distance_sq: from every true point to the nearest predicted point, unit^2.
-      threshold: largest distance of a recalled point, in the unit.
-
-    Returns:
-      `visible_share`, the fraction of true points that are visible, and for each class C of
-      `VISIBILITY`: `cd_sq_gt_to_pred_C_radius2` (unit^2), `cd_l1_gt_to_pred_C_radius` (unit), and
-      `recall_C`, the fraction within the threshold.
+    `distance_sq` are from every true point to the nearest predicted point, unit^2. The result has
+    `visible_share`, the fraction of true points that are visible, and for each class C of
+    `VISIBILITY`: `cd_sq_gt_to_pred_C_radius2` (unit^2), `cd_l1_gt_to_pred_C_radius` (unit), and
+    `recall_C`, the fraction within the threshold (unit).
     """
     visible = jnp.asarray(visible)
     metrics = {"visible_share": visible.astype(distance_sq.dtype).mean()}

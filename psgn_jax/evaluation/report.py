@@ -72,34 +72,23 @@ class Reported:
 def write_report(folder: str | pathlib.Path, runs: Sequence[Reported]) -> pathlib.Path:
     """Writes the pages; returns the path of `index.html`.
 
-    Args:
-      runs: one run, or two runs on the same samples; the errors of the first rank the cases.
-
-    Raises:
-      ValueError: the runs were evaluated on different samples.
+    `runs` are one, or two on the same samples, else ValueError. The errors of the first rank cases.
     """
     folder = pathlib.Path(folder)
     first = runs[0].evaluation
     names, errors = first.names, [run.evaluation.metrics[ERROR] for run in runs]
     for run in runs:
         if run.evaluation.names != names:
-            raise ValueError(
-                f"run {run.label!r} has other samples: accepted: the same split of the same data"
-            )
-    titles = [
-        " ".join(filter(None, (f"{name.record:05d}", name.category, name.model_id[:16])))
-        for name in names
-    ]
-    pages = page.write_pages(
-        folder / "viewer.html",
-        (_viewer_case(i, titles[i], runs, errors) for i in range(len(names))),
-        title=runs[0].label,
-    )
+            raise ValueError(f"run {run.label!r} has other samples: accepted: the same split")
+    parts = [(f"{name.record:05d}", name.category, name.model_id[:16]) for name in names]
+    titles = [" ".join(filter(None, part)) for part in parts]
+    viewed = (_viewer_case(i, title, runs, errors) for i, title in enumerate(titles))
+    pages = page.write_pages(folder / "viewer.html", viewed, title=runs[0].label)
     ranked = np.argsort(errors[0], kind="stable").tolist()  # NaN comes last
     middle = max(0, len(names) - _EXTREMES) // 2
-    pictured = set(ranked[:_EXTREMES] + ranked[-_EXTREMES:] + ranked[middle:][:_EXTREMES])
+    pictured = ranked[:_EXTREMES] + ranked[-_EXTREMES:] + ranked[middle:][:_EXTREMES]
     if len(names) <= _PICTURES:
-        pictured = set(ranked)
+        pictured = ranked
     cases = [
         {
             "name": titles[i],
@@ -151,16 +140,13 @@ def _thumbs(case: Mapping[str, np.ndarray]) -> list[str]:
 
 def _table(runs: Sequence[Reported]) -> list[list[str]]:
     """The header and the rows, with the averages last; two runs are side by side."""
-    metrics = [name for name in _TABLE if name in runs[0].evaluation.metrics]
-    head = ["category", "samples"]
-    body = [[row.name, str(row.count)] for row in runs[0].evaluation.rows()]
+    rows: list[list[str]] = [[] for _ in range(len(runs[0].evaluation.rows()) + 1)]
     for run in runs:
-        names = [name for name in metrics if name in run.evaluation.metrics]
+        names = [x for x in _TABLE if all(x in run.evaluation.metrics for run in (runs[0], run))]
         prefix = f"{run.label}: " if len(runs) > 1 else ""
-        head += [prefix + table.header(run.evaluation, name) for name in names]
-        for cells, row in zip(body, run.evaluation.rows(), strict=True):
-            cells += [table.cell(name, row.metrics[name]) for name in names]
-    return [head, *body]
+        for row, cells in zip(rows, table.lines(run.evaluation, names, prefix), strict=True):
+            row += cells[2:] if row else cells
+    return rows
 
 
 def _histogram(errors: np.ndarray) -> dict[str, list[Any]]:

@@ -34,31 +34,20 @@ class SampleName(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Evaluation:
-    """Metrics of every sample of a split, in order.
-
-    Attributes:
-      metrics: name -> float64 [samples].
-      threshold: of the F-score, in units.
-      num_points: numbers of predicted and of true points; most metrics depend on both.
-      visible_tolerance: the tolerance of `data.visibility`, in units.
-      note: text below the table; "" = the default text about points.
-      frame: "place" if images and true points were placed by the rule of `data.framing`, or "keep".
-      refined: whether the clouds went through `prediction.refine`.
-      chosen: values chosen on this or an earlier split, such as thresholds.
-      num_distinct: the least and the largest number of different points in a true cloud.
-    """
+    """Metrics of every sample of a split, in order."""
 
     split: str
     names: list[SampleName]
-    metrics: dict[str, np.ndarray]
-    threshold: float
-    num_points: tuple[int, int]
-    visible_tolerance: float = 0.0
-    note: str = ""
-    frame: str = "keep"
-    refined: bool = False
+    metrics: dict[str, np.ndarray]  # name -> float64 [samples]
+    threshold: float  # of the F-score, in units
+    num_points: tuple[int, int]  # predicted and true points; most metrics depend on both
+    visible_tolerance: float = 0.0  # of `data.visibility`, in units
+    note: str = ""  # text below the table; "" = the default text about points
+    frame: str = "keep"  # or "place": images and true points were placed by `data.framing`
+    refined: bool = False  # whether the clouds went through `prediction.refine`
+    # Values chosen on this or an earlier split, such as thresholds.
     chosen: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    num_distinct: tuple[int, int] | None = None
+    num_distinct: tuple[int, int] | None = None  # least and most different points in a true cloud
 
     @property
     def means(self) -> dict[str, float]:
@@ -73,11 +62,10 @@ class Evaluation:
     def _counted(self, name: str, indices: Sequence[int]) -> np.ndarray:
         """A metric's values for samples that have it: visible (hidden) points may be missing."""
         values, share = self.metrics[name][list(indices)], self.metrics.get("visible_share")
-        if share is not None and "_visible" in name:
-            return values[share[list(indices)] > 0]
-        if share is not None and "_hidden" in name:
-            return values[share[list(indices)] < 1]
-        return values
+        if share is None or not ("_visible" in name or "_hidden" in name):
+            return values
+        some = share[list(indices)]
+        return values[some > 0 if "_visible" in name else some < 1]
 
     def rows(self) -> list[Row]:
         """A row per category, sorted by name, then the means over samples and over categories."""
@@ -102,10 +90,8 @@ def at_thresholds(
 ) -> Evaluation:
     """Replaces metrics [samples, thresholds] of an evaluation by the values at one threshold.
 
-    Args:
-      chosen: `{"threshold_of_iou": .4, ...}` from an earlier evaluation. A missing threshold is
-        chosen here, with the best mean over samples.
-      best: the metric from which `one_minus_iou` is computed.
+    `chosen` is `{"threshold_of_iou": .4, ...}` from an earlier evaluation. A missing threshold is
+    chosen here, with the best mean over samples. `one_minus_iou` is 1 - the metric `best`.
     """
     metrics = dict(measured.metrics)
     taken: dict[str, float] = {}
@@ -119,14 +105,12 @@ def at_thresholds(
             taken[key] = PREDICTION_THRESHOLDS[column]
     if best in metrics:
         metrics["one_minus_iou"] = 1 - metrics[best]
-    earlier = taken.keys() <= chosen.keys()
-    where = "on the split that was evaluated during training" if earlier else "on this split"
-    text = ", ".join(f"{k.removeprefix(THRESHOLD_OF)} {v:g}" for k, v in taken.items())
-    note = (
-        f"IoU of {OCCUPANCY_SIZE}^3 solid volumes; thresholds, chosen {where}: {text}."
-        if taken
-        else "Natural logarithms of volumes in radius^3."
-    )
+    note = "Natural logarithms of volumes in radius^3."
+    if taken:
+        earlier = taken.keys() <= chosen.keys()
+        where = "on the split that was evaluated during training" if earlier else "on this split"
+        text = ", ".join(f"{k.removeprefix(THRESHOLD_OF)} {v:g}" for k, v in taken.items())
+        note = f"IoU of {OCCUPANCY_SIZE}^3 solid volumes; thresholds, chosen {where}: {text}."
     return dataclasses.replace(measured, metrics=metrics, note=note, chosen=taken)
 
 

@@ -5,7 +5,7 @@ Several processes (`system.distributed`) share the batches; each gets the whole 
 
 import contextlib
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from typing import Any
 
 import jax
@@ -22,6 +22,18 @@ from psgn_jax.system.cpu import compiler_options
 OnBatch = Callable[[int, Any, np.ndarray], None]
 
 
+def eval_batches(config: Config, split: str = "", **options: Any) -> Generator[Any, None, None]:
+    """The batches of an evaluation, by `loader.eval_batches` with the other `options`."""
+    return loader.eval_batches(
+        config.data,
+        split=split or config.data.eval_split,
+        batch_size=config.eval.batch_size,
+        seed=config.seed,
+        visible_tolerance=config.eval.visible_tolerance,
+        **options,
+    )
+
+
 def evaluate_split(
     config: Config,
     params: Any,
@@ -31,28 +43,16 @@ def evaluate_split(
     max_samples: int = 0,
     on_batch: OnBatch | None = None,
 ) -> Evaluation:
-    """Metrics of a network on a split.
+    """Metrics of a network on a split, or on its first `max_samples` > 0 samples.
 
-    Args:
-      eval_step: maps (params, batch on the host, index of the batch) to predictions and metrics
-        with a row for each sample; see `compile_measure`.
-      max_samples: number of first samples; 0 = all.
-      on_batch: called with (index of the batch, batch, predictions).
+    `eval_step` is from `compile_measure`; `on_batch` gets (index of a batch, batch, predictions).
     """
     split = split or config.data.eval_split
     process, count = distributed.index_and_count()
-    batches = loader.eval_batches(
-        config.data,
-        split=split,
-        batch_size=config.eval.batch_size,
-        seed=config.seed,
-        visible_tolerance=config.eval.visible_tolerance,
-        choose=lambda number: range(process, number, count),
-    )
+    batches = eval_batches(config, split, choose=lambda number: range(process, number, count))
     names: list[SampleName] = []
     parts: list[dict[str, np.ndarray]] = []
-    num_pred = 0
-    distinct: list[int] = []
+    num_pred, distinct = 0, set[int]()
     with contextlib.closing(batches):
         for index, batch in zip(itertools.count(process, count), batches, strict=False):
             start = index * config.eval.batch_size
@@ -66,48 +66,38 @@ def evaluate_split(
             ]
             parts.append({k: np.asarray(rows, np.float64)[keep] for k, rows in metrics.items()})
             num_pred = points.shape[1]
-            distinct += [_distinct(cloud) for cloud in batch["points"][keep]]
+            # Batches may repeat points. A point float32 [3] has 12 bytes.
+            clouds = [np.ascontiguousarray(cloud) for cloud in batch["points"][keep]]
+            distinct |= {len(np.unique(cloud.view("V12"))) for cloud in clouds}
             if on_batch is not None:
                 on_batch(index, batch, np.asarray(points))
     # JAX sorts the metrics by name; those of aligned clouds are put last.
     metric_names = sorted(parts[0] if parts else (), key=lambda name: name.startswith("aligned_"))
     values = {name: np.concatenate([part[name] for part in parts]) for name in metric_names}
     if count > 1:
-        part = [names, {name: array.tolist() for name, array in values.items()}, num_pred]
-        names, values, num_pred = _merged(distributed.gather(part))
-        distinct = [number for part in distributed.gather(distinct) for number in part]
+        lists = {name: array.tolist() for name, array in values.items()}
+        gathered = distributed.gather([names, lists, num_pred, sorted(distinct)])
+        names, values, num_pred, distinct = _merged([part for part in gathered if part[0]])
     if not names:
         raise ConfigError(f"the split {split!r} of data.path={config.data.path!r} has no samples")
+    settings, points = config.eval, (num_pred, config.data.num_eval_points)
     return Evaluation(
-        split,
-        names,
-        values,
-        config.eval.fscore_threshold,
-        (num_pred, config.data.num_eval_points),
-        config.eval.visible_tolerance,
-        frame=config.data.eval_frame,
-        refined=config.eval.refine,
+        split, names, values, settings.fscore_threshold, points, settings.visible_tolerance,
+        frame=config.data.eval_frame, refined=settings.refine,
         num_distinct=(min(distinct), max(distinct)),
-    )
+    )  # fmt: skip
 
 
-def _distinct(points: np.ndarray) -> int:
-    """The number of different points of a cloud float32 [n, 3]; batches may repeat points."""
-    return len(np.unique(np.ascontiguousarray(points).view("V12")))
-
-
-def _merged(parts: Sequence[Any]) -> tuple[list[SampleName], dict[str, np.ndarray], int]:
-    """The measurements of all processes, in the order of the records."""
-    filled = [part for part in parts if part[0]]
-    if not filled:
-        return [], {}, 0
-    names = [SampleName(*name) for part in filled for name in part[0]]
+def _merged(parts: Sequence[Any]) -> tuple[Any, ...]:
+    """The measurements of all processes with samples, in the order of the records."""
+    names = [SampleName(*name) for part in parts for name in part[0]]
     order = np.argsort([name.record for name in names])
     values = {
-        metric: np.concatenate([np.array(part[1][metric], np.float64) for part in filled])[order]
-        for metric in filled[0][1]
+        metric: np.concatenate([np.array(part[1][metric], np.float64) for part in parts])[order]
+        for metric in (parts[0][1] if parts else ())
     }
-    return [names[i] for i in order], values, filled[0][2]
+    counts = {number for part in parts for number in part[3]}
+    return [names[i] for i in order], values, max((part[2] for part in parts), default=0), counts
 
 
 def compile_measure(
@@ -119,10 +109,8 @@ def compile_measure(
     """Compiled (params, batch on the host, index of the batch) -> (predictions, metrics).
 
     This process's devices share the batch if their number divides it; otherwise one computes it.
-
-    Args:
-      measure: a pytree that is called with (params, batch) for a device's share.
-      latents: (index, size, train=False) -> random inputs, one row per sample.
+    `measure` is a pytree, a function of (params, batch) for a device's share. `latents` maps
+    (index, size, train=False) to random inputs, one row per sample.
     """
     devices = jax.local_devices()
     mesh = Mesh(np.asarray(devices[: 1 if batch_size % len(devices) else None]), ("data",))
@@ -143,8 +131,7 @@ def compile_measure(
     measure = jax.device_put(measure, everywhere)
 
     def run(params: Any, batch: Mapping[str, Any], index: int) -> Any:
-        # Training may have put the parameters on more devices. A batch has `visible` only if the
-        # records have depth.
+        # Training may use more devices. A batch has `visible` only if the records have depth.
         params = jax.device_put(params, everywhere)
         arrays = {key: batch[key] for key in (*keys, "visible") if key in batch}
         return compiled(measure, params, jax.device_put(arrays, split), np.int32(index))

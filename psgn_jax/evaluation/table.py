@@ -20,8 +20,7 @@ from psgn_jax.system.untrusted import one_line
 
 _HEADER = 10  # characters, as many as "[radius^2]" has
 
-Lines = Sequence[Sequence[str]]
-"""Cells of a table; the first row is the header."""
+Lines = Sequence[Sequence[str]]  # cells of a table; the first row is the header
 
 
 def aligned(lines: Lines, *, apart: int = 0) -> str:
@@ -68,18 +67,20 @@ def cell(metric: str, value: float) -> str:
     return f"{100 * value:.2f}" if title(metric).endswith("[%]") else f"{value:.5f}"
 
 
+def lines(evaluation: Evaluation, names: Sequence[str], prefix: str = "") -> list[list[str]]:
+    """The cells of the metrics in `names`; their headers begin with `prefix`."""
+    head = ["category", "samples", *(prefix + header(evaluation, name) for name in names)]
+    rows = [(one_line(row.name), str(row.count), row.metrics) for row in evaluation.rows()]
+    return [head, *([*ids, *(cell(name, of[name]) for name in names)] for *ids, of in rows)]
+
+
 def text(evaluation: Evaluation) -> str:
     """The printed table: a row for each category, the two averages, and an explanation."""
     names = [name for name in METRICS if title(name) and name in evaluation.metrics]
     names += filter(_OF_DRAWS.fullmatch, evaluation.metrics)
     if evaluation.note:
         names = list(evaluation.metrics)
-    head = ["category", "samples", *(header(evaluation, name) for name in names)]
-    body = [
-        [one_line(row.name), str(row.count), *(cell(name, row.metrics[name]) for name in names)]
-        for row in evaluation.rows()
-    ]
-    table = aligned([head, *body], apart=2)
+    table = aligned(lines(evaluation, names), apart=2)
     if evaluation.note:
         return f"{table}\nSplit {evaluation.split!r}. {evaluation.note}\n"
     return table + _note_on_points(evaluation)
@@ -164,8 +165,7 @@ def csv_of(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """A table as CSV, whose texts are quoted and never formulas or control characters.
 
     Names come from other people's records, and spreadsheet programs compute cells such as `=1+1`.
-    We put an apostrophe before such a text (OWASP, "CSV Injection") and escape control characters;
-    `read_csv` undoes both.
+    We put an apostrophe before them (OWASP, "CSV Injection") and escape control characters.
     """
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC)

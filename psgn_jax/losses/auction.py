@@ -33,14 +33,7 @@ from jax import lax
 from jax.custom_batching import custom_vmap, sequential_vmap
 
 from psgn_jax.array_types import Array, Bool, Float, Int
-from psgn_jax.losses.certificate import (
-    DualBound,
-    dual_bound,
-    gap_of,
-    lanes,
-    prepare,
-    row,
-)
+from psgn_jax.losses.certificate import DualBound, dual_bound, gap_of, lanes, prepare, row
 from psgn_jax.losses.numeric import (
     INFINITE,
     as_one_function,
@@ -60,8 +53,7 @@ from psgn_jax.system.cores import num_cores
 
 # The paper (section "Distance Metric between Point Sets") reports an error of about 1 %.
 TOLERANCE = 0.01
-# Default budget, in bids per point. Clouds of 1,024 points of the authors' data need 5 to 40 bids
-# per point for a gap of 1 %.
+# Default budget, in bids per point. For a gap of 1 %, 1,024 points of the authors' need 5 to 40.
 BIDS_PER_POINT = 2000
 
 _MOST_BIDS = 2**31 - 1  # bids are counted in int32
@@ -131,9 +123,7 @@ def _bid_all(rows: tuple[Array, ...], epsilon: Array, limit: Array, state: _Bidd
 
     def loop(rows: Any, epsilon: Array, limit: Array, state: _Bidding) -> _Bidding:
         return lax.while_loop(
-            lambda s: (s.waiting > 0) & (s.bids < limit),
-            lambda s: _bid(rows, epsilon, s),
-            state,
+            lambda s: (s.waiting > 0) & (s.bids < limit), lambda s: _bid(rows, epsilon, s), state
         )
 
     return as_one_function(loop, rows, epsilon, limit, state)
@@ -265,8 +255,7 @@ def _on_host(*pair: Array) -> Any:
 
 # An accelerator would launch several kernels for each of some ten thousand bids. So the host solves
 # all pairs of a batch in one callback. On a CPU, we solve the pairs one after another, under `vmap`
-# too: in lockstep, every pair would take as long as the slowest pair, and every bid would copy the
-# state of all pairs.
+# too: in lockstep, each pair would take as long as the slowest, and each bid copy all states.
 @custom_vmap
 def _solve_anywhere(*pair: Array) -> Any:
     return per_platform(_solve, _on_host, *pair)
@@ -281,12 +270,11 @@ def _solve_batch(size: int, mapped: Sequence[bool], *arrays: Array) -> Any:
 
 def _check_number(value: Any, name: str, expected: str, most_whole: float | int = math.inf) -> None:
     """Raises ValueError unless an untraced value is a number >= 0, or an integer up to a limit."""
-    if isinstance(value, jax.core.Tracer):
-        return
-    number = np.asarray(value)
-    fits = not number.ndim and number.dtype.kind in "iuf" and 0 <= number <= most_whole
-    if not fits or (math.isfinite(most_whole) and number != np.floor(number)):
-        raise ValueError(f"{name}: got {value}, expected {expected}")
+    if not isinstance(value, jax.core.Tracer):
+        x = np.asarray(value)
+        fits = not x.ndim and x.dtype.kind in "iuf" and 0 <= x <= most_whole
+        if not fits or (math.isfinite(most_whole) and x != np.floor(x)):
+            raise ValueError(f"{name}: got {value}, expected {expected}")
 
 
 class Assignment(NamedTuple):

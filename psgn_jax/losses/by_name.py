@@ -35,8 +35,7 @@ class LossTerm(NamedTuple):
 def parse_terms(config: LossConfig) -> tuple[LossTerm, ...]:
     """The terms of `loss.name` in order; the EMD gets `loss.emd_tolerance`.
 
-    Raises:
-      ConfigError: a term is not `WEIGHT*NAME@POINTS`, or its name is unknown or occurs twice.
+    `ConfigError` if a term is not `WEIGHT*NAME@POINTS`, or its name is unknown or occurs twice.
     """
     parts = [part.strip() for part in config.name.split("+")]
     terms: dict[str, LossTerm] = {}
@@ -73,9 +72,8 @@ def _on_chosen(loss: Callable[..., Any], num_points: int, pred: Array, gt: Array
 def configured_loss(config: LossConfig) -> Callable[[Array, Array], tuple[Array, dict[str, Array]]]:
     """`loss.name` as a function of one pair, (pred, gt) -> (value, terms).
 
-    The value is the sum over k of w_k d_k(pred, gt_k), where gt_k are the `chosen_points` of term
-    k. `terms` maps names to the values d_k, without weights and gradient; it is {} for a loss
-    without weight and points. Errors: `parse_terms`.
+    The value is sum_k w_k d_k(pred, gt_k) with the `chosen_points` gt_k of term k. `terms` maps
+    names to d_k, without gradient; {} for a loss without weight and points. Errors: `parse_terms`.
     """
     return sum_of(parse_terms(config))
 

@@ -51,8 +51,7 @@ class Problem(NamedTuple):
     exact_b: Array
     a: Array
     b: Array
-    # With b padded to m = padded_size(n) points: the distances [n, m], or a and the coordinates of
-    # b, three arrays [m].
+    # With b padded to m = padded_size(n) points: the distances [n, m], or a and three arrays [m].
     rows: tuple[Array, ...]
     unit: Array  # of the scaled distances, in the caller's unit
     finite: Array
@@ -78,8 +77,7 @@ def prepare(a: Array, b: Array) -> Problem:
     n, exact = len(a), (scale(a), scale(b))
     a, b = (scale(x - middle[None]).astype(jnp.float32) for x in (a, b))
     columns = tuple(jnp.pad(x, (0, padded_size(n) - n), mode="edge") for x in b.T)
-    # The barrier stops XLA from computing the points again for each distance. The distances then
-    # have the same bits in every program.
+    # The barrier: XLA computes the points once, and distances have the same bits in every program.
     rows: tuple[Array, ...] = lax.optimization_barrier((a, *columns))
     if n <= _MOST_IN_TABLE:
         rows = (distance(tuple(rows[0].T[:, :, None]), tuple(x[None] for x in rows[1:])),)
@@ -148,8 +146,7 @@ def dual_bound(problem: Problem, index: Array, prices: Array) -> DualBound:
     prices = jnp.where(lax.iota(jnp.int32, len(prices)) < n, prices, jnp.inf)
     lowest = prices.min()
     prices, u = prices - lowest, u - lowest
-    # The cost uses coordinates before centring: its relative error is a few roundings at any
-    # offset, and coincident points cost exactly 0.
+    # Coordinates before centring: an error of a few roundings; coincident points cost exactly 0.
     difference = (problem.exact_a - problem.exact_b[index]).astype(jnp.float32)
     cost = accurate_sum(jnp.sqrt(jnp.square(difference).sum(axis=-1)))
     matched = jnp.sqrt(jnp.square(a - b[index]).sum(axis=-1))

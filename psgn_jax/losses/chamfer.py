@@ -100,10 +100,8 @@ def nearest_both(pred: Float[Array, "n 3"], gt: Float[Array, "m 3"]) -> tuple[Ne
     raises a TypeError). Memory beyond inputs and outputs: about (64 + max(n, m) / 64) min(n, m)
     numbers, on a GPU (1024 + max(n, m) / 64) min(n, m).
 
-    Raises:
-      ValueError: wrong shape or dtype, or (called directly) a non-finite coordinate. Inside `jit`,
-        `vmap` and `grad`, such a coordinate makes all distances of the pair and their gradients
-        NaN.
+    ValueError for a wrong shape or dtype, or (called directly) a non-finite coordinate. Inside
+    `jit`, `vmap` and `grad`, it makes all distances of the pair and their gradients NaN.
     """
     pred, gt = check_points(pred, "pred"), check_points(gt, "gt")
     dtype = jnp.promote_types(pred.dtype, gt.dtype)

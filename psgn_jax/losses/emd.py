@@ -5,11 +5,8 @@
 The distance is Euclidean, not squared: Fan, Su, Guibas, "A Point Set Generation Network for 3D
 Object Reconstruction from a Single Image", CVPR 2017, section "Distance Metric between Point Sets".
 All functions take one pair, `pred` and `gt` [n, 3]; use `losses.map_pairs` for batches. Results are
-in the unit of the clouds. Distances are square roots of float32 squares: below 1e-19 they become 0,
-above 1e19 they overflow.
-
-The first call for a number of points compiles for 2 to 3 seconds on a CPU. Later calls do not
-compile, with or without an enclosing `jax.jit`.
+in the unit of the clouds. Float32 distances become 0 below 1e-19 and overflow above 1e19. On a CPU,
+the first call for a number of points compiles for 2 to 3 seconds, with or without `jax.jit`.
 """
 
 from typing import NamedTuple
@@ -90,10 +87,8 @@ def emd_exact(pred: Float[Array, "n 3"], gt: Float[Array, "n 3"]) -> ExactAssign
     """The optimal bijection, in float64 by scipy's `linear_sum_assignment` on the host.
 
     For evaluation: no `jit`, no gradient, 24 n^2 bytes, a time like n^3 (.1 to 1 s at 1,024
-    points). The error of `cost` is about 1e-12 of the extent.
-
-    Raises:
-      ValueError: wrong shape or dtype, unequal sizes, a non-finite coordinate, or traced clouds.
+    points). The error of `cost` is about 1e-12 of the extent. ValueError for a wrong shape or
+    dtype, unequal sizes, a non-finite coordinate, or traced clouds.
     """
     if isinstance(pred, jax.core.Tracer) or isinstance(gt, jax.core.Tracer):
         raise ValueError("emd_exact: got traced clouds, expected arrays (it runs on the host)")

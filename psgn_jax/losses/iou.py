@@ -64,10 +64,9 @@ def iou_sweep(
 def _volumes(pred: Array, gt: Array) -> tuple[Array, Array]:
     """Both volumes as arrays; ValueError for different shapes or wrong dtypes."""
     volumes = jnp.asarray(pred), jnp.asarray(gt)
-    if volumes[0].shape != volumes[1].shape:
-        raise ValueError(
-            f"pred has the shape {volumes[0].shape}, gt {volumes[1].shape}: expected the same grid"
-        )
+    shape, other = (volume.shape for volume in volumes)
+    if shape != other:
+        raise ValueError(f"pred has the shape {shape}, gt {other}: expected the same grid")
     for name, volume in zip(("pred", "gt"), volumes, strict=True):
         if volume.dtype != bool and not jnp.issubdtype(volume.dtype, jnp.floating):
             raise ValueError(f"{name}: got {volume.dtype}, expected floats in [0, 1] or bool")

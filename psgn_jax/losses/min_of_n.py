@@ -7,8 +7,7 @@ If an image allows several shapes, the plain loss (n = 1) is minimal at a mean o
 minimal when different samples predict different shapes.
 
 Source: Fan, Su, Guibas, "A Point Set Generation Network for 3D Object Reconstruction from a Single
-Image", CVPR 2017, section "Generation of Multiple Plausible Shapes". They report that n = 2
-suffices.
+Image", CVPR 2017, section "Generation of Multiple Plausible Shapes", where n = 2 suffices.
 """
 
 from collections.abc import Callable
@@ -39,19 +38,14 @@ def min_of_n(
 ) -> Callable[[Array, Array], MinOfN]:
     """Turns a distance d of one pair into the MoN of several predictions and one ground truth.
 
+    `distance` maps (pred [n, 3], gt [m, 3]) to a scalar, like `chamfer_sq` or `emd_sum`, or with
+    `has_aux` to (scalar, pytree); it may close over traced values. The result maps (preds
+    [draws, n, 3], gt [m, 3]) to `MinOfN`, for any draws >= 1. It raises ValueError for a wrong
+    shape of `preds`, and the errors of `distance`.
+
     The winner is the first sample with the smallest distance. Its gradient is the gradient of d.
     The other samples' gradients are multiplied by 0, so they must be finite, as those of `losses`
     are. A NaN distance wins, so that it is noticed.
-
-    Args:
-      distance: (pred [n, 3], gt [m, 3]) -> scalar, such as `chamfer_sq` or `emd_sum`; it may close
-        over traced values.
-      has_aux: whether `distance` returns (scalar, pytree) instead of a scalar; the pytree of the
-        winner becomes `aux`.
-
-    Returns:
-      (preds [draws, n, 3], gt [m, 3]) -> `MinOfN`, for any draws >= 1. It raises ValueError for a
-      wrong shape of `preds`, and the errors of `distance`.
     """
 
     def over_draws(preds: Array, gt: Array) -> MinOfN:

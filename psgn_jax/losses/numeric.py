@@ -84,10 +84,9 @@ def write(x: Array, i: Array, value: Array) -> Array:
 def as_one_function(loop: Callable[..., Any], *arguments: Any) -> Any:
     """`loop(*arguments)`, compiled for a CPU as a single function.
 
-    Otherwise XLA's CPU compiler launches the dozen operations of a loop iteration one by one. Inner
-    functions under `jax.jit` stay separate: XLA does not fuse them with other operations, does not
-    compute their results twice, and vectorises minima over an axis. XLA aborts if the loop does not
-    need an argument.
+    Otherwise XLA launches the dozen operations of a loop iteration one by one. Inner functions
+    under `jax.jit` stay separate: XLA does not fuse them with other operations or compute them
+    twice, and vectorises minima over an axis. XLA aborts if the loop does not need an argument.
     """
     with set_xla_metadata(xla_cpu_small_call="true", inlineable="false"):
         return jax.jit(loop)(*arguments)

@@ -2,8 +2,7 @@
 
 XLA is up to a hundred times slower than PyTorch for dilated convolutions: transposed convolutions
 and the input gradients of strided convolutions. With oneDNN, whose kernels PyTorch uses, a training
-step takes about half as long. Without oneDNN, XLA convolves blocks of pixels with stride 1, whose
-gradients have no dilation either.
+step takes about half as long. Without it, XLA convolves blocks of pixels, without dilation.
 
 The environment variable `PSGN_CONVOLUTIONS` selects `onednn` (an error if it is missing) or `xla`;
 it is read when a function is traced. oneDNN has no forward-mode derivatives. `jax.export` needs
@@ -63,8 +62,7 @@ def convolve_transposed(x: Array, kernel: Array, stride: int) -> Array | None:
         return None
 
     def padding(k: int) -> tuple[int, int]:
-        # The padding of the output that corresponds to the padding `before` of the dilated input in
-        # `jax.lax.conv_transpose`.
+        # `before` pads the dilated input in `jax.lax.conv_transpose`; we pad the output.
         before = k - 1 if stride > k - 1 else -(-(k + stride - 2) // 2)
         low = k - 1 - before
         return low, k - stride - low

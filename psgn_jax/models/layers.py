@@ -1,10 +1,8 @@
 """Layers of the networks (convolution, transposed convolution, dense) and their initial values.
 
 XLA computes the convolutions, or on a CPU `cpu_convolution`, which is faster and agrees up to
-rounding. If you copy a network, leave it out.
-
-Every layer has float32 parameters named `kernel` and `bias`. It casts input, kernel and bias to
-`dtype` and computes in this type.
+rounding. If you copy a network, leave it out. Every layer has float32 parameters named `kernel` and
+`bias`, and computes in `dtype`.
 
 Initial values (**ours**: the paper gives none). The networks have no normalisation layers, so the
 initial kernels must keep the scale of the activations over some twenty layers (He et al. 2015,
@@ -92,23 +90,19 @@ Conv3D = functools.partial(Conv, ndim=3)  # for volumes
 
 
 class ConvTranspose(nn.Module):
-    """`convolve_transposed(x, kernel, stride) + bias`."""
+    """`convolve_transposed(x, kernel) + bias`, with a 5x5 kernel and stride 2."""
 
     features: int
-    kernel_size: int = 5
-    stride: int = 2
-    kernel_init: Initializer = SUMMED
     bias_init: Initializer = nn.initializers.zeros_init()
     dtype: Any = jnp.float32
 
     @nn.compact
     def __call__(self, x: Float[Array, "b h w c_in"]) -> Float[Array, "b ho wo c_out"]:
         def init(key: PRNGKey, shape: Sequence[int], dtype: Any) -> jax.Array:
-            return self.stride * self.kernel_init(key, shape, dtype)
+            return 2 * SUMMED(key, shape, dtype)
 
-        shape = (self.kernel_size, self.kernel_size, x.shape[-1], self.features)
-        kernel = self.param("kernel", init, shape, jnp.float32)
-        y = convolve_transposed(x.astype(self.dtype), kernel.astype(self.dtype), self.stride)
+        kernel = self.param("kernel", init, (5, 5, x.shape[-1], self.features), jnp.float32)
+        y = convolve_transposed(x.astype(self.dtype), kernel.astype(self.dtype))
         return _add_bias(self, y)
 
 
@@ -122,8 +116,7 @@ def cloud_bias(spread: float) -> Initializer:
 
     This is **ours**. A dense output layer has a bias for each point. We spread them with the
     standard deviation `spread` (units), so that most points soon are the nearest to some part of
-    the surface. A convolution has one bias for all cells (spread 0); `grid_offset` spreads its
-    points.
+    the surface. A convolution has one bias for all cells (spread 0) and a `grid_offset`.
     """
 
     def init(key: PRNGKey, shape: Sequence[int], dtype: Any = jnp.float32) -> jax.Array:

@@ -1,7 +1,4 @@
-"""Constructors, initial parameters, inputs and predictions of all networks.
-
-All random numbers depend on the seed, a purpose and a step only.
-"""
+"""Constructors, initial parameters, inputs and predictions of all networks."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
@@ -21,7 +18,7 @@ from psgn_jax.models.point_out_net import CloudNetwork, PointOutNet
 DTYPES = {"float32": jnp.float32, "bfloat16": jnp.bfloat16}
 """The accepted values of `model.compute_dtype`."""
 
-# Purposes of random numbers, folded into the seed's key.
+# Purposes of random numbers, which depend on the seed, a purpose and a step only.
 _INIT, _TRAIN_RANDOM, _EVAL_RANDOM, _INIT_POSTERIOR = 0, 1, 2, 3
 
 
@@ -35,9 +32,8 @@ def build(config: ModelConfig) -> CloudNetwork:
 
 def build_posterior(config: ModelConfig) -> posterior.Posterior:
     """The network that predicts the distribution of r from the ground truth."""
-    return posterior.Posterior(
-        tuple(config.posterior_widths), config.posterior_hidden, config.random_size
-    )
+    sizes = config.posterior_hidden, config.random_size
+    return posterior.Posterior(tuple(config.posterior_widths), *sizes)
 
 
 def build_volume_net(config: ModelConfig) -> volumes.VolumeNet:
@@ -49,13 +45,9 @@ def build_r2n2(config: ModelConfig, sizes: VoxelConfig) -> recurrent.RecurrentVo
     """3D-R2N2 with the published widths times `voxels.width_multiplier`."""
     factor = sizes.width_multiplier
     dense, hidden = scaled_widths((recurrent.DENSE_WIDTH, recurrent.HIDDEN_WIDTH), factor)
-    return recurrent.RecurrentVolume(
-        scaled_widths(recurrent.CONV_WIDTHS, factor),
-        dense,
-        hidden,
-        scaled_widths(recurrent.DECODER_WIDTHS, factor),
-        DTYPES[config.compute_dtype],
-    )
+    conv = scaled_widths(recurrent.CONV_WIDTHS, factor)
+    decoder = scaled_widths(recurrent.DECODER_WIDTHS, factor)
+    return recurrent.RecurrentVolume(conv, dense, hidden, decoder, DTYPES[config.compute_dtype])
 
 
 def scaled_widths(widths: Sequence[int], multiplier: float) -> tuple[int, ...]:
@@ -66,19 +58,12 @@ def scaled_widths(widths: Sequence[int], multiplier: float) -> tuple[int, ...]:
 
 
 def _point_out_net(config: ModelConfig) -> PointOutNet:
-    return PointOutNet(
-        version=config.name,
-        image_size=config.image_size,
-        in_channels=config.in_channels,
-        widths=config.widths,
-        fc_points=config.fc_points,
-        fc_widths=config.fc_widths,
-        deconv_level=config.deconv_level,
-        deconv_channels=config.deconv_channels,
-        random_size=config.random_size,
-        random_at=config.random_at,
-        dtype=DTYPES[config.compute_dtype],
-    )
+    names = (
+        "image_size", "in_channels", "widths", "fc_points", "fc_widths", "deconv_level",
+        "deconv_channels", "random_size", "random_at",
+    )  # fmt: skip
+    fields: Any = {name: getattr(config, name) for name in names}
+    return PointOutNet(version=config.name, dtype=DTYPES[config.compute_dtype], **fields)
 
 
 NETWORKS: dict[str, Callable[[ModelConfig], CloudNetwork]] = {
@@ -151,13 +136,9 @@ def stack_channels(
       units; on the object it is in [-1, 1]. The second is 1 where depth was measured. Both are 0 on
       the background and where the object's depth is missing (z <= 0 or not finite).
 
-    Args:
-      image: RGB.
-      mask: True on the object.
-      depth: z along the optical axis, in units (radius of the bounding hemisphere); for "depth".
-      channels: any of "rgb", "mask", "depth".
-      distance: depth of the frame's origin along the optical axis, `extrinsics[2, 3]`; None: 3.6,
-        as for the default camera.
+    The image is RGB, `mask` True on the object, `depth` z along the optical axis in units (radius
+    of the bounding hemisphere), and `distance` the z of the frame's origin, `extrinsics[2, 3]`;
+    None: 3.6, as for the default camera.
 
     Source: the authors' published code and data, which store colours as BGR.
     """
@@ -181,14 +162,9 @@ def stack_channels(
 
 def network_inputs(channels: Sequence[str], batch: Mapping[str, Any]) -> Array:
     """`stack_channels` of a batch: [B,H,W,C], or [B,V,H,W,C] for several views."""
-    camera = batch.get("extrinsics")
-    return stack_channels(
-        batch["image"],
-        batch["mask"],
-        batch.get("depth"),
-        channels=channels,
-        distance=None if camera is None else camera[..., 2, 3],
-    )
+    camera, images = batch.get("extrinsics"), (batch["image"], batch["mask"], batch.get("depth"))
+    distance = None if camera is None else camera[..., 2, 3]
+    return stack_channels(*images, channels=channels, distance=distance)
 
 
 def predict(

@@ -50,18 +50,13 @@ Part = Literal["forward", "input_gradient", "kernel_gradient"]
 
 
 class OneDNNError(RuntimeError):
-    """A call of oneDNN has failed."""
-
-    def __init__(self, call: str, status: int):
-        super().__init__(f"oneDNN: {call} returned status {status}")
-        self.status = status
+    """A call of oneDNN has failed; the arguments are a message and the status."""
 
 
 class Convolution(NamedTuple):
     """Shapes and geometry of a convolution; `padding` is ((top, bottom), (left, right)).
 
-    The padded size is `(out - 1) * stride + k`. Padding is negative on a side whose outermost
-    pixels the convolution does not read.
+    The padded size is `(out - 1) * stride + k`; padding of unread outer pixels is negative.
     """
 
     x: tuple[int, ...]
@@ -104,24 +99,23 @@ def library() -> tuple[Any, str]:
 
 def computes(convolution: Convolution) -> bool:
     """Whether oneDNN has fast routines for all parts of a convolution."""
-    return all(_primitive(part, convolution) is not None for part in get_args(Part))
+    thread = threading.get_ident()
+    return all(_primitive(thread, part, convolution) is not None for part in get_args(Part))
 
 
 def compute(part: Part, first: Array, second: Array, convolution: Convolution) -> Array:
     """A part of a convolution, if oneDNN `computes` it.
 
-    The arguments are (x, kernel) for "forward", (dy, kernel) for "input_gradient", (x, dy) for
-    "kernel_gradient".
+    Arguments: (x, kernel) for "forward", (dy, kernel) or (x, dy) for the input or kernel gradient.
     """
-    primitive = _primitive(part, convolution)
+    primitive = _primitive(threading.get_ident(), part, convolution)
     assert primitive is not None
     # An experimental API, so it is imported only where it is used.
     from jax.experimental.buffer_callback import buffer_callback
 
     shapes = {"forward": convolution.y, "input_gradient": convolution.x}
     result = jax.ShapeDtypeStruct(shapes.get(part, convolution.kernel), first.dtype)
-    # `jax.vmap` makes a call for each element. JAX compares callbacks to find compiled programs; a
-    # bound method is equal to itself.
+    # JAX compares callbacks to find compiled programs; a bound method is equal to itself.
     return buffer_callback(primitive.callback, result, vmap_method="sequential")(first, second)
 
 
@@ -131,59 +125,41 @@ def _turns() -> threading.Semaphore:
     return threading.Semaphore(jax.local_device_count())
 
 
-class _ThreadState:
-    """State of a thread; a call sets addresses in it, so threads cannot share it."""
-
-    def __init__(self) -> None:
-        if (devices := jax.local_device_count()) > 1 and "OMP_NUM_THREADS" not in os.environ:
-            library()[0].omp_set_num_threads(-(-num_cores() // devices))
-        self.stream = _make("dnnl_stream_create", _engine()[0], _IN_ORDER)
-        self.primitives: dict[Any, _Primitive | None] = {}
-        self.workspaces: dict[str, np.ndarray] = {}
-
-
-# Not `threading.local`: Python forgets XLA's threads after each callback.
-_thread_states: dict[int, _ThreadState] = {}
+# A call sets addresses in streams, primitives and workspaces, so threads cannot share them. Not
+# `threading.local`: Python forgets XLA's threads after each callback.
 _making = threading.Lock()  # the first thread makes the engine, which all share
+_workspaces: dict[tuple[int, str], np.ndarray] = {}
 
 
-def _thread_state() -> _ThreadState:
-    thread = threading.get_ident()
-    if thread not in _thread_states:
-        with _making:
-            _thread_states[thread] = _ThreadState()
-    return _thread_states[thread]
+@functools.cache
+def _stream(thread: int) -> _Handle:
+    if (devices := jax.local_device_count()) > 1 and "OMP_NUM_THREADS" not in os.environ:
+        library()[0].omp_set_num_threads(-(-num_cores() // devices))
+    with _making:
+        return _make("dnnl_stream_create", _engine()[0], _IN_ORDER)
 
 
-def _primitive(part: Part, convolution: Convolution) -> "_Primitive | None":
+@functools.cache
+def _primitive(thread: int, part: Part, convolution: Convolution) -> "_Primitive | None":
     """The primitive of the calling thread."""
-    primitives, key = _thread_state().primitives, (part, convolution)
-    if key not in primitives:
-        primitives[key] = _new_primitive(part, convolution)
-    return primitives[key]
-
-
-def _new_primitive(part: Part, convolution: Convolution) -> "_Primitive | None":
-    if convolution.dtype not in _DTYPES:
-        return None
     (top, bottom), (left, right) = convolution.padding
-    if min(top, left) < 0 or 0 in convolution.x:
+    if convolution.dtype not in _DTYPES or min(top, left) < 0 or 0 in convolution.x:
         return None
+    _stream(thread)
     # For negative padding at the end, oneDNN ignores the last pixels by itself.
     padding = ((top, max(0, bottom)), (left, max(0, right)))
     try:
         primitive = _Primitive(part, convolution._replace(padding=padding))
     except OneDNNError as error:
-        if error.status in _UNSUPPORTED:
+        if error.args[1] in _UNSUPPORTED:
             return None
         raise
     return None if primitive.implementation.startswith("ref") else primitive
 
 
 def _call(name: str, *args: Any) -> None:
-    status = getattr(library()[0], name)(*args)
-    if status:
-        raise OneDNNError(name, status)
+    if status := getattr(library()[0], name)(*args):
+        raise OneDNNError(f"oneDNN: {name} returned status {status}", status)
 
 
 def _make(name: str, *args: Any) -> _Handle:
@@ -239,9 +215,10 @@ def _address(buffer: Any) -> int:
 
 def _workspace(purpose: str, size: int) -> int:
     """Address of temporary memory; the block for a purpose only grows."""
-    block = _thread_state().workspaces.get(purpose)
+    key = threading.get_ident(), purpose
+    block = _workspaces.get(key)
     if block is None or len(block) < size + _ALIGNMENT:
-        block = _thread_state().workspaces[purpose] = np.empty(size + _ALIGNMENT, np.uint8)
+        block = _workspaces[key] = np.empty(size + _ALIGNMENT, np.uint8)
     return -(-_address(block) // _ALIGNMENT) * _ALIGNMENT
 
 
@@ -257,7 +234,7 @@ class _Step:
 
     def run(self) -> None:
         _place(self._scratchpad, _workspace("scratchpad", self._size))
-        stream, arguments = _thread_state().stream, self._arguments
+        stream, arguments = _stream(threading.get_ident()), self._arguments
         _call("dnnl_primitive_execute", self._primitive, stream, len(arguments), arguments)
 
 
@@ -275,26 +252,17 @@ class _Primitive:
         kernel = _make("dnnl_memory_desc_create_with_tag", 4, dims, dtype, _ANY_LAYOUT)
         low, high = (_dims(*side) for side in zip(*convolution.padding, strict=True))
         geometry = (_dims(stride, stride), _dims(0, 0), low, high)
-        name = "dnnl_convolution_{}_primitive_desc_create"
-        desc = hint = _make(
-            name.format("forward"), engine, _FORWARD_TRAINING, _DIRECT, x, kernel, None, y,
-            *geometry, attributes,
-        )  # fmt: skip
-        if part == "input_gradient":
-            desc = _make(
-                name.format("backward_data"), engine, _DIRECT, x, kernel, y,
-                *geometry, hint, attributes,
-            )  # fmt: skip
-        elif part == "kernel_gradient":
-            desc = _make(
-                name.format("backward_weights"), engine, _DIRECT, x, kernel, None, y,
-                *geometry, hint, attributes,
-            )  # fmt: skip
+        backward, name = part == "kernel_gradient", "dnnl_convolution_{}_primitive_desc_create"
+        kinds, with_bias = (engine, _FORWARD_TRAINING, _DIRECT), (x, kernel, None, y)
+        desc = _make(name.format("forward"), *kinds, *with_bias, *geometry, attributes)
+        if part != "forward":
+            name = name.format("backward_weights" if backward else "backward_data")
+            tensors = with_bias if backward else (x, kernel, y)
+            desc = _make(name, engine, _DIRECT, *tensors, *geometry, desc, attributes)
         text = ctypes.c_char_p()
         _call("dnnl_primitive_desc_query", desc, _IMPLEMENTATION, 0, ctypes.byref(text))
         self.implementation = (text.value or b"").decode()
 
-        backward = part == "kernel_gradient"
         theirs = _query(desc, _DIFF_WEIGHTS_DESC if backward else _WEIGHTS_DESC)
         images, result, weights = _memory(x), _memory(y), _memory(ours)
         self._converted: tuple[_Handle, int] | None = None
@@ -308,28 +276,19 @@ class _Primitive:
             create = "dnnl_reorder_primitive_desc_create"
             reorder = _make(create, source, engine, target, engine, attributes)
             conversion = [_Step(reorder, {_SRC: start, _DST: end})]
-        # The arguments of the step; the memory objects of first, second and result.
-        arguments, self._outer = {
-            "forward": (
-                {_SRC: images, _WEIGHTS: inner, _DST: result},
-                (images, weights, result),
-            ),
-            "input_gradient": (
-                {_DIFF_DST: result, _WEIGHTS: inner, _DIFF_SRC: images},
-                (result, weights, images),
-            ),
-            "kernel_gradient": (
-                {_SRC: images, _DIFF_DST: result, _DIFF_WEIGHTS: inner},
-                (images, result, weights),
-            ),
+        arguments = {  # in the order of first, second and result
+            "forward": {_SRC: images, _WEIGHTS: inner, _DST: result},
+            "input_gradient": {_DIFF_DST: result, _WEIGHTS: inner, _DIFF_SRC: images},
+            "kernel_gradient": {_SRC: images, _DIFF_DST: result, _DIFF_WEIGHTS: inner},
         }[part]
+        self._outer = [weights if memory is inner else memory for memory in arguments.values()]
         step = _Step(desc, arguments)
         self._steps = [step, *conversion] if backward else [*conversion, step]
 
     def callback(self, _: Any, result: Any, first: Any, second: Any) -> None:
         """Computes `result` from the buffers that XLA passes, in a thread of XLA."""
         with _turns():
-            primitive = _primitive(*self._key)
+            primitive = _primitive(threading.get_ident(), *self._key)
             assert primitive is not None
             primitive._run(first, second, result)
 
@@ -341,4 +300,4 @@ class _Primitive:
             _place(memory, _workspace("kernel", size))
         for step in self._steps:
             step.run()
-        _call("dnnl_stream_wait", _thread_state().stream)
+        _call("dnnl_stream_wait", _stream(threading.get_ident()))

@@ -12,11 +12,9 @@ are 3x3 convolutions with ReLU unless stated otherwise.
   coordinates of each cell's points.
 - `hourglass`: encode, decode up to 96x128, encode again, decode to 24x32, then as `two_branch`. The
   fc branch reads both bottlenecks: the first through a dense layer of 2048 with ReLU and a linear
-  layer of 2048 (`carry`), the second through another linear layer of 2048. A ReLU of their sum
-  follows.
+  layer of 2048 (`carry`), the second through another linear layer of 2048; then a ReLU of the sum.
 
-Output: first the fc points, then the deconv points row by row, cell by cell. Both output layers are
-linear, so that coordinates can be negative.
+Output of linear layers: first the fc points, then the deconv points row by row, cell by cell.
 
 **Ours**, because the sources leave it open or disagree:
 
@@ -136,7 +134,7 @@ class Merge(nn.Module):
         if self.down_size:
             x = Conv(width, self.down_size, stride=2, name="down", **linear)(x)
         else:
-            x = ConvTranspose(width, name="up", **linear)(x)
+            x = ConvTranspose(width, dtype=self.dtype, name="up")(x)
         x = nn.relu(_plus_random(_add(x, Conv(width, name="skip", **linear)(skip)), r))
         return nn.relu(Conv(width, dtype=self.dtype, name="conv")(x))
 
@@ -198,8 +196,7 @@ class FullyConnected(nn.Module):
         x = nn.relu(_plus_random(x, r))
         for i, width in enumerate(self.widths[1:], start=1):
             x = nn.relu(Dense(width, dtype=dtype, name=f"hidden{i}")(x))
-        bias = layers.cloud_bias(layers.CLOUD_SPREAD)
-        kernel = layers.small(0.1)
+        bias, kernel = layers.cloud_bias(layers.CLOUD_SPREAD), layers.small(0.1)
         x = Dense(3 * self.num_points, kernel_init=kernel, bias_init=bias, name="points")(x)
         return x.reshape(x.shape[0], self.num_points, 3)
 
@@ -263,15 +260,12 @@ class PointOutNet(CloudNetwork):
     def __call__(
         self, x: Float[Array, "b h w c"], r: Float[Array, "b *draws k"] | None = None
     ) -> Float[Array, "b *draws n 3"]:
-        """Predicts the clouds of a batch.
+        """Points float32 in the project's frame, unit = radius of the bounding hemisphere.
 
         Args:
           x: images from `networks.stack_channels`.
           r: standard normal numbers [b, random_size], or [b, draws, random_size] for several clouds
             per image; None if and only if `random_size` is 0.
-
-        Returns:
-          Points in the project's frame, unit = radius of the bounding hemisphere; float32.
 
         Raises:
           ValueError: the shape of an argument does not match the network.
@@ -303,16 +297,11 @@ class PointOutNet(CloudNetwork):
             clouds.append(fc(bottlenecks, later))
         if self.version != "vanilla":
             decoder = Decoder(widths, self.deconv_level, dtype, name="decoder")
-            features = decoder(x, features, later)
-            x = features[self.deconv_level]
+            x = decoder(x, features, later)[self.deconv_level]
             x = nn.relu(Conv(x.shape[-1], dtype=dtype, name="deconv_conv")(x))
-            points = Conv(
-                self.deconv_channels,
-                kernel_init=layers.small(layers.CLOUD_SPREAD),
-                bias_init=layers.cloud_bias(0.0),
-                name="deconv_points",
-            )(x)
-            points = points + layers.grid_offset(*self.grid)[None]
+            init, bias = layers.small(layers.CLOUD_SPREAD), layers.cloud_bias(0.0)
+            out = Conv(self.deconv_channels, kernel_init=init, bias_init=bias, name="deconv_points")
+            points = out(x) + layers.grid_offset(*self.grid)[None]
             clouds.append(points.reshape(points.shape[0], -1, 3))
         cloud = jnp.concatenate(clouds, axis=1)
         return cloud.reshape(*batch_shape, *cloud.shape[1:])

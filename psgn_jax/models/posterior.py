@@ -8,8 +8,7 @@ truth S and a distance d between clouds, the loss is
 
     E over z ~ Q(z | Y) of d(G(image, z), S)  +  weight * KL(Q(z | Y) || N(0, I)).
 
-At test time z is sampled from N(0, I). The generator is the network of `point_out_net`, and z its
-random input r.
+At test time z is sampled from N(0, I). The generator is a `point_out_net` with z as its input r.
 
 The authors published no code for this version, and the paper gives no sizes; it refers to VoxNet
 (Maturana and Scherer, IROS 2015). The following is **ours**:
@@ -34,11 +33,9 @@ from psgn_jax.models import layers
 from psgn_jax.models.layers import Conv3D, Dense
 from psgn_jax.models.volumes import GRID, GRID_EDGE, GRID_ORIGIN
 
-NAME = "posterior"
-"""Name of the posterior network's parameters beside the generator's."""
+NAME = "posterior"  # name of the posterior network's parameters beside the generator's
 
-ACTIVE = 0.01
-"""A dimension of z is active if its mean divergence over samples (nats) exceeds this."""
+ACTIVE = 0.01  # A dimension of z is active if its mean divergence over samples (nats) exceeds this
 
 
 class Gaussian(NamedTuple):
@@ -71,9 +68,8 @@ def occupied(points: Float[Array, "n 3"]) -> Float[Array, "32 32 32"]:
 
     Points outside the grid, for instance after stretching, belong to the nearest cell.
     """
-    place = (points - jnp.asarray(GRID_ORIGIN, points.dtype)[None, :]) / (
-        GRID_EDGE / OCCUPANCY_SIZE
-    )
+    origin = jnp.asarray(GRID_ORIGIN, points.dtype)[None]
+    place = (points - origin) / (GRID_EDGE / OCCUPANCY_SIZE)
     cell = jnp.clip(jnp.floor(place), 0, OCCUPANCY_SIZE - 1).astype(jnp.int32)
     volume = jnp.zeros(GRID, jnp.float32).at[cell[:, 0], cell[:, 1], cell[:, 2]].set(1.0)
     return jax.lax.stop_gradient(volume)

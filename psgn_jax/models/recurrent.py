@@ -21,8 +21,7 @@ every convolution of the encoder and decoder, except shortcuts and the last conv
 the softmax cross-entropy, averaged over the cells.
 
 **Ours**: He initialisation of all kernels, with the mean of fan-in and fan-out (in the published
-code, the dense layers of `VolumeCell` start larger), and a grid indexed [x, y, z] like the ground
-truth (`data.schema`).
+code, the dense layers of `VolumeCell` start larger), and a grid indexed [x, y, z] (`data.schema`).
 """
 
 import functools
@@ -133,8 +132,7 @@ class VolumeDecoder(nn.Module):
 class RecurrentVolume(nn.Module):
     """Maps v >= 1 views of an object to the logits (empty, occupied) of 32^3 cells.
 
-    Views are for example RGB in [0, 1] with 127x127 pixels. The parameters do not depend on v. The
-    last layer computes in float32.
+    Views are for example RGB in [0, 1] with 127x127 pixels. The parameters do not depend on v.
     """
 
     conv_widths: tuple[int, ...] = CONV_WIDTHS

@@ -7,12 +7,10 @@ Source: paper, implementation details, "Post processing":
 - `VoxelRefiner`: "6 layers of 3x3x3 convolutions" over local neighbourhoods, "trained by IoU"
   (`losses.soft_iou_loss`). The best result of the paper uses two input channels: the cloud of a
   network trained by CD and the cloud of a network trained by EMD.
-- `VolumeNet`: "another network to predict the object's volume", whose output "is concatenated with
-  the registered occupancy".
+- `VolumeNet`: "another network to predict the object's volume", a further input of the refiner.
 
 **Ours**, because the paper does not say: a splat is clipped to [0, 1]. The refiner has hidden
-layers of 16 channels, ReLUs and a final sigmoid. It reads the logarithm of the volume as a constant
-channel.
+layers of 16 channels, ReLUs, a final sigmoid, and a constant channel for the volume's logarithm.
 
 Frame: the grid of `data.schema`, indexed [x, y, z], over [-1, 1] x [-1, 1] x [0, 2].
 """
@@ -44,9 +42,8 @@ def splat(
 
     grid[c] = min(1, sum_i prod_axis max(0, 1 - |u_i - (c + 1/2)|)),   u = (p - origin) size / 2
 
-    The points [n, 3] are in the project's frame. A cube is as large as a cell; its parts outside
-    the grid are ignored. The gradient of clipped cells is 0. A non-finite coordinate makes the
-    whole grid NaN.
+    The points are in the project's frame. A cube is as large as a cell; its parts outside the grid
+    are ignored. The gradient of clipped cells is 0. A non-finite coordinate makes the grid NaN.
     """
     points = jnp.asarray(points)
     u = (points - jnp.asarray(GRID_ORIGIN, points.dtype)[None]) * (size / GRID_EDGE) - 0.5
@@ -75,8 +72,7 @@ def log_volume(occupancy: Bool[Array, "s s s"]) -> Float[Array, ""]:
 class VoxelRefiner(nn.Module):
     """Maps splats of clouds, one a channel, and optionally log-volumes to probabilities of cells.
 
-    Six 3x3x3 convolutions with ReLUs between them and a final sigmoid, for any grid size. The last
-    layer computes in float32.
+    Six 3x3x3 convolutions with ReLUs between them, and a sigmoid in float32, for any grid size.
     """
 
     widths: tuple[int, ...] = (16, 16, 16, 16, 16)
@@ -84,32 +80,23 @@ class VoxelRefiner(nn.Module):
 
     @nn.compact
     def __call__(
-        self,
-        splats: Float[Array, "b x y z c"],
-        log_volumes: Float[Array, " b"] | None = None,
+        self, splats: Float[Array, "b x y z c"], log_volumes: Float[Array, " b"] | None = None
     ) -> Float[Array, "b x y z"]:
         x = splats
         if log_volumes is not None:
-            channel = jnp.broadcast_to(
-                log_volumes[:, None, None, None, None].astype(x.dtype), (*x.shape[:-1], 1)
-            )
-            x = jnp.concatenate([x, channel], axis=-1)
+            channel = log_volumes[:, None, None, None, None].astype(x.dtype)
+            x = jnp.concatenate([x, jnp.broadcast_to(channel, (*x.shape[:-1], 1))], axis=-1)
         for i, width in enumerate(self.widths):
             x = nn.relu(Conv3D(width, dtype=self.dtype, name=f"conv{i}")(x))
-        last = Conv3D(
-            1,
-            kernel_init=layers.small(1.0),
-            bias_init=nn.initializers.constant(_FIRST_LOGIT),
-            name="occupancy",
-        )
+        bias = nn.initializers.constant(_FIRST_LOGIT)
+        last = Conv3D(1, kernel_init=layers.small(1.0), bias_init=bias, name="occupancy")
         return nn.sigmoid(last(x)[..., 0])
 
 
 class VolumeNet(nn.Module):
     """Maps images, whose sides are multiples of 2^(levels - 1), to the `log_volume` of the object.
 
-    **Ours**: the encoder of `PointOutNet`, a dense layer of `hidden` with ReLU and a linear layer
-    in float32.
+    **Ours**: the encoder of `PointOutNet`, a dense layer with ReLU, a linear layer in float32.
     """
 
     widths: tuple[int, ...]
@@ -122,10 +109,6 @@ class VolumeNet(nn.Module):
         _, x = encoder(images.astype(self.dtype), None)
         x = x.reshape(x.shape[0], -1)
         x = nn.relu(Dense(self.hidden, dtype=self.dtype, name="dense")(x))
-        last = Dense(
-            1,
-            kernel_init=layers.small(0.3),
-            bias_init=nn.initializers.constant(_LOG_VOLUME),
-            name="log_volume",
-        )
+        bias = nn.initializers.constant(_LOG_VOLUME)
+        last = Dense(1, kernel_init=layers.small(0.3), bias_init=bias, name="log_volume")
         return last(x)[:, 0]

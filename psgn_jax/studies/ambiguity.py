@@ -67,19 +67,19 @@ def configs(base: Config, _: Callable[[str], str]) -> dict[str, runner.Overrides
     """The five networks; Mo2 and Mo4 train for the time of Mo8 on a CPU."""
     random: runner.Overrides = {"model.random_size": 8}
     steps = base.train.steps
-    posterior: runner.Overrides = {
-        "model.posterior": True,
-        "model.posterior_widths": (8, 16, 32),
-        "model.posterior_hidden": 64,
-        "loss.kl_weight": 2e-4,
-        "loss.kl_warmup_steps": steps // 4,
-    }
     return {
         "deterministic": {},
         "Mo2": {**random, "loss.min_of_n": 2, "train.steps": round(1.62 * steps)},
         "Mo4": {**random, "loss.min_of_n": 4, "train.steps": round(1.37 * steps)},
         "Mo8": {**random, "loss.min_of_n": 8},
-        "cVAE": {**random, **posterior},
+        "cVAE": {
+            **random,
+            "model.posterior": True,
+            "model.posterior_widths": (8, 16, 32),
+            "model.posterior_hidden": 64,
+            "loss.kl_weight": 2e-4,
+            "loss.kl_warmup_steps": steps // 4,
+        },
     }
 
 
@@ -98,8 +98,7 @@ def cabinets(data: DataConfig) -> list[Cabinet]:
     """The parameters of the evaluated records, in order."""
     reader = RecordReader(data.eval_folders, data.eval_split)
     known: list[Cabinet] = []
-    for index in range(len(reader)):
-        sample = reader[index]
+    for sample in map(reader.__getitem__, range(len(reader))):
         try:
             entry = parse_json(sample.extra)["parameters"]
             depth = float(entry["hidden"]["depth"])
@@ -116,8 +115,7 @@ def measured_depth(points: np.ndarray, scale: float) -> float:
     """The hidden depth of a cabinet, from its points [n, 3] in the frame of a sample `front`.
 
     The far end of the body is the 5 % quantile of x over the points above the rail: the back face
-    has more than 5 % of these points, and less than 5 % are outliers. See
-    `data_gen.catalogues.cabinets` for the body and the rail.
+    has more than 5 % of these points, and less than 5 % are outliers.
     """
     above = points[points[:, 2] > 0.1, 0]
     if not len(above):
@@ -216,8 +214,7 @@ def measure(run: runner.Run) -> runner.Measured:
             _cross(cases[i[0]]["draws"][:NUM_DRAWS], np.stack([cases[j]["points"] for j in i]))
             for i in groups.values()
         ]
-        each_image = [sampling.coverage(distances) for distances in pairs]
-        metrics["coverage of the true shapes"] = np.mean(each_image)
+        metrics["coverage of the true shapes"] = np.mean([*map(sampling.coverage, pairs)])
     # The samples that share the first ambiguous image, and its draws, sorted by depth.
     sharing = sorted(min(groups.items())[1][:5], key=lambda i: known[i].depth)
     first, scale = cases[sharing[0]], known[sharing[0]].scale

@@ -2,8 +2,7 @@
 
 We train `vanilla` (fully connected), `two_branch` and `hourglass` with the squared Chamfer distance
 (CD) and with the earth mover's distance (EMD) plus five times the CD. `fc_equal` is `vanilla` with
-as many parameters as `two_branch`. With the same `--workdir`, the studies `branches` and `losses`
-measure some of these runs.
+as many parameters as `two_branch`. The studies `branches` and `losses` measure some of these runs.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figure comparing networks: "the introduction
 of deconvolution significantly improves performance. Stacking another hourglass level also gives
@@ -20,11 +19,7 @@ TRAINED_FOR = {"cd": "cd_sq_radius2", "emd": "emd_radius"}
 NETWORKS: dict[str, runner.Overrides] = {
     "vanilla": {"model.name": "vanilla", "model.fc_points": 1024},
     # 4,306,243 parameters; two_branch has 4,306,323.
-    "fc_equal": {
-        "model.name": "vanilla",
-        "model.fc_points": 1024,
-        "model.fc_widths": (433, 433),
-    },
+    "fc_equal": {"model.name": "vanilla", "model.fc_points": 1024, "model.fc_widths": (433, 433)},
     "two_branch": {"model.name": "two_branch"},
     "hourglass": {"model.name": "hourglass"},
 }
@@ -48,11 +43,8 @@ BASE: runner.Overrides = {
 
 def configs(networks: list[str]) -> dict[str, runner.Overrides]:
     """The configurations of networks with both losses, such as `two_branch_cd`."""
-    return {
-        f"{network}_{loss}": {**NETWORKS[network], "loss.name": name}
-        for loss, name in LOSSES.items()
-        for network in networks
-    }
+    pairs = [(network, *loss) for loss in LOSSES.items() for network in networks]
+    return {f"{name}_{loss}": {**NETWORKS[name], "loss.name": text} for name, loss, text in pairs}
 
 
 def measure(run: runner.Run) -> runner.Measured:
@@ -65,16 +57,13 @@ def figure(results: runner.Results) -> figures.Figure:
     series: dict[str, list[float]] = {name: [] for name in NETWORKS}
     errors: dict[str, list[float]] = {name: [] for name in NETWORKS}
     models = runner.models_of(results)
-    for loss, metric in TRAINED_FOR.items():
-        found = {
-            name: np.mean([run.metrics[metric] for run in results[f"{name}_{loss}"]], axis=0)
-            for name in NETWORKS
-        }
-        unit = found["vanilla"].mean()
-        for name, values in found.items():
-            series[name].append(values.mean() / unit)
-            error = runner.standard_error(values - found["vanilla"], models)
-            errors[name].append(error / unit)
+    for name in NETWORKS:
+        for loss, metric in TRAINED_FOR.items():
+            runs = results[f"{name}_{loss}"], results[f"vanilla_{loss}"]
+            values, others = (np.mean([x.metrics[metric] for x in of], axis=0) for of in runs)
+            series[name].append(values.mean() / others.mean())
+            error = runner.standard_error(values - others, models)
+            errors[name].append(error / others.mean())
     groups = [f"{METRICS[m]}, trained with {loss.upper()}" for loss, m in TRAINED_FOR.items()]
     title = "Error divided by vanilla's; lower is better"
     return figures.bars({title: series}, groups, errors=errors)

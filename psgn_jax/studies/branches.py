@@ -1,8 +1,7 @@
 """The points of each branch: `psgn study branches [--runs=RUN]`.
 
 According to the paper, the deconv branch predicts the main body as an ordered surface, the fc
-branch unordered points on details. We measure the two-branch networks of the study `networks`, or
-the runs in `--runs`:
+branch unordered points on details. For the two-branch networks of the study `networks`, we measure:
 
 - order: the mean distance of neighbours in the output (fc: consecutive points; deconv: adjacent
   cells), divided by the mean distance of two points of the branch; 1 = no order;
@@ -83,15 +82,11 @@ def measure_sample(case: runner.Sample, model: ModelConfig) -> dict[str, float]:
     by_fc, centre = to_fc < to_deconv, gt.mean(axis=0)
     found = {"gt_to_pred": float(np.minimum(to_fc, to_deconv).mean())}
     for i, branch in enumerate(("fc", "deconv")):
+        cloud, mine = clouds[i], by_fc if branch == "fc" else ~by_fc
         measures = (
-            len(clouds[i]),
-            order(clouds[i], pairs[i]),
-            _rms(clouds[i] - clouds[i].mean(axis=0)),
-            _rms(clouds[i] - centre),
-            gaps[i].min(axis=0).mean(),
-            nearest[i].mean(),
-            np.mean(by_fc if branch == "fc" else ~by_fc),
-        )
+            len(cloud), order(cloud, pairs[i]), _rms(cloud - cloud.mean(axis=0)),
+            _rms(cloud - centre), gaps[i].min(axis=0).mean(), nearest[i].mean(), np.mean(mine),
+        )  # fmt: skip
         found |= {f"{branch}_{key}": v for key, v in zip(_OF_BRANCH, measures, strict=True)}
     some = slice(None, None, max(1, len(gt) // _SAMPLED))
     around = (cdist(gt[some], gt[some]) < AROUND).sum(axis=1)

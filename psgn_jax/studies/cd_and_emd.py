@@ -3,8 +3,7 @@
 We compare the two-branch networks of the study `networks`, trained with the CD and with EMD + 5 CD,
 or two finished runs. According to the paper, the CD "tends to scatter a few points in its uncertain
 area", and the EMD is "more compact" but "sometimes overly shrinks local structures". So we measure
-the share of predicted points farther than `FAR` from the truth (outliers) and of true points
-farther than `FAR` from the prediction (missed).
+the shares of predicted (outliers) and true points (missed) farther than `FAR` from the other cloud.
 
 Source: Fan, Su, Guibas, CVPR 2017, section 5.5 and its figure of both, which shows an example and
 no numbers; networks, sizes and measures here are **ours**.
@@ -19,8 +18,7 @@ from psgn_jax.studies import architectures, figures
 from psgn_jax.studies.runner import Results, Sample, Study, evaluate
 from psgn_jax.viewing import spheres
 
-FAR = 0.1
-"""Distance in radii beyond which a point is an outlier or missed."""
+FAR = 0.1  # distance in radii beyond which a point is an outlier or missed
 
 METRICS = {
     "cd_sq_radius2": "CD squared [radius^2]",
@@ -33,8 +31,7 @@ METRICS = {
     "missed": "true points farther than .1 from the prediction [%]",
     "unevenness": "unevenness: std over mean of the distance to the nearest other point",
 }
-# As in the paper.
-COLOURS, TRUTH = ((70, 130, 180), (90, 165, 90)), (165, 165, 165)
+COLOURS, TRUTH = ((70, 130, 180), (90, 165, 90)), (165, 165, 165)  # as in the paper
 
 
 def measure_sample(case: Sample) -> dict[str, float]:

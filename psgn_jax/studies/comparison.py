@@ -9,8 +9,7 @@ test split or, if there is none, on the evaluation split:
 - CD and EMD of 1,024 points. As in the paper, farthest point sampling turns grids into clouds. We
   sample from 4,096 points on the surface of the occupied cells (**ours**: the paper does not state
   the points). CD and EMD to the true surface points are **ours**, too;
-- recall of thin parts (**ours**): the share of the true cells in no 2x2x2 block of occupied cells
-  that a predicted grid contains.
+- recall of thin parts (**ours**), the true cells in no 2x2x2 block of occupied cells.
 
 Source: Fan, Su, Guibas, CVPR 2017, section "Comparison to state-of-the-art", table and figures;
 Choy et al., "3D-R2N2", ECCV 2016. The networks are smaller than theirs; the data differ.
@@ -48,8 +47,7 @@ HEADS = {
 OURS, PEER = "head_cd_emd_volume", "r2n2"
 VIEWS = (1, 3, 5)
 NUM_POINTS = 1024
-CANDIDATES = 4096
-"""Points on the surface of a volume, for farthest point sampling."""
+CANDIDATES = 4096  # points on the surface of a volume, for farthest point sampling
 
 PAPER = {
     "plane": (0.601, 0.513, 0.549, 0.561),
@@ -101,7 +99,6 @@ def configs(base: Config, folder: Callable[[str], str]) -> dict[str, runner.Over
     two cores, 3D-R2N2 made 1,689 and 1,382 steps.
     """
     half = max(1, base.train.steps // 2)
-    emd = {"loss.name": "emd_mean", "loss.emd_tolerance": 0.02, "train.steps": half}
     head = {
         "task": "refiner",
         "voxels.widths": (8,) * 5,
@@ -110,23 +107,21 @@ def configs(base: Config, folder: Callable[[str], str]) -> dict[str, runner.Over
         # The heads have few parameters and, on a CPU, few steps.
         "optim.learning_rate": 5 * base.optim.learning_rate,
     }
-    heads = {
-        name: {**head, **{f"voxels.from_{source}": folder(source) for source in sources}}
-        for name, sources in HEADS.items()
-    }
-    peer = {
-        "task": "views",
-        "voxels.width_multiplier": 0.125,
-        "voxels.max_views": max(VIEWS),
-        "voxels.eval_views": VIEWS,
-        "train.batch_size": 8,
-    }
     return {
         "cd": {"data.num_points": 2048, "loss.name": "chamfer_sq_mean"},
-        "emd": emd,
+        "emd": {"loss.name": "emd_mean", "loss.emd_tolerance": 0.02, "train.steps": half},
         "volume": {"task": "volume", "train.steps": half},
-        **heads,
-        PEER: peer,
+        **{
+            name: {**head, **{f"voxels.from_{source}": folder(source) for source in sources}}
+            for name, sources in HEADS.items()
+        },
+        PEER: {
+            "task": "views",
+            "voxels.width_multiplier": 0.125,
+            "voxels.max_views": max(VIEWS),
+            "voxels.eval_views": VIEWS,
+            "train.batch_size": 8,
+        },
     }
 
 
@@ -151,8 +146,7 @@ _distances = jax.jit(functools.partial(evaluate_pair, emd_tolerance=0.01))
 def cloud_of(volume: np.ndarray, number: int, stream: int) -> np.ndarray:
     """A cloud [1024, 3], by farthest point sampling of the surface of the occupied cells.
 
-    `stream` selects the random numbers: 0 for true volumes, 1 for true surfaces, 2 for predicted
-    volumes.
+    `stream` selects the random numbers: 0 for true volumes, 2 for predicted volumes.
     """
     solid = shapenet.WorldGrid(volume, np.array(GRID_ORIGIN), GRID_EDGE / len(volume))
     points = shapenet.surface_points(solid, CANDIDATES, np.random.default_rng([stream, number]))
@@ -164,13 +158,10 @@ def distances(cloud: np.ndarray, case: runner.Sample, number: int) -> dict[str, 
     # A random subset, because the points of a record are ordered by position.
     order = np.random.default_rng([1, number]).permutation(len(case["points"]))
     surface = case["points"][order[:NUM_POINTS]]
-    values = {}
-    true = cloud_of(case["occupancy"], number, 0)
-    for label, gt in (("volume", true), ("surface", surface)):
-        measured = _distances(cloud, gt)
-        values[f"cd_{label}"] = float(measured["cd_sq_radius2"])
-        values[f"emd_{label}"] = float(measured["emd_radius"])
-    return values
+    truths = {"volume": cloud_of(case["occupancy"], number, 0), "surface": surface}
+    found = {label: _distances(cloud, gt) for label, gt in truths.items()}
+    values = {f"cd_{label}": float(of["cd_sq_radius2"]) for label, of in found.items()}
+    return values | {f"emd_{label}": float(of["emd_radius"]) for label, of in found.items()}
 
 
 def measure(run: runner.Run) -> runner.Measured:
@@ -233,12 +224,8 @@ _COLUMNS: dict[str, tuple[str, str, Any]] = {
     "thin: ours": (OURS, "thin_recall", 1),
     "thin: 3D-R2N2": (PEER, "thin_recall", 1),
     **{
-        f"{metric.upper()}{' to surface' if truth == 'surface' else ''}: {who} [{name}]": (
-            run,
-            f"{metric}_{truth}",
-            unit,
-        )
-        for truth in ("volume", "surface")
+        f"{metric.upper()}{to}: {who} [{name}]": (run, f"{metric}_{truth}", unit)
+        for truth, to in (("volume", ""), ("surface", " to surface"))
         for metric, unit, name in (("cd", _UNIT**2, "u^2"), ("emd", _UNIT, "u"))
         for who, run in (("ours", metric), ("3D-R2N2", PEER))
     },
@@ -253,18 +240,17 @@ def by_category(results: runner.Results) -> list[Lines]:
     more = {name: (name, "iou", 1) for name in HEADS if name != OURS}
     more |= {f"cloud of {name}": (OURS, f"iou_splat_{name}", 1) for name in POINTS}
     columns = {**_COLUMNS, **more}
-    kinds = sorted(set(categories.tolist()))
     rows = {
         kind: [
             factor * _mean([run.metrics[metric][categories == kind] for run in results[name]])
             for name, metric, factor in columns.values()
         ]
-        for kind in kinds
+        for kind in sorted(set(categories.tolist()))
     }
     rows["mean"] = [_mean([[row[i] for row in rows.values()]]) for i in range(len(columns))]
     lines = [["", "samples", *columns, "paper*: ours", *(f"3D-R2N2*, {n}" for n in VIEWS)]]
     for name, values in rows.items():
-        count = len(names) if name == "mean" else int((categories == name).sum())
+        count = len(names) if name == "mean" else (categories == name).sum()
         paper = [f"{v:.3f}" for v in PAPER.get(name, ())] or ["-"] * 4
         lines.append([name, str(count), *(f"{value:.3f}" for value in values), *paper])
     return [lines]
@@ -279,8 +265,7 @@ def _mean(parts: Sequence[Any]) -> float:
 def figure(results: runner.Results) -> figures.Figure:
     """Image, our cloud, our volume, 3D-R2N2's volume and the true volume, from two sides.
 
-    For up to six categories, we show the sample with the most thin cells. Spheres are at the
-    centres of occupied cells.
+    We show the sample with the most thin cells of up to six categories, cells as spheres.
     """
     rows, titles = [], {"our volume": OURS, "3D-R2N2, 1 view": PEER}
     for category, case in results["cd"][0].shown.items():

@@ -46,9 +46,7 @@ def bars(
 ) -> Figure:
     """Charts of grouped bars, one below the other; bars are labelled with their values.
 
-    Args:
-      charts: title -> name of the bars -> a value for each of `groups`.
-      errors: name of the bars -> half lengths of the error bars.
+    `charts` is title -> name -> a value for each of `groups`; `errors` half an error bar for each.
     """
     count = len(next(iter(charts.values())))
     figure = blank(max(860, 40 * count * len(groups)), 300 * len(charts))
@@ -104,12 +102,10 @@ def grid(
     scale: tuple[float, float] | None = None,
     scale_title: str = "",
 ) -> Figure:
-    """Rows of panels. A title is not repeated below the same title.
+    """Rows of panels, with `labels` on the left. A title is not repeated below the same title.
 
-    Args:
-      rows: title -> panel: an image uint8 [h, w, 3], or values [h, w] for a colour map, NaN white.
-      labels: labels of the rows, on the left.
-      scale: range of the colour map, with a colour bar; None = a range for each panel.
+    A row is title -> panel: an image uint8 [h, w, 3], or values [h, w] for a colour map, NaN white.
+    `scale` is the range of the colour map, with a colour bar; None = a range for each panel.
     """
     columns = max(map(len, rows))
     height, width = next(iter(rows[0].values())).shape[:2]

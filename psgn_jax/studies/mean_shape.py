@@ -38,8 +38,7 @@ SIDE = 0.14  # side of the square
 # Centres of the squares at the bar's corners, outside the bar.
 CORNERS = [(x * (BAR[0] - SIDE / 2), y * (BAR[1] + SIDE / 2)) for x in (-1, 1) for y in (-1, 1)]
 DISK, DISK_CENTRE = 0.1, (0.0, 0.26)
-# A point farther than this from a shape is outside: a quarter of the bar's width.
-NEAR = 0.03
+NEAR = 0.03  # a point farther than this from a shape is outside: a quarter of the bar's width
 
 
 def _uniform(key: PRNGKey, n: int, half: tuple[float, float]) -> Plane:
@@ -131,10 +130,9 @@ def measure_arc(mean: np.ndarray) -> dict[str, float]:
 def _measure_parts(mean: np.ndarray, to_parts: np.ndarray, name: str) -> dict[str, float]:
     to_bar = _outside_box(mean, (0, 0), BAR)
     outside = to_bar > NEAR
-    inside = (to_parts[outside] == 0).sum() / max(1, outside.sum())
     return {
         "points outside the bar [%]": float(outside.mean()),
-        f"of them inside a {name} [%]": float(inside),
+        f"of them inside a {name} [%]": (to_parts[outside] == 0).sum() / max(1, outside.sum()),
         "points in no shape at all [%]": float(np.mean(np.minimum(to_bar, to_parts) > NEAR)),
     }
 
@@ -165,11 +163,7 @@ DISTANCES = {"EMD": losses.emd_mean, "CD": losses.chamfer_sq_mean}
 def mean_shape(
     distance: Callable[..., Array], draw: Callable[[PRNGKey, int], Plane], key: PRNGKey, steps: int
 ) -> Plane:
-    """The minimiser x [n, 2] of E_S[distance(x, S)], by Adam on eight random shapes per step.
-
-    The learning rate falls from .01 to .0001 along half a cosine. The start is a normal cloud with
-    standard deviation .1.
-    """
+    """The minimiser x [n, 2] of E_S[distance(x, S)], by Adam on eight random shapes per step."""
     tx = optax.adam(optax.cosine_decay_schedule(0.01, steps, alpha=0.01))
     start = 0.1 * jax.random.normal(jax.random.fold_in(key, steps), (NUM_POINTS, 2))
 
@@ -197,11 +191,10 @@ def train(run: Run) -> None:
     """Computes the mean shapes of all distributions, unless the folder has them."""
     if _file(run).exists():
         return
-    clouds, key = {}, jax.random.key(run.seed)
+    clouds, key, steps = {}, jax.random.key(run.seed), run.config.train.steps
     for row, (name, (draw, _)) in enumerate(DISTRIBUTIONS.items()):
-        distance, steps = DISTANCES[run.name], run.config.train.steps
-        found = mean_shape(distance, draw, jax.random.fold_in(key, row), steps)
-        clouds[name] = np.asarray(found)
+        of_row = jax.random.fold_in(key, row)
+        clouds[name] = np.asarray(mean_shape(DISTANCES[run.name], draw, of_row, steps))
     np.savez(buffer := io.BytesIO(), allow_pickle=False, **clouds)
     write_atomic(_file(run), buffer.getvalue())
 

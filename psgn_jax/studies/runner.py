@@ -30,16 +30,14 @@ from psgn_jax.training import loop
 from psgn_jax.training.log import read_metrics
 from psgn_jax.weights.run_folder import load_config, open_run
 
-Sample = Mapping[str, np.ndarray]
-"""Arrays of a sample, including its prediction `pred`."""
+Sample = Mapping[str, np.ndarray]  # arrays of a sample, including its prediction `pred`
 
 CASE = ("image", "points", "intrinsics", "extrinsics")
 """Arrays of a sample that are kept by default, besides `pred`."""
 
 NUM_SHOWN = 6  # evenly spaced samples in the figure
 
-Overrides = Mapping[str, Any]
-"""Dotted name of a field -> its value."""
+Overrides = Mapping[str, Any]  # dotted name of a field -> its value
 
 
 class Run(NamedTuple):
@@ -82,9 +80,7 @@ def evaluate(
 ) -> Measured:
     """The metrics of a run's last checkpoint on every sample of the evaluation split.
 
-    Args:
-      of_sample: maps `keys` and `pred` of a sample to further metrics.
-      keys: arrays of a sample to keep, if the batch contains them.
+    `of_sample` maps the arrays `keys`, as far as a batch has them, and `pred` to further metrics.
     """
     opened, config = open_run(run.folder, "last"), run.config
     split = config.data.eval_split
@@ -119,8 +115,7 @@ class Study:
 
     name: str  # of the result files
     base: Overrides  # changes of the recipe for all configurations
-    # (base configuration, function: configuration -> folder of its run with the same seed)
-    # -> {configuration: overrides}.
+    # (base, function: configuration -> folder with the same seed) -> {configuration: overrides}
     configs: Callable[[Config, Callable[[str], str]], Mapping[str, Overrides]]
     # Metric -> title of its row, which ends with the unit in brackets; empty: all metrics.
     metrics: Mapping[str, str]
@@ -142,8 +137,8 @@ class Study:
         eval_data: str = "",
     ) -> list[Run]:
         """The runs of all configurations with one seed."""
-        tree = {**_INTERVALS, **self.base, "seed": seed, "data.path": data}
-        tree["data.eval_path"] = eval_data
+        paths = {"data.path": data, "data.eval_path": eval_data}
+        tree = {**_INTERVALS, **self.base, "seed": seed, **paths}
         tree |= {"train.steps": steps} if steps else {}
         if wanted := tree.get("train.steps"):
             tree.setdefault("train.eval_every", max(1, wanted // _EVALUATIONS))
@@ -190,8 +185,7 @@ def run(
         study; a call without `only` joins the results.
       finished: folders of finished runs to measure instead; for two, the tables show the
         difference, second minus first.
-      measure: FOLDER:SPLIT of further splits to measure, with results such as
-        `networks-authors-test.md`.
+      measure: FOLDER:SPLIT of further splits, with results such as `networks-authors-test.md`.
 
     Raises:
       ConfigError: an argument, the data or a run in `workdir` does not fit.
@@ -268,7 +262,7 @@ def _write(
         ".csv": csv_of(Summary._fields, summaries),
         ".png": figures.png(study.figure(results)),
     }
-    if not place and (found := learning_curves(runs, study.metrics)):
+    if not place and (found := _learning_curves(runs, study.metrics)):
         contents["_curves.png"] = figures.png(figures.curves(found))
     for suffix, content in contents.items():
         write_atomic(folder / f"{study.name}{place}{suffix}", content)
@@ -282,7 +276,7 @@ _ERRORS = (
 )
 
 
-def learning_curves(
+def _learning_curves(
     runs: Sequence[Run], metrics: Mapping[str, str]
 ) -> dict[str, dict[str, figures.Curve]]:
     """{title: {configuration: curve}} from the evaluations during the trainings of `runs`.
@@ -290,10 +284,18 @@ def learning_curves(
     Only at the last point has the learning rate reached its end. So compare points with the same
     points of other configurations, not with shorter trainings.
     """
+
+    def evaluated(run: Run, metric: str) -> dict[int, float]:
+        """Samples seen -> metric, from a run's log."""
+        size = run.config.train.batch_size
+        lines = read_metrics(run.folder / "metrics.jsonl")
+        wanted = (line for line in lines if line["kind"] == "eval" and line["step"])
+        return {size * x["step"]: x[metric] for x in wanted if x.get(metric) is not None}
+
     charts: dict[str, dict[str, figures.Curve]] = {}
     for metric, title in metrics.items():
         for name, same in _by_name(runs).items():
-            several = [_evaluated(run, metric) for run in same]
+            several = [evaluated(run, metric) for run in same]
             shared = sorted(set.intersection(*map(set, several)))
             if len(shared) > 1:
                 values = np.array([[one[seen] for seen in shared] for one in several])
@@ -307,14 +309,6 @@ def _by_name(runs: Sequence[Run]) -> dict[str, list[Run]]:
     for run in runs:
         groups.setdefault(run.name, []).append(run)
     return groups
-
-
-def _evaluated(run: Run, metric: str) -> dict[int, float]:
-    """Samples seen -> metric, from a run's log."""
-    size = run.config.train.batch_size
-    lines = read_metrics(run.folder / "metrics.jsonl")
-    wanted = (line for line in lines if line["kind"] == "eval" and line["step"])
-    return {size * line["step"]: line[metric] for line in wanted if line.get(metric) is not None}
 
 
 def _finished_runs(folders: Sequence[str], data: str) -> list[Run]:
@@ -466,11 +460,8 @@ def _cell(title: str, summary: Summary | None, *, sign: bool = False) -> str:
     return f"{scale * summary.mean:{'+' if sign else ''}.4g}{''.join(shown)}"
 
 
-def cost(run: Run) -> tuple[float, float]:
-    """Median seconds per step and total seconds of steps in a run's log; NaN for a short log.
-
-    They exclude compilation, evaluations and checkpoints.
-    """
+def _cost(run: Run) -> tuple[float, float]:
+    """Median seconds per step and total seconds of steps in a run's log; NaN for a short log."""
     last, steps, seconds = 0, [], []
     for line in read_metrics(run.folder / "metrics.jsonl"):
         if line["kind"] == "train":
@@ -492,6 +483,6 @@ def _costs(runs: Sequence[Run]) -> list[Lines]:
         opened = open_run(several[0].folder, "last")
         count = sum(np.size(leaf) for leaf in jax.tree.leaves(opened.params))
         seen = opened.step * opened.config.train.batch_size
-        seconds, total = np.mean([cost(run) for run in several], axis=0)
+        seconds, total = np.mean([_cost(run) for run in several], axis=0)
         lines.append([name, f"{count:,}", f"{seen:,}", f"{seconds:.3f}", f"{total / 60:.1f}"])
     return [lines] if len(lines) > 1 else []

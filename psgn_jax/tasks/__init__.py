@@ -16,10 +16,5 @@ TASKS: dict[str, Callable[[Config, pathlib.Path], Task]] = {
 
 
 def create(config: Config, workdir: str | os.PathLike[str] = "") -> Task:
-    """Creates the task of a configuration.
-
-    Raises:
-      ConfigError: the loss does not fit the network, or a run in `voxels.from_cd`, `from_emd` or
-        `from_volume` is missing.
-    """
+    """The task of a configuration; `ConfigError` if its loss or a run in `voxels` does not fit."""
     return TASKS[config.task](config, pathlib.Path(workdir))

@@ -10,10 +10,10 @@ import numpy as np
 
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config, ConfigError
-from psgn_jax.data import loader
 from psgn_jax.evaluation import clouds as metrics_lib
 from psgn_jax.evaluation.aligned import aligned_metrics
 from psgn_jax.evaluation.results import Evaluation
+from psgn_jax.evaluation.split import eval_batches
 from psgn_jax.losses.by_name import LossTerm, chosen_points, parse_terms, sum_of
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.losses.mapping import map_pairs
@@ -24,8 +24,7 @@ from psgn_jax.prediction.refine import first_clouds
 from psgn_jax.tasks.task import Batch, Metrics, Result, Task
 from psgn_jax.viewing import spheres
 
-# Weights w of the L2 terms w * sum(kernel**2) / 2 in the authors' published training code, and of
-# their sum.
+# Weights w of the L2 terms w * sum(kernel**2) / 2 in the authors' training code, and of the sum.
 L2_CONV, L2_DENSE, L2_CARRY = 1e-5, 1e-3, 1e-4
 L2_SCALE = 0.1
 _NUM_PICTURES = 6  # at most, in TensorBoard
@@ -64,10 +63,9 @@ class Points(Task):
         config, r = self.config, networks.random_input(self.config, step, batch_size, train=train)
         found = {} if r is None else {"r": r}
         if self.draws:
-            first = step * batch_size
-            found["draws"] = sampling.sample_latents(
-                config, first, batch_size, self.draws, np.uint32(config.seed & 0xFFFFFFFF)
-            )
+            place = step * batch_size, batch_size, self.draws
+            seed = np.uint32(config.seed & 0xFFFFFFFF)
+            found["draws"] = sampling.sample_latents(config, *place, seed)
         return found
 
     def predict(self, params: Any, batch: Batch, r: Array | None) -> Array:
@@ -107,16 +105,14 @@ class Points(Task):
     def min_of_n_loss(self, params: Any, batch: Batch, r: Array) -> tuple[Array, MinOfN]:
         """Mean over the batch of the loss of each sample's best draw, for r [B,draws,size].
 
-        The best draw has the smallest loss or, with `loss.winner_points` = k > 0, the smallest
-        Chamfer distance of k points to k true points. In the first case, value and gradient are
-        those of `min_of_n` of all draws, up to rounding. In the second, we compute the loss of the
-        best draw only, and `loss.mean_weight` adds the Chamfer distance of the first draw, an
-        estimate of the mean over all draws. `MinOfN.distances` are the distances by which draws are
-        compared.
+        The best draw has the smallest of `MinOfN.distances`: of the losses or, with
+        `loss.winner_points` = k > 0, of the Chamfer distances of k points to k true points. In the
+        first case, value and gradient are those of `min_of_n` of all draws, up to rounding. In the
+        second, `loss.mean_weight` adds the Chamfer distance of the first draw, an estimate of the
+        mean over all draws.
 
         Only the best draw of each sample has a gradient. So we compute all draws without storing
-        activations, and the best draws again for the backward pass. XLA computes the parts that do
-        not depend on r once.
+        activations, and the best draws again for the backward pass; parts without r only once.
         """
         constant, rows, gt = jax.lax.stop_gradient(params), jnp.arange(len(r)), batch["points"]
         preds, k = self.predict(constant, batch, r), self.config.loss.winner_points
@@ -185,26 +181,19 @@ class Points(Task):
     def evaluate(
         self, params: Any, *, chosen: Any = None, draws: int = 0, **options: Any
     ) -> Evaluation:
-        if draws and not self.config.model.random_size:
+        if not draws:
+            return super().evaluate(params, **options)
+        if not self.config.model.random_size:
             raise ConfigError(
                 f"draws={draws}: model.random_size=0, so this network gives one prediction per "
                 "image; accepted: a network trained with a random input, such as configs/mo2_cd.py"
             )
-        if draws:
-            return Points(self.config, draws=draws).evaluate(params, **options)
-        return super().evaluate(params, **options)
+        return Points(self.config, draws=draws).evaluate(params, **options)
 
     def picture(self, params: Any) -> np.ndarray:
         """A picture of the first evaluation samples: predictions beside true clouds."""
         config = self.config
-        (batch,) = loader.eval_batches(
-            config.data,
-            split=config.data.eval_split,
-            batch_size=config.eval.batch_size,
-            seed=config.seed,
-            visible_tolerance=config.eval.visible_tolerance,
-            choose=lambda number: range(1),
-        )
+        (batch,) = eval_batches(config, choose=lambda number: range(1))
         points, _ = self.eval_step(params, batch, 0)
         rows = []
         for i in np.flatnonzero(batch["valid"])[:_NUM_PICTURES].tolist():
@@ -217,11 +206,7 @@ class Points(Task):
 
 
 def l2_authors(params: Any) -> Array:
-    """The authors' L2 terms: half the sum of squares of each kernel, without biases.
-
-    The weights are 1e-5 for convolutions, 1e-4 for the dense layer `carry` of the hourglass, and
-    1e-3 for other dense layers.
-    """
+    """The authors' L2 terms: half the weighted sum of squares of each kernel, without biases."""
     total = jnp.float32(0)
     for path, leaf in jax.tree_util.tree_flatten_with_path(params)[0]:
         names = [str(getattr(entry, "key", entry)) for entry in path]
@@ -239,15 +224,14 @@ def _check_loss(config: Config, terms: Sequence[LossTerm], num_points: int) -> N
             f"loss.winner_points={config.loss.winner_points}: accepted: at most {most}, the points "
             "of the smaller cloud (the network's, or data.num_points)"
         )
-    pred, gt = (
-        jax.ShapeDtypeStruct((n, 3), np.float32) for n in (num_points, config.data.num_points)
-    )
+    sizes = num_points, config.data.num_points
+    pred, gt = (jax.ShapeDtypeStruct((n, 3), np.float32) for n in sizes)
     for term in terms:
         try:
             jax.eval_shape(term.distance, pred, gt)
         except ValueError as error:
             which = f", the term {term.text!r}," if len(terms) > 1 else ""
+            what = f"data.num_points={sizes[1]} and a network of {num_points} points"
             raise ConfigError(
-                f"loss.name={config.loss.name!r}{which} with data.num_points="
-                f"{config.data.num_points} and a network of {num_points} points: {error}"
+                f"loss.name={config.loss.name!r}{which} with {what}: {error}"
             ) from error

@@ -32,9 +32,7 @@ CLOUDS = ("from_cd", "from_emd")
 def open_source(config: Config, workdir: pathlib.Path, name: str) -> Trained:
     """Opens the run in `voxels.<name>`, or its copy in `workdir` if there is one.
 
-    Raises:
-      ConfigError: the run does not exist, or its image size, inputs or task do not match.
-      CheckpointError: the run has no checkpoint.
+    `ConfigError` if there is no run, or if its image size, inputs or task do not match.
     """
     path, wanted = config.voxels.sources[name], "volume" if name == "from_volume" else "points"
     copy = workdir / "frozen" / name

@@ -5,8 +5,7 @@ The network's task (`Config.task`) defines the metrics; clouds have the metrics 
 
 `table.txt`, `table.csv` and `table.json` have a row for each category and the two averages,
 `samples.csv` has a row for each sample. They are in the run's folder `eval_<split>_<best|last>`,
-or for weights in `eval_<weights>_<split>`; `_placed` and `_refine` follow if objects were placed
-and clouds refined.
+or for weights in `eval_<weights>_<split>`; `_placed` follows placed objects, `_refine` refinement.
 """
 
 import dataclasses
@@ -40,17 +39,15 @@ def evaluate_run(
     refine: bool | None = None,
     on_batch: OnBatch | None = None,
 ) -> Evaluation:
-    """Evaluates an opened network and writes the tables.
+    """Evaluates an opened network and writes the tables to `out`, or to the folder above.
+
+    `ConfigError` if the task or the data do not fit.
 
     Args:
-      out: folder for the files; None = the folder above.
       draws: number of predictions per image whose best and mean are measured; 0 = none.
       frame: "keep" uses the images as they are; "place" crops and places objects as in photos, with
         their true points (`data.framing`).
       refine: whether to measure the clouds of `prediction.refine`; None = `eval.refine`.
-
-    Raises:
-      ConfigError: the task or the data do not fit.
     """
     config, workdir = run.config, run.source if run.source_kind == "workdir" else ""
     split = split or config.data.eval_split
@@ -60,11 +57,9 @@ def evaluate_run(
     for option in filter(asked.get, asked):
         require_points_task(config, option)
     refine = config.eval.refine if refine is None else refine
-    config = dataclasses.replace(
-        config,
-        data=dataclasses.replace(config.data, eval_frame=frame),
-        eval=dataclasses.replace(config.eval, aligned=True, refine=refine),
-    )
+    data = dataclasses.replace(config.data, eval_frame=frame)
+    measured = dataclasses.replace(config.eval, aligned=True, refine=refine)
+    config = dataclasses.replace(config, data=data, eval=measured)
     logging.info("evaluating %s, step %d, split %s", run.source, run.step, split)
     ends = ("_placed" if frame == "place" else "") + ("_refine" if refine else "")
     folder = output_folder(run, out, "eval", split, ends)
@@ -73,12 +68,11 @@ def evaluate_run(
     )
     if not distributed.is_first():
         return result
+    origin = {run.source_kind: run.source, "step": run.step, "frame": frame, "refine": refine}
+    origin |= {"checkpoint": run.checkpoint} if workdir else {}
     write_atomic(folder / "table.txt", table.text(result))
     write_atomic(folder / "table.csv", table.csv_text(result))
     write_atomic(folder / "samples.csv", table.samples_csv(result))
-    origin = {run.source_kind: run.source, "step": run.step, "frame": frame, "refine": refine}
-    if workdir:
-        origin["checkpoint"] = run.checkpoint
     write_atomic(folder / "table.json", table.json_text(result, **origin))
     logging.info("tables written to %s", folder)
     return result
@@ -95,18 +89,14 @@ def output_folder(
     return pathlib.Path(out or default)
 
 
-def report_runs(
-    folder: str | pathlib.Path,
-    runs: Sequence[Trained],
-    **options: Any,
-) -> Evaluation:
+def report_runs(folder: str | pathlib.Path, runs: Sequence[Trained], **options: Any) -> Evaluation:
     """Evaluates a network, or two to compare, and writes the gallery (`evaluation.report`).
 
     `options` are those of `evaluate_run`; `out` applies to the first network only.
     """
     for run in runs:
         require_points_task(run.config, "report")
-    reported: list[Any] = []
+    reported: list[report_lib.Reported] = []
     for run in runs:
         collector = report_lib.Collector(folder)
         result = evaluate_run(run, on_batch=collector, **options)
@@ -118,5 +108,4 @@ def report_runs(
     except ValueError as error:
         raise ConfigError(f"report={folder}: {error}") from error
     logging.info("gallery written to %s", page)
-    evaluation: Evaluation = reported[0].evaluation
-    return evaluation
+    return reported[0].evaluation

@@ -18,16 +18,10 @@ Result = tuple[Array, Metrics]
 
 
 class Task:
-    """A network with its loss and its metrics.
+    """A network with its loss and its metrics; `keys` are the arrays of a batch that it needs."""
 
-    Attributes:
-      title: name of the network, for the log.
-      keys: names of the arrays of a batch that devices need.
-      frozen: parameters of other networks, which loss and metrics read.
-    """
-
-    title: str
-    frozen: Any = ()
+    title: str  # name of the network, for the log
+    frozen: Any = ()  # parameters of other networks, which loss and metrics read
 
     def __init__(self, config: Config, keys: Sequence[str]) -> None:
         self.config, self.keys = config, tuple(keys)
@@ -60,11 +54,9 @@ class Task:
     def evaluate(
         self, params: Any, *, chosen: Any = None, draws: int = 0, **options: Any
     ) -> Evaluation:
-        """Metrics on a split, by `evaluation.split.evaluate_split` with the other `options`.
+        """Metrics by `evaluate_split` with `options`, and of `draws` more clouds per image.
 
-        Args:
-          chosen: thresholds of an earlier evaluation; others are chosen on this split.
-          draws: number of further predictions per image to measure (points only).
+        `chosen` are thresholds of an earlier evaluation; others are chosen on this split.
         """
         return evaluate_split(self.config, params, self.eval_step, **options)
 

@@ -1,9 +1,8 @@
 """The tasks on solid volumes: "volume" and "views"; "refiner" is in `tasks.refiner`.
 
 The ground truth is the occupancy in the records, a 32^3 grid in the frame of the image;
-`losses.iou` defines the IoU. A cell is occupied if its probability reaches a threshold. Of .05,
-.10, ..., .95, we choose the threshold with the best mean IoU on the split that is evaluated during
-training. Later evaluations use it on any split.
+`losses.iou` defines the IoU. A cell is occupied if its probability reaches a threshold: of .05,
+.10, ..., .95, the one with the best mean IoU on the split that is evaluated during training.
 """
 
 import pathlib
@@ -26,13 +25,9 @@ def apply(model: nn.Module, params: Any, *inputs: Any) -> Array:
 
 
 class VoxelTask(Task):
-    """A task on solid volumes; metrics have a number for each sample or for each threshold.
+    """A task on solid volumes; metrics have a number for each sample or for each threshold."""
 
-    Attributes:
-      best: the metric that decides which checkpoint is the best; "" = none.
-    """
-
-    best = ""
+    best = ""  # the metric that decides which checkpoint is the best; "" = none
 
     def __init__(self, config: Config, model: nn.Module) -> None:
         keys = [key for key in networks.input_keys(config) if key != "points"]

@@ -1,8 +1,7 @@
 """The output of training: JSON lines, TensorBoard files, and progress on the terminal.
 
 Each line of `metrics.jsonl` is a JSON object with `step`, `kind` ("train" or "eval") and metrics,
-which are numbers or lists of numbers. A resumed run removes the lines after the step from which it
-resumes, so no line is lost or duplicated.
+which are numbers or lists of numbers. A resumed run removes the lines after its first step.
 """
 
 import collections
@@ -40,12 +39,8 @@ class TrainingLog:
 
     A line has the metrics of its step, and the mean `loss` since the previous line. Between lines,
     metrics are read two steps late: the device does not wait for the host, and the host is at most
-    two steps ahead.
-
-    Args:
-      losses: sum and number of the losses between the last line and `start`; `loss_sum` (float32)
-        and `loss_count` continue them.
-      began: when the compilation began, in seconds of `time.monotonic`.
+    two steps ahead. `loss_sum` (float32) and `loss_count` are the sum and number of the losses
+    since the last line, from `losses` on. The compilation `began` at this `time.monotonic`.
     """
 
     def __init__(
@@ -145,8 +140,11 @@ def read_metrics(path: str | pathlib.Path) -> list[dict[str, Any]]:
     entries, damaged = [], 0
     with contextlib.suppress(FileNotFoundError), open(path, "rb") as file:
         for line in file:
-            entry = _entry(line)
-            if entry is not None:
+            try:
+                entry = json.loads(line)
+            except (ValueError, RecursionError):
+                entry = None
+            if isinstance(entry, dict) and type(entry.get("step")) is int:
                 entries.append(entry)
             elif line.endswith(b"\n"):
                 damaged += 1
@@ -158,8 +156,7 @@ def read_metrics(path: str | pathlib.Path) -> list[dict[str, Any]]:
 class MetricsWriter:
     """Writes the metrics of a run to `metrics.jsonl` and `tensorboard/` in `workdir`.
 
-    Removes the lines after `step`, where the run resumes, and the evaluation at `step` unless it is
-    complete (`evaluated`).
+    Removes the lines after `step`, where the run resumes, and unless `evaluated` its evaluation.
     """
 
     def __init__(self, workdir: str | pathlib.Path, step: int = 0, *, evaluated: bool = True):
@@ -168,12 +165,9 @@ class MetricsWriter:
         self._step = step
         path = self._workdir / "metrics.jsonl"
         if path.exists():
-            kept = [
-                entry
-                for entry in read_metrics(path)
-                if entry["step"] < step
-                or (entry["step"] == step and (evaluated or entry.get("kind") != "eval"))
-            ]
+            kept = [x for x in read_metrics(path) if x["step"] <= step]
+            if not evaluated:
+                kept = [x for x in kept if x["step"] < step or x.get("kind") != "eval"]
             write_atomic(path, "".join(map(_line, kept)))
         self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
 
@@ -186,8 +180,7 @@ class MetricsWriter:
     ) -> None:
         """Writes a line, and `kind/name` to TensorBoard; `vectors` are lists or histograms."""
         lists = {name: vector.tolist() for name, vector in vectors.items()}
-        # A single write in append mode: if the process is killed, the line is complete or, rarely,
-        # cut off.
+        # A single write in append mode: if the process is killed, it is rarely cut off.
         line = _line({"step": step, "kind": kind, **values, **lists}).encode()
         with self._named():
             if os.write(self._file, line) < len(line):
@@ -224,8 +217,7 @@ class MetricsWriter:
         import tensorboardX  # here, because this slow import would delay the first step
 
         folder = self._workdir / "tensorboard"
-        # With `purge_step`, TensorBoard hides events that a killed run wrote after its last
-        # checkpoint.
+        # TensorBoard hides events that a killed run wrote after its last checkpoint.
         purge = self._step + 1 if folder.exists() else None
         board = tensorboardX.SummaryWriter(str(folder), purge_step=purge)
         # Write events in this thread: an error in the writer's thread, such as a full disk, would
@@ -237,11 +229,3 @@ class MetricsWriter:
 
 def _line(entry: Mapping[str, Any]) -> str:
     return json.dumps(finite_or_none(entry), allow_nan=False) + "\n"
-
-
-def _entry(line: bytes) -> dict[str, Any] | None:
-    try:
-        entry = json.loads(line)
-    except (ValueError, RecursionError):
-        return None
-    return entry if isinstance(entry, dict) and type(entry.get("step")) is int else None

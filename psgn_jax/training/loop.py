@@ -69,13 +69,12 @@ def train(config: Config, workdir: str | pathlib.Path) -> Outcome:
     """Trains, or resumes training, until `config.train.steps` or a signal.
 
     After SIGTERM or SIGINT, the current step ends, its checkpoint is saved and the function
-    returns; if this takes longer than `train.stop_seconds`, the process ends
-    (`system.signals.StopSignal`).
+    returns; after `train.stop_seconds`, the process ends (`system.signals.StopSignal`).
 
     Raises:
       ConfigError: before compilation, if the configuration does not fit the data or the machine,
-        differs from the checkpoint's in a field that is not in `MAY_CHANGE`, or differs between the
-        processes of this training, or if another training runs in this folder.
+        the checkpoint (apart from `MAY_CHANGE`) or the other processes, or if another training runs
+        in this folder.
       UserError: no file can be written to `workdir`.
       OSError: during training, for example if the disk is full.
       NonFiniteError: the loss or the norm of the gradient is not finite.
@@ -134,19 +133,16 @@ def train(config: Config, workdir: str | pathlib.Path) -> Outcome:
 
         def save() -> None:
             log.drain()
-            losses = {"loss_sum": float(log.loss_sum), "loss_count": log.loss_count}
             if first:
+                losses = {"loss_sum": float(log.loss_sum), "loss_count": log.loss_count}
                 meta = {"config": to_dict(config), **losses}
                 with stop.lock:
                     checkpoints.save(step, named_leaves(state), meta)
 
         def evaluate() -> None:
             with log.pause(), contextlib.suppress(Stopped):  # a resumed run evaluates first
-                result = task.evaluate(
-                    _local(eval_params(state)),
-                    max_samples=config.eval.max_samples,
-                    on_batch=stop.check,
-                )
+                options: Any = {"max_samples": config.eval.max_samples, "on_batch": stop.check}
+                result = task.evaluate(_local(eval_params(state)), **options)
                 scores = {**result.means, **result.chosen}
                 log.evaluation(step, scores)
                 if first and step:
@@ -161,10 +157,9 @@ def train(config: Config, workdir: str | pathlib.Path) -> Outcome:
             process_count=jax.process_count(),
         )
         stack.callback(batches.close)
-        several = jax.process_count() > 1
-        stop: distributed.SharedStop | StopSignal = (
-            distributed.SharedStop() if several else StopSignal(plan.stop_seconds, checkpoints.wait)
-        )
+        stop: Any = StopSignal(plan.stop_seconds, checkpoints.wait)
+        if jax.process_count() > 1:
+            stop = distributed.SharedStop()
         stack.enter_context(stop)
         # Python must not exit while a step calls back into it.
         stack.callback(lambda: _wait(state))
@@ -183,8 +178,7 @@ def train(config: Config, workdir: str | pathlib.Path) -> Outcome:
                 evaluate()
             if due(plan.images_every) and writer and not stop.signal:
                 with log.pause():
-                    picture = task.picture(_local(eval_params(state)))
-                    if picture is not None:
+                    if (picture := task.picture(_local(eval_params(state)))) is not None:
                         writer.image(step, "eval/clouds", picture)
         log.drain()
         if saved < step:  # a signal ended the loop
@@ -195,11 +189,9 @@ def train(config: Config, workdir: str | pathlib.Path) -> Outcome:
         when = f"after step {step}, checkpoint saved" if step else "before step 1"
         name = signal.Signals(stop.signal).name
         logging.info("stopped by %s %s; run the same command again to resume", name, when)
-    elif start >= plan.steps:
-        done = "nothing to do: the run is at step %d of train.steps=%d, results in %s"
-        logging.info(done, step, plan.steps, workdir)
     else:
-        logging.info("done: step %d, results in %s", step, workdir)
+        idle = f"nothing to do for train.steps={plan.steps}" if start >= plan.steps else "done"
+        logging.info("%s: step %d, results in %s", idle, step, workdir)
     return Outcome(state, stop.signal)
 
 
@@ -214,11 +206,8 @@ def _checked(config: Config, workdir: pathlib.Path, devices: int) -> dict[str, i
             )
     check_folder(workdir, "workdir")
     check_paths(config)
-    if config.train.batch_size % devices:
-        raise ConfigError(
-            f"train.batch_size={config.train.batch_size}: accepted: a multiple of the "
-            f"{devices} devices"
-        )
+    if (size := config.train.batch_size) % devices:
+        raise ConfigError(f"train.batch_size={size}: accepted: a multiple of the {devices} devices")
     data, sizes = config.data, {}
     for split, evaluation in ((data.train_split, False), (data.eval_split, True)):
         name = "eval_path" if evaluation and data.eval_path else "path"
@@ -263,24 +252,23 @@ def _resumed(
     config: Config, create: Callable[[], TrainState], checkpoint: Checkpoint, workdir: pathlib.Path
 ) -> TrainState:
     """The state in a checkpoint; `ConfigError` if its configuration or network differs."""
+    run = f"workdir={workdir}"
     before, now = flatten(trained_config(checkpoint, workdir)), flatten(config)
     changed = {key: (before[key], now[key]) for key in now if before[key] != now[key]}
     if fatal := sorted(changed.keys() - MAY_CHANGE):
         named = [f"{key}={changed[key][0]!r} (now {changed[key][1]!r})" for key in fatal[:4]]
         named += [f"{len(fatal) - 4} other fields that differ"] * (len(fatal) > 4)
+        values = ", ".join(named)
         raise ConfigError(
-            f"workdir={workdir} holds a run with {', '.join(named)}; use another workdir or the "
-            "same values"
+            f"{run} holds a run with {values}; use another workdir or the same values"
         )
     for key, (old, new) in changed.items():
         logging.info("resuming with %s=%r instead of %r", key, new, old)
     try:
         return from_named_leaves(jax.eval_shape(create), checkpoint.leaves)
     except ValueError as error:
-        raise ConfigError(
-            f"workdir={workdir}: its newest checkpoint does not fit the network of this "
-            f"version: {error}"
-        ) from error
+        why = f"its newest checkpoint does not fit the network of this version: {error}"
+        raise ConfigError(f"{run}: {why}") from error
 
 
 def _measured(config: Config) -> dict[str, Any]:
@@ -308,8 +296,7 @@ def _initial(config: Config, task: tasks.Task) -> Callable[[Any], Any] | None:
 
 def _started(create: Callable[[], TrainState], init: Callable[[Any], Any] | None) -> TrainState:
     """A new state, whose leaves share no memory, because the training step overwrites them."""
-    # The parameters are sampled only once. On a CPU, full optimisation would triple the time of
-    # compilation (23 s instead of 7 s) for no gain.
+    # On a CPU, full optimisation would triple the time of compilation (23 s, not 7 s) for no gain.
     quick = {"xla_backend_optimization_level": 1} if jax.default_backend() == "cpu" else None
     state = jax.tree.map(np.array, jax.jit(create, compiler_options=quick)())
     if init is None:

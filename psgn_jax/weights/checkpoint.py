@@ -17,8 +17,8 @@ import pathlib
 import re
 import shutil
 import zlib
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -31,8 +31,7 @@ from psgn_jax.system.untrusted import brief, with_checksum, without_checksum
 
 FORMAT = 1
 
-_STEP = re.compile(r"0|[1-9][0-9]{0,17}")
-"""Names of the folders of checkpoints."""
+_STEP = re.compile(r"0|[1-9][0-9]{0,17}")  # names of the folders of checkpoints
 
 RANKING = ("cd_sq_radius2", "one_minus_iou", "log_volume_abs_error")
 """The first of these metrics in its evaluation ranks a checkpoint; lower is better."""
@@ -46,9 +45,6 @@ class Checkpoint(NamedTuple):
     meta: dict[str, Any]
 
 
-_Checkpointer = TypeVar("_Checkpointer", bound=ocp.Checkpointer)
-
-
 class CheckpointError(UserError):
     """There is no checkpoint that can be read, or a checkpoint cannot be written."""
 
@@ -60,8 +56,7 @@ class Checkpoints:
     """
 
     def __init__(self, directory: str | pathlib.Path, keep: int = 2, *, read_only: bool = False):
-        self._directory = pathlib.Path(directory).absolute()
-        self._keep = keep
+        self._directory, self._keep = pathlib.Path(directory).absolute(), keep
         self._read_only = read_only
         self._saver: ocp.AsyncCheckpointer | None = None
         if self._directory.is_dir() and not read_only:
@@ -110,8 +105,7 @@ class Checkpoints:
     def save(self, step: int, leaves: Mapping[str, Any], meta: Mapping[str, Any]) -> None:
         """Copies the arrays to the host, waits for the previous save and writes in the background.
 
-        This or the next call of `save`, `wait` or `close` raises `OSError` for a full disk, or
-        `CheckpointError` for another error of writing.
+        This or the next call raises `OSError` for a full disk, else `CheckpointError`.
         """
         self.wait()
         # A copy, because the caller donates the buffers while the writer still reads them.
@@ -137,12 +131,9 @@ class Checkpoints:
         """The newest intact checkpoint, or None if there is no checkpoint.
 
         With `best_first`, it is the best checkpoint, if intact. Damaged checkpoints are skipped
-        with a warning, and moved to `damaged/` unless read-only.
-
-        Raises:
-          CheckpointError: no checkpoint can be read (then none is moved, because the cause is
-            probably the disk or a permission), a later version of this package wrote it, or its
-            folder has the name of another step.
+        with a warning, and moved to `damaged/` unless read-only. `CheckpointError` if no checkpoint
+        can be read (then none is moved, because the cause is probably the disk or a permission), if
+        a later version of this package wrote it, or if its folder has the name of another step.
         """
         steps, best = self.steps()[::-1], self.best_step()
         if best_first:
@@ -179,11 +170,9 @@ class Checkpoints:
                     f"{folder} was made by a later version of psgn_jax: its format is "
                     f"{document['format']}, this version reads {FORMAT}; use a newer psgn_jax"
                 )
-            if (stored := document["step"]) != step:
-                raise CheckpointError(
-                    f"{folder} has the checkpoint of step {stored}; rename the folder to {stored}, "
-                    "or remove it"
-                )
+            if (found := document["step"]) != step:
+                remedy = f"rename the folder to {found}, or remove it"
+                raise CheckpointError(f"{folder} has the checkpoint of step {found}; {remedy}")
             if not isinstance(document["meta"], dict):
                 raise ValueError("its meta is not an object")
             template = {
@@ -229,19 +218,17 @@ class Checkpoints:
                     saver.close()
 
     def _set_aside(self, step: int, error: Exception) -> None:
-        why = brief(error)
-        if self._read_only:
-            logging.warning("checkpoint %d is damaged (%s); skipped", step, why)
-            return
-        self.scores.pop(step, None)
         target = self._directory / "damaged" / str(step)
-        target.parent.mkdir(exist_ok=True)
-        shutil.rmtree(target, ignore_errors=True)
-        (self._directory / str(step)).rename(target)
-        logging.warning("checkpoint %d is damaged (%s); moved to %s", step, why, target)
+        done = "skipped" if self._read_only else f"moved to {target}"
+        logging.warning("checkpoint %d is damaged (%s); %s", step, brief(error), done)
+        if not self._read_only:
+            self.scores.pop(step, None)
+            target.parent.mkdir(exist_ok=True)
+            shutil.rmtree(target, ignore_errors=True)
+            (self._directory / str(step)).rename(target)
 
 
-def _of_this_process(kind: type[_Checkpointer]) -> _Checkpointer:
+def _of_this_process(kind: Callable[..., Any]) -> Any:
     """A checkpointer of orbax that does not wait for the training's other processes."""
     alone = ocp.options.MultiprocessingOptions()
     if jax.process_count() > 1:
@@ -279,9 +266,8 @@ def _writing(folder: pathlib.Path) -> Iterator[None]:
     except Exception as error:
         if is_disk_full(known := native_error(error, folder)):
             raise known from error
-        raise CheckpointError(
-            f"the checkpoint in {folder} could not be written: {brief(error)}"
-        ) from error
+        what = f"the checkpoint in {folder} could not be written: {brief(error)}"
+        raise CheckpointError(what) from error
 
 
 def _checksum(array: np.ndarray) -> int:

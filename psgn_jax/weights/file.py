@@ -42,8 +42,7 @@ FORMAT = "psgn_jax weights 1"
 SUFFIX = ".safetensors"
 MAX_HEADER_BYTES = 1 << 20
 MAX_FILE_BYTES = 1 << 30
-DTYPES = {"float16": "F16", "float32": "F32"}
-"""Dtype -> name in safetensors."""
+DTYPES = {"float16": "F16", "float32": "F32"}  # dtype -> name in safetensors
 
 _TEXTS = ("format", "config", "figures", "sources")
 
@@ -100,11 +99,8 @@ def write_weights(path: str | os.PathLike[str], weights: Trained) -> None:
         raise WeightsError(f"{path}: accepted: a name with the suffix {SUFFIX}")
     with np.errstate(over="ignore"):
         stored = {n: np.ascontiguousarray(leaf, dtype=dtype) for n, leaf in leaves.items()}
-    for name, leaf in stored.items():
-        if not np.isfinite(leaves[name]).all():
-            raise WeightsError(f"{path}: {name} is not finite: the training diverged")
-        if not np.isfinite(leaf).all():
-            raise WeightsError(f"{path}: {name} is too large for {dtype}; use float32")
+    _check_finite(path, leaves, "is not finite: the training diverged")
+    _check_finite(path, stored, f"is too large for {dtype}; use float32")
     metadata = {
         "format": FORMAT,
         "config": to_json(_without_paths(weights.config)),
@@ -114,10 +110,8 @@ def write_weights(path: str | os.PathLike[str], weights: Trained) -> None:
     metadata["sha256"] = _digest(metadata, stored)
     content = save(stored, metadata)
     if int.from_bytes(content[:8], "little") > MAX_HEADER_BYTES or len(content) > MAX_FILE_BYTES:
-        raise WeightsError(
-            f"{path}: {len(content)} bytes, expected at most {MAX_FILE_BYTES}, of which at most "
-            f"{MAX_HEADER_BYTES} for the header"
-        )
+        most = f"{MAX_FILE_BYTES}, of which at most {MAX_HEADER_BYTES} for the header"
+        raise WeightsError(f"{path}: {len(content)} bytes, expected at most {most}")
     write_atomic(path, content)
 
 
@@ -150,17 +144,18 @@ def _read_arrays(path: pathlib.Path) -> tuple[dict[str, str], dict[str, np.ndarr
                 maker = "a later version of psgn_jax" if later else "another program"
                 raise WeightsError(f"{path}: a file of {maker}: {found!r}, expected {FORMAT!r}")
             names = sorted(file.keys())
-            dtype = _common_dtype(path, {name: file.get_slice(name).get_dtype() for name in names})
+            found = ", ".join(sorted({file.get_slice(name).get_dtype() for name in names}))
+            if not (dtypes := [name for name, stored in DTYPES.items() if stored == found]):
+                accepted = "accepted: all F16 or all F32"
+                raise WeightsError(f"{path}: parameters of {found or 'nothing'}; {accepted}")
             stored = {name: file.get_tensor(name) for name in names}
     except (SafetensorError, OSError, UnicodeDecodeError) as error:
         raise WeightsError(f"{path}: not readable as weights: {brief(error)}") from None
     if _digest(metadata, stored) != metadata.get("sha256"):
         raise WeightsError(f"{path}: damaged: the checksum does not match; download it again")
     leaves = {name: leaf.astype(np.float32) for name, leaf in stored.items()}
-    for name, leaf in leaves.items():
-        if not np.isfinite(leaf).all():
-            raise WeightsError(f"{path}: {name} is not finite")
-    return metadata, leaves, dtype
+    _check_finite(path, leaves, "is not finite")
+    return metadata, leaves, dtypes[0]
 
 
 def read_sources(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
@@ -216,14 +211,10 @@ def _check_sizes(path: pathlib.Path) -> None:
         )
 
 
-def _common_dtype(path: pathlib.Path, dtypes: Mapping[str, str]) -> str:
-    for name, dtype in DTYPES.items():
-        if dtypes and set(dtypes.values()) == {dtype}:
-            return name
-    raise WeightsError(
-        f"{path}: parameters of {', '.join(sorted(set(dtypes.values()))) or 'nothing'}; accepted: "
-        "all F16 or all F32"
-    )
+def _check_finite(path: pathlib.Path, leaves: Mapping[str, np.ndarray], what: str) -> None:
+    for name, leaf in leaves.items():
+        if not np.isfinite(leaf).all():
+            raise WeightsError(f"{path}: {name} {what}")
 
 
 def _check_fits(config: Config, leaves: Mapping[str, np.ndarray], path: pathlib.Path) -> Any:
@@ -243,11 +234,9 @@ def _check_fits(config: Config, leaves: Mapping[str, np.ndarray], path: pathlib.
 def _without_paths(config: Config) -> Config:
     names = config.train.init.split(",") if config.train.init else []
     init = ",".join(pathlib.Path(name.strip()).name or "a run" for name in names)
-    return dataclasses.replace(
-        config,
-        data=dataclasses.replace(config.data, path="", eval_path=""),
-        train=dataclasses.replace(config.train, init=init),
-    )
+    data = dataclasses.replace(config.data, path="", eval_path="")
+    train = dataclasses.replace(config.train, init=init)
+    return dataclasses.replace(config, data=data, train=train)
 
 
 def _digest(metadata: Mapping[str, str], leaves: Mapping[str, np.ndarray]) -> str:

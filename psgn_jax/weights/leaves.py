@@ -18,20 +18,16 @@ def named_leaves(tree: Any) -> dict[str, Any]:
 def from_named_leaves(template: Any, leaves: Mapping[str, np.ndarray]) -> Any:
     """A tree with these leaves and the structure of `template`, a tree of arrays or shapes.
 
-    Raises:
-      ValueError: a leaf is missing, not in `template`, or of another shape or dtype.
+    ValueError if a leaf is missing, not in `template`, or of another shape or dtype.
     """
     wanted = named_leaves(template)
     if different := sorted(wanted.keys() ^ leaves.keys()):
         where = "missing" if different[0] in wanted else "not expected"
         raise ValueError(f"leaf {different[0]} is {where} ({len(different)} leaves differ)")
     for name, want in wanted.items():
-        have = leaves[name]
-        if (have.shape, have.dtype) != (want.shape, want.dtype):
-            raise ValueError(
-                f"leaf {name} is {have.dtype}{list(have.shape)}, "
-                f"expected {want.dtype}{list(want.shape)}"
-            )
+        have, expected = (f"{x.dtype}{list(x.shape)}" for x in (leaves[name], want))
+        if have != expected:
+            raise ValueError(f"leaf {name} is {have}, expected {expected}")
     return jax.tree.unflatten(jax.tree.structure(template), [leaves[name] for name in wanted])
 
 

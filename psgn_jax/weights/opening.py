@@ -1,8 +1,7 @@
 """Opens a trained network: the folder of a run, a file of weights, or a name.
 
 Names are those of the files in `psgn_jax/weights/`. With `train.init`, a training starts from a
-trained network (`open_initial`, `initial_params`), whose data and licences it inherits (`data_of`,
-`sources_of`).
+trained network, whose data and licences it inherits (`data_of`, `sources_of`).
 """
 
 import contextlib
@@ -28,11 +27,9 @@ from psgn_jax.weights.run_folder import Trained, load_config, open_run
 Rows = Sequence[dict[str, Any]]
 """Data sets, or sources with their licences, as in the metadata of `weights.file`."""
 
-FOLDER = pathlib.Path(__file__).resolve().parent
-"""Folder of the package's weights."""
+FOLDER = pathlib.Path(__file__).resolve().parent  # folder of the package's weights
 
-DEFAULT = "free-2"
-"""Name of the default weights."""
+DEFAULT = "free-2"  # name of the default weights
 
 
 def shipped() -> dict[str, pathlib.Path]:
@@ -60,13 +57,11 @@ def weights_path(source: str | os.PathLike[str] = "", argument: str = "weights")
 def open_weights(
     source: str | os.PathLike[str] = "", checkpoint: str = "best", *, argument: str = "weights"
 ) -> Trained:
-    """Opens a trained network from a run or from weights.
+    """Opens a trained network from the folder of a run, a file of weights, or a name.
 
     Args:
-      source: the folder of a run, a file of weights, or a name; "" = `DEFAULT`. The result's
-        `scores` are then the metrics in the file.
+      source: see `weights_path`. Weights have the metrics in their file as `scores`.
       checkpoint: "best" or "last" checkpoint of a run; "best" for weights.
-      argument: name of `source` in messages.
 
     Raises:
       ConfigError: there is no such network, or `checkpoint` does not fit.
@@ -85,20 +80,15 @@ def open_initial(config: Config) -> Trained:
 
     Of several networks, separated by commas, we take the mean of the parameters. It is often better
     than each network if they were trained from the same parameters with different seeds (Wortsman
-    et al., "Model soups", ICML 2022).
-
-    Raises:
-      ConfigError: there is no such network, its task differs, or the networks have different
-        layers.
-      CheckpointError, WeightsError: one of them cannot be read.
+    et al., "Model soups", ICML 2022). `ConfigError` if the task or the layers differ.
     """
     names = check_initial(config)
     runs = [open_weights(name, argument="train.init") for name in names]
     shapes = [jax.tree.map(np.shape, run.params) for run in runs]
     for name, run, shape in zip(names, runs, shapes, strict=True):
-        if run.config.task != config.task:
+        if (task := run.config.task) != config.task:
             raise ConfigError(
-                f"train.init={name!r} has the task {run.config.task!r}; accepted: {config.task!r}"
+                f"train.init={name!r} has the task {task!r}; accepted: {config.task!r}"
             )
         if shape != shapes[0]:
             raise ConfigError(
@@ -124,9 +114,7 @@ def check_initial(config: Config) -> list[str]:
     names = [init] if os.path.exists(init) else [name.strip() for name in init.split(",")]
     for name in names:
         if not name:
-            raise ConfigError(
-                f"train.init={init!r}: a name is empty; accepted: names between commas"
-            )
+            raise ConfigError(f"train.init={init!r}: empty name; accepted: names between commas")
         weights_path(name, "train.init")
     return names
 
@@ -136,11 +124,8 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
 
     If only the new network has a random input, the layers of this input start with a tenth of their
     random parameters (**ours**). With the full parameters, the first clouds would be noise, with an
-    EMD of .83 instead of .13.
-
-    Raises:
-      ConfigError: layers of the two networks differ and are not skipped (the message lists them),
-        or a pattern matches no layer.
+    EMD of .83 instead of .13. `ConfigError` if layers differ and are not skipped (the message lists
+    them), or if a pattern matches no layer.
     """
     wanted, have = named_leaves(drawn), named_leaves(trained)
     names = sorted(wanted.keys() | have.keys())
@@ -150,9 +135,8 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
     skipped = set(added)
     for pattern in config.train.init_skip:
         if not (matched := fnmatch.filter(layers, pattern)):
-            raise ConfigError(
-                f"train.init_skip: {pattern!r} matches no layer; layers: {', '.join(layers)}"
-            )
+            known = ", ".join(layers)
+            raise ConfigError(f"train.init_skip: {pattern!r} matches no layer; layers: {known}")
         skipped |= set(matched)
     misfits: dict[str, str] = {}
     for name in names:
@@ -171,13 +155,10 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
         )
     if left := sorted(skipped.intersection(map(layer_of.__getitem__, wanted))):
         logging.info("random parameters, not from %s: %s", config.train.init, ", ".join(left))
-    taken = [
-        (0.1 * leaf if layer_of[name] in added else leaf)
-        if layer_of[name] in skipped
-        else np.array(have[name])
-        for name, leaf in wanted.items()
-    ]
-    return jax.tree.unflatten(jax.tree.structure(drawn), taken)
+    taken = {name: np.array(have[name]) for name in wanted if layer_of[name] not in skipped}
+    drawn_leaves = {n: 0.1 * x if layer_of[n] in added else x for n, x in wanted.items()}
+    leaves = [taken.get(name, leaf) for name, leaf in drawn_leaves.items()]
+    return jax.tree.unflatten(jax.tree.structure(drawn), leaves)
 
 
 def data_of(config: Config) -> Rows:
@@ -192,16 +173,16 @@ def data_of(config: Config) -> Rows:
 def sources_of(config: Config, stated: Rows = ()) -> Rows:
     """The sources and licences of `data_of`, as in `weights.file`.
 
-    `stated` are the rows for the training's data; without them, licences are "not stated". The
-    result is empty if nothing is known.
+    `stated` are the rows for the training's data. The result is empty if nothing is known.
     """
     inherited: list[dict[str, Any]] = []
     known = set()
     for name, data, sources in _origins(config):
-        inherited += sources or [_not_stated(f"the data of {pathlib.Path(name).name}")]
+        unknown = {"source": f"the data of {pathlib.Path(name).name}", "licences": {}}
+        inherited += sources or [unknown]
         known |= {row["name"] for row in data}
     new = [row["name"] for row in _own_data(config) if row["name"] not in known]
-    rows = list(stated) or [_not_stated(name) for name in new if inherited]
+    rows = list(stated) or [{"source": name, "licences": {}} for name in new if inherited]
     return [*rows, *(row for row in _once(inherited) if row not in rows)]
 
 
@@ -225,22 +206,16 @@ def _origins(config: Config) -> list[tuple[str, Rows, Rows]]:
     """The networks from which a training started: name, data and sources, if they are known."""
     found: list[tuple[str, Rows, Rows]] = []
     for init in filter(None, map(str.strip, config.train.init.split(","))):
-        data: Rows = ()
-        sources: Rows = ()
+        found.append((init, (), ()))
         with contextlib.suppress(UserError, OSError):
             path = weights_path(init)
             if path.is_dir():
                 started = load_config(path)
-                data, sources = data_of(started), sources_of(started)
+                found[-1] = init, data_of(started), sources_of(started)
             else:
                 read = read_weights(path)
-                data, sources = read.figures["data"], read.sources
-        found.append((init, data, sources))
+                found[-1] = init, read.figures["data"], read.sources
     return found
-
-
-def _not_stated(source: str) -> dict[str, Any]:
-    return {"source": source, "licences": {}}
 
 
 def _once(rows: Rows) -> Rows:

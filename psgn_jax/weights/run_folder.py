@@ -47,13 +47,10 @@ def open_run(
     workdir: str | os.PathLike[str], checkpoint: str = "best", *, averaged: bool = True,
     name: str = "workdir",
 ) -> Trained:  # fmt: skip
-    """Opens a run at its best or last checkpoint.
+    """Opens a run at its last checkpoint, or at the best by the validation metric.
 
-    Args:
-      checkpoint: "last", or "best" by the validation metric. With a warning, the last checkpoint
-        replaces a missing or damaged best checkpoint, and the configuration in the checkpoint a
-        damaged `config.json`.
-      name: name of the argument in messages.
+    With a warning, the last checkpoint replaces a missing or damaged best checkpoint, and the
+    configuration in the checkpoint a damaged `config.json`. `name` is the argument in messages.
 
     Raises:
       ConfigError: there is no run, or its configuration does not fit the checkpoint.
@@ -62,11 +59,11 @@ def open_run(
     # Imported here because weights do not need orbax, which takes an eighth of all imports.
     from psgn_jax.weights.checkpoint import CheckpointError, Checkpoints
 
-    config, damaged = None, None
+    config: Config | DamagedError
     try:
         config = load_config(workdir, name)
     except DamagedError as error:
-        damaged = error
+        config = error
     checkpoints = Checkpoints(pathlib.Path(workdir) / "checkpoints", read_only=True)
     try:
         opened = checkpoints.restore_newest(best_first=checkpoint == "best")
@@ -77,8 +74,8 @@ def open_run(
     if checkpoint == "best" and opened.step != checkpoints.best_step():
         logging.warning("no best checkpoint can be used; using the last one")
     trained = trained_config(opened, workdir, name)
-    if config is None:
-        logging.warning("%s; using the configuration in the checkpoint", damaged)
+    if isinstance(config, DamagedError):
+        logging.warning("%s; using the configuration in the checkpoint", config)
         config = trained
     _check_fits(config, trained, f"{name}={workdir}", opened.step)
     params = params_from_named_leaves(opened.leaves, averaged=averaged)
@@ -138,11 +135,7 @@ def _refuse_pipes(workdir: str | os.PathLike[str]) -> None:
 
 @contextlib.contextmanager
 def locked(workdir: str | pathlib.Path) -> Iterator[None]:
-    """Context that locks a run's folder against other trainings, without temporary files.
-
-    Raises:
-      ConfigError: another process holds the lock.
-    """
+    """Locks a run's folder, without temporary files; `ConfigError` if another training has it."""
     folder = pathlib.Path(workdir)
     folder.mkdir(parents=True, exist_ok=True)
     _refuse_pipes(workdir)
