@@ -133,7 +133,7 @@ class Prediction:
         write_atomic(path, content, sync=False)
 
     def to_trimesh(self, sample: int = 0) -> Any:
-        """One cloud without its outliers as `trimesh.PointCloud` (needs trimesh)."""
+        """One cloud without its outliers as `trimesh.PointCloud`."""
         import trimesh
 
         points, colours = self._kept(sample)

@@ -40,7 +40,7 @@ MOST_FACES = 20_000
 FINE, COARSE = 0.4, 0.8  # standard deviations of the densities
 LEVEL = 0.45  # of a solid, relative to the density at the points
 THINNEST = 0.2  # half thickness that the shift leaves
-INSIDE = 0.75  # depth of the coarse solid below the points
+INSIDE = 0.9  # depth of the coarse solid below the points
 ASIDE = 0.8  # largest sideways move
 
 DRAWS = 0.7
@@ -145,8 +145,8 @@ class _Grid(NamedTuple):
             raise SurfaceError(f"{len(different)} different points; a surface needs at least 4")
         nearest = KDTree(different).query(different, [min(7, len(different))])[0]
         low, high = different.min(axis=0), different.max(axis=0)
-        spacing = max(float(np.median(nearest)), (high - low).max() / VOXELS)
         step = (high - low).max() / VOXELS
+        spacing = np.clip(np.median(nearest), step, 12 * step)
         margin = int(np.ceil(1.5 * spacing / step)) + 3
         low = low - margin * step
         shape = 2 * np.ceil(((high - low) / step + margin + 1) / 2).astype(int)
@@ -157,7 +157,9 @@ class _Grid(NamedTuple):
             part = np.full(len(others), DRAWS * len(at) / max(len(others), 1))
             weights = np.concatenate([weights * (1 - DRAWS), part])
             at = np.concatenate([at, others])
-        return cls(low, step, tuple(shape), (points - low) / step, spacing / step, at, weights)
+        return cls(
+            low, step, tuple(shape), (points - low) / step, float(spacing / step), at, weights
+        )
 
 
 def _smooth(field: np.ndarray, sigma: float) -> np.ndarray:
@@ -217,7 +219,7 @@ def _field(grid: _Grid) -> np.ndarray:
     coarse = 2 * solid(halved, grid.points / 2 - 0.25, COARSE * wide / 2, 2)
     coarse = _smooth(coarse.repeat(2, 0).repeat(2, 1).repeat(2, 2), 1.2)
     coarse -= depths(coarse, 1.2, 1.5) + INSIDE * wide
-    return through(_smooth(np.maximum(fine, coarse), 1.9), 1.5)
+    return through(_smooth(np.maximum(fine, coarse), 1.5), 1.2)
 
 
 class _Seen(NamedTuple):
@@ -321,7 +323,9 @@ def _mesh(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _is_closed(mesh: Any) -> bool:
-    return bool(mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0)
+    a, b, c = np.moveaxis(mesh.triangles, 1, 0)
+    volume = (a * np.cross(b, c)).sum()
+    return bool(mesh.is_watertight and mesh.is_winding_consistent and volume > 0)
 
 
 def textured(
@@ -373,4 +377,7 @@ def glb(mesh: Any) -> bytes:
     # A copied image has lost its format, and would be stored as a larger PNG.
     turned.visual.material.baseColorTexture = mesh.visual.material.baseColorTexture
     turned.apply_transform(np.eye(4)[[1, 2, 0, 3]])
+    normals = turned.vertex_normals.copy()
+    normals[np.linalg.norm(normals, axis=1) < 0.5] = 0, 1, 0  # between faces without area
+    turned.vertex_normals = normals
     return bytes(turned.export(file_type="glb", include_normals=True))
