@@ -6,7 +6,7 @@
 `--photos`: `photos.png` has a row for each photo of docs/photos: the photo; the mask that `psgn
 predict` finds, with the cloud of this mask from the camera of the photo and turned by 75 degrees
 about the vertical axis; then the mask `NAME_mask.png` with its cloud. `three_photos.png` and the
-animation `turning.webp` show the photos in `--readme` with the masks `NAME_mask.png`, and
+animation `turning.webp` show clouds and surfaces of the photos in `--readme` with given masks, and
 `four_clouds.png` four clouds of the last photo, turned by 75 degrees. All clouds are in normal
 form. The command prints the method and the IoU of each mask that it finds.
 
@@ -15,11 +15,11 @@ a colon (default: validation): first with the images as they are (`--frame=keep`
 evaluate`), then with the object placed in them (`--frame=place`). The metrics are means over all
 samples. For both frames, `model_card_FRAME.png` shows the first `--cases` cases of the first
 folder. In the card, we replace the text between `<!-- begin NAME -->` and `<!-- end NAME -->`
-(weights, figures, certainty). "certainty" has the mean distance to the true points for
-each fifth of the points by their spread over the draws, over at most `--most` samples of the first
-folder.
+(weights, figures, certainty, surfaces). "certainty" has the mean distance to the true points for
+each fifth of the points by their spread over the draws, "surfaces" compares clouds and surfaces,
+both over at most `--most` samples of the first folder.
 
-All clouds are coloured by height.
+Clouds are coloured by height, surfaces by the photo.
 """
 
 import argparse
@@ -30,13 +30,14 @@ import sys
 import tempfile
 
 import numpy as np
+import trimesh
 from PIL import Image
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import psgn_jax
 from psgn_jax.commands.evaluate import open_with_records
 from psgn_jax.commands.weights import describe
-from psgn_jax.data import photo
+from psgn_jax.data import camera, photo
 from psgn_jax.data.dataset import RecordReader
 from psgn_jax.evaluation import table
 from psgn_jax.evaluation.report import Collector
@@ -112,13 +113,32 @@ def cloud_picture(prediction, turn, high):
     return list(drawn.values())[-1]
 
 
+def surface_picture(prediction, turn, high):
+    """The textured surface, drawn as many small shaded points."""
+    mesh = prediction.surface()
+    points, of_face = trimesh.sample.sample_surface(mesh, 150_000, seed=0)
+    weights = trimesh.triangles.points_to_barycentric(mesh.triangles[of_face], points)[..., None]
+    normals = (mesh.vertex_normals[mesh.faces[of_face]] * weights).sum(axis=1)
+    uv = (mesh.visual.uv[mesh.faces[of_face]] * weights).sum(axis=1)
+    texture = np.asarray(mesh.visual.material.baseColorTexture.convert("RGB"))
+    last = np.array(texture.shape[1::-1]) - 1
+    column, row = np.clip(np.rint([1, -1] * (uv - [0, 1]) * last).astype(int), 0, last).T
+    light = 0.75 + 0.35 * np.clip(normals @ [0.48, -0.36, 0.8], 0, 1)
+    colours = np.minimum(texture[row, column] * light[:, None], 255).astype(np.uint8)
+    clouds = {"surface": (points, colours)}
+    view, radius = vars(prediction.view), {"surface": 0.008}
+    drawn = spheres.panels(view, clouds, turns=(turn,), height=high, radius=radius)
+    return list(drawn.values())[-1]
+
+
 def side_by_side(image, prediction):
-    """The photo, and its cloud from the camera of the photo."""
+    """The photo, and its cloud and surface from the camera of the photo."""
     high = 15 * HIGH // 12
     above = np.full(((high - HIGH) // 2, WIDE, 3), 255, np.uint8)
     below = np.full((high - HIGH - len(above), WIDE, 3), 255, np.uint8)
     left = np.concatenate([above, panel(image), below])
-    return np.concatenate([left, cloud_picture(prediction, 0, high)], axis=1)
+    pictures = [left, cloud_picture(prediction, 0, high), surface_picture(prediction, 0, high)]
+    return np.concatenate(pictures, axis=1)
 
 
 def four_clouds(photo_and_mask, predictor):
@@ -131,10 +151,10 @@ def four_clouds(photo_and_mask, predictor):
 
 
 def animation(predictions):
-    """A WebP of clouds beside each other, each turning about its vertical axis."""
+    """A WebP of surfaces beside each other, each turning about its vertical axis."""
     frames = []
     for turn in 360 * np.arange(STEPS) / STEPS:
-        pictures = [cloud_picture(each, turn, 2 * HIGH) for each in predictions]
+        pictures = [surface_picture(each, turn, 2 * HIGH) for each in predictions]
         frames.append(Image.fromarray(np.concatenate(pictures, axis=1)))
     stream = io.BytesIO()
     options = {"duration": MILLISECONDS, "loop": 0, "quality": 70, "method": 6}
@@ -155,7 +175,7 @@ def draw_photos(predictor, out, names):
         pictures, text = row(read.image, given, predictor)
         rows.append((path.stem, pictures))
         print(f"{path.stem}: {text}")
-    three = np.concatenate([side_by_side(*chosen[name]) for name in names], axis=1)
+    three = np.concatenate([side_by_side(*chosen[name]) for name in names])
     write_atomic(out / "photos.png", small_png(spheres.sheet(rows, columns=1), 480_000))
     write_atomic(out / "three_photos.png", small_png(Image.fromarray(three), 480_000))
     write_atomic(out / "turning.webp", animation([chosen[name][1] for name in names]))
@@ -245,6 +265,35 @@ def certainty(weights, data, most):
     return table.markdown([names, *cells])
 
 
+def surfaces(weights, data, most):
+    """CD, F-score at .05 and outline of clouds and of 4,096 points of their surfaces."""
+    folder, _, split = data.partition(":")
+    reader, predictor = RecordReader(folder, split or "validation"), psgn_jax.load(weights)
+    rows = []
+    for i in range(0, len(reader), -(-len(reader) // most)):
+        sample = reader[i]
+        found = predictor(sample.image, sample.mask, frame="keep", normal_form="no")
+        mesh = found.surface()
+        for points in (found.points[0], trimesh.sample.sample_surface(mesh, 4096, seed=0)[0]):
+            there, back = nearest_both(points.astype(np.float32), sample.points[::4])
+            near = [np.mean(side.distance_sq < 0.05**2) for side in (there, back)]
+            cd = np.mean(there.distance_sq) + np.mean(back.distance_sq)
+            rows.append([cd, 2 * near[0] * near[1] / max(sum(near), 1e-9)])
+        dense, _ = trimesh.sample.sample_surface(mesh, 200_000, seed=0)
+        pixels, _ = camera.project(dense, found.view.intrinsics, found.view.extrinsics)
+        outline = np.zeros(found.view.mask.shape, np.bool_)
+        row, column = np.clip(pixels[:, ::-1].astype(int).T, 0, np.array([outline.shape]).T - 1)
+        outline[row, column] = True
+        rows[-1].append(masks.mask_iou(outline, found.view.mask))
+        rows[-2].append(np.nan)
+    cloud, surface = np.array(rows).reshape(-1, 2, 3).mean(axis=0)
+    names = ["", "CD squared [radius^2]", "F-score at .05", "IoU of outline and mask"]
+    return table.markdown([
+        names, ["clouds", f"{cloud[0]:.4f}", f"{cloud[1]:.3f}", ""],
+        ["surfaces", f"{surface[0]:.4f}", *(f"{x:.3f}" for x in surface[1:])],
+    ])  # fmt: skip
+
+
 def write_card(weights, sets, out, cases, most):
     """Writes the card with its sheets."""
     rows = []
@@ -263,6 +312,7 @@ def write_card(weights, sets, out, cases, most):
         "weights": f"```\n{describe(read, path)}```",
         "figures": table.markdown([head, *rows]),
         "certainty": certainty(weights, sets[0], most),
+        "surfaces": surfaces(weights, sets[0], most),
     }
     text = (ROOT / "docs" / "model_card.md").read_text(encoding="utf-8")
     write_atomic(out / "model_card.md", filled(text, blocks))

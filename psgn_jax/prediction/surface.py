@@ -319,7 +319,7 @@ def _mesh(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         for made in (trimesh.Trimesh(vertices, faces, process=False), mesh):
             if len(made.faces) <= MOST_FACES and _is_closed(made):
                 return np.asarray(made.vertices), np.asarray(made.faces, np.int32)
-    raise SurfaceError("the surface cannot be closed")
+    raise SurfaceError("the cloud has no closed surface")
 
 
 def _is_closed(mesh: Any) -> bool:
