@@ -88,7 +88,8 @@ def _main(flags: Flags) -> int:
     how["mask_label"] = _numbers("mask_label", values.mask_label, int)
     height = _numbers("height", values["height"].value)
     if height and not (len(height) == 1 and 1e-6 < height[0] < 1e6 and values.surface):
-        raise ConfigError(f"--height={height[0]:g}: accepted: metres > 0, with --surface")
+        shown = ",".join(values["height"].value)
+        raise ConfigError(f"--height={shown}: accepted: metres > 0, with --surface")
     check_folder(values.out, "--out")
 
     def opened() -> Predictor:

@@ -39,7 +39,13 @@ from psgn_jax.data.manifest import (
 )
 from psgn_jax.data.schema import RecordError, Sample
 from psgn_jax.system.errors import native_error
-from psgn_jax.system.files import file_crc32, install, remove_temporaries, temporary_for
+from psgn_jax.system.files import (
+    file_crc32,
+    install,
+    local_path,
+    remove_temporaries,
+    temporary_for,
+)
 from psgn_jax.system.untrusted import brief, kind_of, one_line
 
 T = TypeVar("T")
@@ -145,7 +151,7 @@ def write_dataset(
     sized = [name for name, samples in splits.items() if isinstance(samples, Sized)]
     if not splits or not all(len(splits[name]) for name in sized):  # type: ignore[arg-type]
         raise ValueError(f"splits {list(splits)}: expected at least one, with samples in each")
-    folder = pathlib.Path(folder)
+    folder = pathlib.Path(local_path(folder, "folder"))
     folder.mkdir(parents=True, exist_ok=True)
     if (folder / MANIFEST).exists():
         raise RecordError(f"data set {str(folder)!r} exists; give another folder, or remove it")

@@ -105,7 +105,7 @@ def predict_files(
             message = f"{error}; its proposal is {proposal}"
             raise masks.UncertainMaskError(message, error.mask) from None
         # The proposal of an earlier run would show another mask.
-        if found.doubtful or (given is None and _with(target.start, "_mask.png").exists()):
+        if found.doubtful or (given is None and masks.is_result(_with(target.start, "_mask.png"))):
             _propose(found.mask, image, target.start)
         clock.lap("mask")
         return image, found, target, clock
@@ -120,7 +120,7 @@ def predict_files(
             try:
                 surfaces[name] = glb(result.surface(k, height))
             except SurfaceError as error:
-                warnings.append(str(error))
+                warnings.append(f"{name} was not written: {error}")
         if surface:
             again.lap("surface")
         seconds = clock.laps | result.seconds | again.laps
@@ -260,7 +260,7 @@ def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
     for address in (image for image in images if "://" in os.fspath(image)):
         raise ConfigError(f"{address}: expected a file or a folder; download it first")
     for image in map(pathlib.Path, images):
-        paths += _images_in(image) if image.is_dir() else [image]
+        paths += _images_in(image) if os.path.isdir(image) else [image]
     if paths[1:] or paths != list(map(pathlib.Path, images)):  # a file alone is always meant
         listed = {(p.parent, masks.same_name(p.stem)) for p in paths}
         paths = [

@@ -91,6 +91,8 @@ def surface_of(
     points = np.asarray(points, np.float64)
     if points.ndim != 2 or points.shape[1:] != (3,) or not np.isfinite(points).all():
         raise SurfaceError(f"points {list(points.shape)}: expected finite numbers [n, 3]")
+    if mask is not None and (intrinsics is None or extrinsics is None):
+        raise SurfaceError("mask: expected intrinsics and extrinsics with it")
     seen = None if mask is None else _seen_mask(points, mask, intrinsics, extrinsics)
     view = _View(np.eye(3, 4), None)
     if seen:
@@ -310,7 +312,10 @@ def _mesh(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     from skimage.measure import marching_cubes
 
     for step in (1, 2, 3, 4):  # a coarser grid if a mesh is too large
-        vertices, faces, _, _ = marching_cubes(field, 0.0, step_size=step)
+        try:
+            vertices, faces, _, _ = marching_cubes(field, 0.0, step_size=step)
+        except RuntimeError:  # nothing is left on so coarse a grid
+            break
         mesh = trimesh.Trimesh(vertices, faces[:, ::-1], process=False)
         trimesh.smoothing.filter_taubin(mesh, iterations=10)
         vertices, faces = fast_simplification.simplify(
@@ -363,7 +368,7 @@ def textured(
         file := io.BytesIO(), "JPEG", quality=90
     )
     pixels, _ = camera.project(surface.vertices.astype(np.float64), intrinsics, extrinsics)
-    u, v = ((pixels - (left, top)) / size).T
+    u, v = np.clip((pixels - (left, top)) / size, 0, 1).T
     material = trimesh.visual.material.PBRMaterial(
         baseColorTexture=Image.open(file), metallicFactor=0.0, roughnessFactor=1.0
     )

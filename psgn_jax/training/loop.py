@@ -30,7 +30,7 @@ from psgn_jax.data.schema import RecordError
 from psgn_jax.data.workers import check_main_guard
 from psgn_jax.system import distributed
 from psgn_jax.system.cpu import host_memory
-from psgn_jax.system.files import check_folder, write_atomic
+from psgn_jax.system.files import check_folder, local_path, write_atomic
 from psgn_jax.system.signals import Stopped, StopSignal
 from psgn_jax.system.untrusted import one_line
 from psgn_jax.training.log import MetricsWriter, TrainingLog
@@ -80,7 +80,8 @@ def train(config: Config, workdir: str | pathlib.Path) -> Outcome:
       NonFiniteError: the loss or the norm of the gradient is not finite.
     """
     check_main_guard()
-    workdir, mesh, plan = pathlib.Path(workdir), data_mesh(), config.train
+    workdir = pathlib.Path(local_path(workdir, "workdir"))
+    mesh, plan = data_mesh(), config.train
     first = distributed.is_first()
     sizes = _checked(config, workdir, mesh.size)
     task = tasks.create(config, workdir)

@@ -63,7 +63,7 @@ def _in_unit(found: Surface, arrays: Mapping[str, np.ndarray], sample: int) -> S
         return float(np.linalg.lstsq(places, found.uv)[1].sum())
 
     about = float(np.ptp(arrays["points"][sample][:, 2]) / np.ptp(vertices[:, 2]))
-    unit = optimize.minimize_scalar(misfit, bounds=(0.5 * about, 1.5 * about)).x
+    unit = optimize.minimize_scalar(misfit, bounds=(0.05 * about, 1.5 * about)).x
     return found._replace(vertices=vertices * np.float32(unit))
 
 

@@ -43,10 +43,10 @@ def weights_path(source: str | os.PathLike[str] = "", argument: str = "weights")
     `ConfigError` if there is neither; `argument` is its name in the message.
     """
     known, name = shipped(), str(source) or DEFAULT
-    path = pathlib.Path(name)
+    path = pathlib.Path(os.path.expanduser(name))
     if name in known and not (path.is_file() or (path / "config.json").exists()):
         return known[name]
-    if not path.exists():
+    if not os.path.exists(path):
         raise ConfigError(
             f"{argument}={name!r}: does not exist; {suggestion(name, known)}accepted: the folder "
             f"of a run, a file of weights, or one of {', '.join(known)}"

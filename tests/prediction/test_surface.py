@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 from helpers.commands import PHOTOS, psgn_each
-from helpers.refusals import all_refused
+from helpers.refusals import all_refused, refused
 from scipy.spatial import KDTree
 
 import psgn_jax
@@ -123,6 +123,8 @@ def test_clouds_and_masks_of_any_kind(cloud, rng):
         closed(*surface_of(points, other, intrinsics, pose))
     large = np.kron(mask, np.ones((9, 9), np.bool_))
     closed(*surface_of(points, large, np.diag([9, 9, 1]) @ intrinsics, extrinsics))
+    with refused(SurfaceError, "mask", "intrinsics"):
+        surface_of(points, mask)
     sheet = np.column_stack([rng.random((500, 2)), np.zeros(500)])
     for kind in (sheet, sheet[:4], sheet * 1e-12, sheet + 1e3, rng.random((16_384, 3))):
         closed(*surface_of(kind))
