@@ -18,6 +18,7 @@ column of voxels is a ray.
 docs/journal.md, 2026-11-28, has the measurements.
 """
 
+import functools
 import io
 from typing import Any, NamedTuple
 
@@ -203,12 +204,15 @@ def _field(grid: _Grid) -> np.ndarray:
             inside = ndimage.binary_closing(inside, iterations=closings)
         return _distance(ndimage.binary_fill_holes(inside))
 
+    near_sum = functools.partial(ndimage.gaussian_filter, truncate=2)
+    counts = functools.cache(functools.partial(near_sum, count))
+
     def depths(field: np.ndarray, near: float, most: float) -> np.ndarray:
         """The mean depth of the points near each voxel."""
         deep = np.clip(_read(field, grid.points), -most * wide, most * wide)
         sigma = max(1.0, near * wide)
-        total = _smooth(_splat(grid.points, deep, grid.shape), sigma)
-        return (total + 1e-5 * np.median(deep)) / (_smooth(count, sigma) + 1e-5)
+        total = near_sum(_splat(grid.points, deep, grid.shape), sigma)
+        return (total + 1e-5 * np.median(deep)) / (counts(sigma) + 1e-5)
 
     def through(field: np.ndarray, near: float) -> np.ndarray:
         thickest = np.maximum(ndimage.maximum_filter(field, size=int(2 * wide) | 1), 0)
