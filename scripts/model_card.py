@@ -23,6 +23,7 @@ Clouds are coloured by height, surfaces by the photo.
 """
 
 import argparse
+import functools
 import io
 import pathlib
 import re
@@ -113,8 +114,9 @@ def cloud_picture(prediction, turn, high):
     return list(drawn.values())[-1]
 
 
-def surface_picture(prediction, turn, high):
-    """The textured surface, drawn as many small shaded points."""
+@functools.cache
+def shaded_points(prediction):
+    """Many points of the textured surface, and their shaded colours."""
     mesh = prediction.surface()
     points, of_face = trimesh.sample.sample_surface(mesh, 150_000, seed=0)
     weights = trimesh.triangles.points_to_barycentric(mesh.triangles[of_face], points)[..., None]
@@ -125,7 +127,12 @@ def surface_picture(prediction, turn, high):
     column, row = np.clip(np.rint([1, -1] * (uv - [0, 1]) * last).astype(int), 0, last).T
     light = 0.75 + 0.35 * np.clip(normals @ [0.48, -0.36, 0.8], 0, 1)
     colours = np.minimum(texture[row, column] * light[:, None], 255).astype(np.uint8)
-    clouds = {"surface": (points, colours)}
+    return points, colours
+
+
+def surface_picture(prediction, turn, high):
+    """The textured surface, drawn as many small points."""
+    clouds = {"surface": shaded_points(prediction)}
     view, radius = vars(prediction.view), {"surface": 0.008}
     drawn = spheres.panels(view, clouds, turns=(turn,), height=high, radius=radius)
     return list(drawn.values())[-1]
@@ -245,14 +252,19 @@ def evaluate(weights, data, frame, folder):
     return evaluation, collector
 
 
-def certainty(weights, data, most):
-    """The mean spread, and distance to the truth, of each fifth of the points by spread."""
+def predictions(weights, data, most):
+    """Samples, at most `most` of a split, and their predictions, as they are framed."""
     folder, _, split = data.partition(":")
     reader, predictor = RecordReader(folder, split or "validation"), psgn_jax.load(weights)
-    rows = []
     for i in range(0, len(reader), -(-len(reader) // most)):
         sample = reader[i]
-        cloud = predictor(sample.image, sample.mask, frame="keep", normal_form="no")
+        yield sample, predictor(sample.image, sample.mask, frame="keep", normal_form="no")
+
+
+def certainty(weights, data, most):
+    """The mean spread, and distance to the truth, of each fifth of the points by spread."""
+    rows = []
+    for sample, cloud in predictions(weights, data, most):
         nearest, _ = nearest_both(cloud.points[0], sample.points)
         order = np.argsort(cloud.spread)
         both = cloud.spread[order], np.sqrt(nearest.distance_sq)[order]
@@ -267,12 +279,8 @@ def certainty(weights, data, most):
 
 def surfaces(weights, data, most):
     """CD, F-score at .05 and outline of clouds and of 4,096 points of their surfaces."""
-    folder, _, split = data.partition(":")
-    reader, predictor = RecordReader(folder, split or "validation"), psgn_jax.load(weights)
     rows = []
-    for i in range(0, len(reader), -(-len(reader) // most)):
-        sample = reader[i]
-        found = predictor(sample.image, sample.mask, frame="keep", normal_form="no")
+    for sample, found in predictions(weights, data, most):
         mesh = found.surface()
         for points in (found.points[0], trimesh.sample.sample_surface(mesh, 4096, seed=0)[0]):
             there, back = nearest_both(points.astype(np.float32), sample.points[::4])
