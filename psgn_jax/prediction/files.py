@@ -116,7 +116,7 @@ def predict_files(
         result, again = predictor(image, found, **options), Clock()
         warnings, surfaces = [*result.warnings], {}
         named = _files(target.start.name, [SURFACE] * surface, len(result.points))
-        for name, (_, k) in named.items():
+        for name, k in named.items():
             try:
                 surfaces[name] = glb(result.surface(k, height))
             except SurfaceError as error:
@@ -186,21 +186,21 @@ def _write(
     text = json.dumps(document, indent=2, allow_nan=False) + "\n"
     # First, because it marks the others as results if we are killed.
     write_atomic(_with(target.start, ".json"), text, sync=False)
-    for name, (_, k) in clouds.items():
+    for name, k in clouds.items():
         result.save(folder / name, k)
     for name, content in surfaces.items():
         write_atomic(folder / name, content, sync=False)
     write_atomic(view, masks.result_png(result.view.image), sync=False)
 
 
-def _files(name: str, kinds: Sequence[str], samples: int) -> dict[str, tuple[str, int]]:
-    """The files of clouds and surfaces, with kind and number of the sample; NPZ has all samples."""
+def _files(name: str, kinds: Sequence[str], samples: int) -> dict[str, int]:
+    """The files of clouds and surfaces, with the number of the sample; NPZ has all samples."""
     files = {}
     for kind in kinds:
         several = samples > 1 and kind != "npz"
         end = "_surface.glb" if kind == SURFACE else f".{kind}"
         for k in range(samples if several else 1):
-            files[f"{name}_{k}{end}" if several else f"{name}{end}"] = kind, k
+            files[f"{name}_{k}{end}" if several else f"{name}{end}"] = k
     return files
 
 
