@@ -34,7 +34,9 @@ MEAN, DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 """Of the channels of ImageNet's images in [0, 1], by which U2-Netp's input is normalised."""
 
 
-def probabilities(image: np.ndarray, box: tuple[float, float, float, float]) -> np.ndarray:
+def probabilities(
+    image: np.ndarray, box: tuple[float, float, float, float], *, both_ways: bool = False
+) -> np.ndarray:
     """U2-Netp's probabilities of the object, float32 [SIDE, SIDE], in a box of an image.
 
     The image is resized and normalised as rembg does.
@@ -42,11 +44,16 @@ def probabilities(image: np.ndarray, box: tuple[float, float, float, float]) -> 
     Args:
       image: uint8 [h, w, 3] RGB.
       box: left, top, right, bottom in pixels.
+      both_ways: whether to average with those of the mirror image.
     """
     small = Image.fromarray(image).resize((SIDE, SIDE), Image.Resampling.LANCZOS, box)
     x = np.asarray(small, np.float32)
     x = (x / max(x.max(), 1) - np.array(MEAN, np.float32)) / np.array(DEVIATION, np.float32)
-    return _u2netp()({"input.1": x.transpose(2, 0, 1)[None]})[0, 0]
+    p = _u2netp()({"input.1": x.transpose(2, 0, 1)[None]})[0, 0]
+    if both_ways:
+        mirrored = _u2netp()({"input.1": x[:, ::-1].transpose(2, 0, 1)[None]})[0, 0]
+        p = (p + mirrored[:, ::-1]) / 2
+    return p
 
 
 @functools.cache

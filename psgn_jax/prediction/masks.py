@@ -51,8 +51,8 @@ _DOUBTFUL = (
 JOINED, LEAST_PART = 0.1, 0.1
 # A part is under a point if it is at most this fraction of the larger side away from it.
 REACH = 0.02
-# The network sees the box of the object and these fractions of its larger side around it. We take
-# the mask of which it is more certain.
+# The network sees the box of the object and these fractions of its larger side around it, each as
+# it is and mirrored. We take the mask of which it is more certain.
 MARGINS = (0.0, 0.2)
 # Windows around a point that has no part under it, as fractions of the photo's sides.
 WINDOWS = (0.6, 0.36)
@@ -305,7 +305,7 @@ def _in_crop(image: np.ndarray, method: str, hints: _Hints, crop: Box) -> tuple[
         model = method.partition(":")[2] or _REMBG
         p = mask_networks.by_rembg(np.ascontiguousarray(image[region]), model)
     else:
-        p = mask_networks.probabilities(image, crop)
+        p = mask_networks.probabilities(image, crop, both_ways=len(hints.crops) > 1)
     p = np.where(enlarged(hints.inside[region], p.shape), p, np.float32(0))
     scale = np.divide(p.shape, (bottom - top, right - left))
     part = part_of(p, None if at is None else (at - (top, left)) * scale)

@@ -12,6 +12,7 @@ from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data import photo
+from psgn_jax.data.resample import box_of
 from psgn_jax.prediction import mask_networks, masks
 
 
@@ -69,7 +70,7 @@ def test_a_doubtful_mask_is_used_with_a_warning(monkeypatch, p, top, warns):
 def given_by(squares, p=0.99):
     """Stands in for the network: it sees squares in the whole image and in parts of it."""
 
-    def found(image, box):
+    def found(image, box, **_):
         left, top, right, bottom = box
         whole = (left, top, right, bottom) == (0, 0, image.shape[1], image.shape[0])
         mask = np.zeros(image.shape[:2], bool)
@@ -79,6 +80,16 @@ def given_by(squares, p=0.99):
         return np.where(masks.enlarged(part, (320, 320)), np.float32(p), np.float32(0))
 
     return found
+
+
+def test_a_box_in_the_mirror_image_gives_the_mirrored_mask():
+    read = photo.read_photo(PHOTOS / "cup.jpg")
+    top, bottom, left, right = box_of(photo.read_mask(PHOTOS / "cup_mask.png", read))
+    image, width = read.image, read.image.shape[1]
+    mask = masks.find_mask(image, mask_from="network", box=(left, top, right, bottom)).mask
+    other = (width - right, top, width - left, bottom)
+    mirrored = masks.find_mask(image[:, ::-1], mask_from="network", box=other).mask
+    assert masks.mask_iou(mask, mirrored[:, ::-1]) > 0.998
 
 
 def square(left, top, right, bottom):

@@ -278,7 +278,7 @@ def test_results_never_replace_other_files_and_are_no_inputs(predictor, tmp_path
 def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch):
     p = np.full((8, 8), 0.01, np.float32)
     p[2:6, 3:6] = 0.7
-    monkeypatch.setattr(mask_networks, "probabilities", lambda image, box: p)
+    monkeypatch.setattr(mask_networks, "probabilities", lambda image, box, **_: p)
     noise = np.random.default_rng(0).integers(0, 255, (80, 80, 3), np.uint8)
     image, out = tmp_path / "a.png", tmp_path / "out"
     save(image, noise)
@@ -325,7 +325,7 @@ def test_a_mask_in_stored_orientation_is_turned(predictor, tmp_path, monkeypatch
     image[10:40, 50:80] = (200, 60, 20)
     upright = (image != 191).any(axis=2)
     found = upright.astype(np.float32)
-    monkeypatch.setattr(mask_networks, "probabilities", lambda image, box: found)
+    monkeypatch.setattr(mask_networks, "probabilities", lambda image, box, **_: found)
     exif = Image.Exif()
     exif[0x0112] = 6
     save(tmp_path / "a.png", np.rot90(image), exif=exif)

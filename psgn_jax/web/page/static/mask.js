@@ -81,8 +81,12 @@ export async function findMask({ rgb, width, height }, about, run, { box, point 
       const x = left + i % wide, y = top + Math.floor(i / wide);
       return +(x >= inside[0] && y >= inside[1] && x < inside[2] && y < inside[3]);
     });
-    const allowed = box ? enlarged(within, wide, high, side, side) : null, raw = await run(input);
-    const p = allowed ? raw.map((v, i) => v * allowed[i]) : raw;
+    let p = await run(input);
+    if (box) { // averaged with the mirror image's
+      const mirror = values => values.map((_, i) => values[i - 2 * (i % side) + side - 1]);
+      const other = mirror(await run(mirror(input))), allowed = enlarged(within, wide, high, side, side);
+      p = p.map((v, i) => (v + other[i]) / 2 * allowed[i]);
+    }
     const part = partOf(p, side, point && [(point[0] - left) * side / wide, (point[1] - top) * side / high], about);
     if (!part.includes(1)) continue;
     const own = p.map((v, i) => v * part[i]), on = own.filter(v => v > 0.5), mask = new Uint8Array(width * height);
