@@ -175,8 +175,7 @@ def convert(
     def incomplete(line: shards.Line) -> bool:
         return bool(line["status"] == _INCOMPLETE)
 
-    statement = {"source": layout}
-    job = Job(statement, inputs, per_shard, converts=True, tries_again=incomplete)
+    job = Job({"source": layout}, inputs, per_shard, converts=True, tries_again=incomplete)
     progress = shards.write(destination, job, make)
     left_out = [text for line in progress.lines for text in line["reason"].split("\n") if text]
     if not progress.samples:

@@ -163,15 +163,13 @@ def read_limited(path: pathlib.Path) -> bytes:
     return path.read_bytes()
 
 
-def read_image(
-    path: pathlib.Path, kind: str, mode: str, size: tuple[int, int] = (IMAGE_SIDE, IMAGE_SIDE)
-) -> np.ndarray:
-    """Decodes an image of the format `kind` to uint8 [height, width, channels of `mode`].
+def read_image(path: pathlib.Path, kind: str, mode: str) -> np.ndarray:
+    """Decodes an image of 137x137 pixels and the format `kind` to uint8 [137, 137, channels].
 
-    `mode` is "RGB" (grey images are converted) or "RGBA"; `size` is (width, height). ValueError,
-    which names the file, for another image.
+    `mode` is "RGB" (grey images are converted) or "RGBA". ValueError, which names the file, for
+    another image.
     """
-    data = read_limited(path)
+    data, size = read_limited(path), (IMAGE_SIDE, IMAGE_SIDE)
     try:
         picture = Image.open(io.BytesIO(data), formats=(kind,))
         if picture.size != size:
