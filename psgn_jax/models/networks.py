@@ -51,9 +51,7 @@ def build_r2n2(config: ModelConfig, sizes: VoxelConfig) -> recurrent.RecurrentVo
 
 
 def scaled_widths(widths: Sequence[int], multiplier: float) -> tuple[int, ...]:
-    """Widths times `multiplier`, rounded to multiples of 8, at least 8; unchanged if it is 1."""
-    if multiplier == 1:
-        return tuple(widths)
+    """Widths times `multiplier`, rounded to multiples of 8, at least 8."""
     return tuple(max(8, 8 * round(width * multiplier / 8)) for width in widths)
 
 

@@ -236,11 +236,9 @@ def run(
         results = {name: [*map(study.measure, same)] for name, same in _by_name(several).items()}
         if len({tuple(one.names) for many in results.values() for one in many}) > 1:
             raise ConfigError(f"{folder}: the runs are measured on different samples")
-        shown = study
-        if not study.metrics:
-            titles = {metric: metric for many in results.values() for metric in many[0].metrics}
-            shown = dataclasses.replace(study, metrics=titles)
-        texts.append(_write(shown, folder, place, several, results))
+        titles = study.metrics or {x: x for many in results.values() for x in many[0].metrics}
+        titled = dataclasses.replace(study, metrics=titles)
+        texts.append(_write(titled, folder, place, several, results))
     return "\n".join(texts)
 
 

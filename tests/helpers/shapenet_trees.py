@@ -67,19 +67,19 @@ def silhouette(view):
     return mask
 
 
-def write_r2n2(root, names=("a", "b", "c", "d", "e"), synset="03001627"):
+def write_r2n2(root, names=("a", "b", "c", "d", "e")):
     rows = "".join(f"{a} {e} 0 {r} 25\n" for a, e, r in VIEWS)
     files = "".join(f"{i:02d}.png\n" for i in range(len(VIEWS)))
     seen = [silhouette(view)[..., None] for view in VIEWS]
     pictures = [Image.fromarray(mask * np.array([*COLOUR, 255], np.uint8)) for mask in seen]
     for name in names:
-        rendering = root / "ShapeNetRendering" / synset / name / "rendering"
+        rendering = root / "ShapeNetRendering" / "03001627" / name / "rendering"
         rendering.mkdir(parents=True)
         for file, picture in zip(files.split(), pictures, strict=True):
             picture.save(rendering / file)
         (rendering / "rendering_metadata.txt").write_text(rows)
         (rendering / "renderings.txt").write_text(files)
-        folder = root / "ShapeNetVox32" / synset / name
+        folder = root / "ShapeNetVox32" / "03001627" / name
         folder.mkdir(parents=True)
         write_binvox(folder / "model.binvox", voxels())
     return root

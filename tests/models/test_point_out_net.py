@@ -10,7 +10,7 @@ from helpers.refusals import all_refused
 from psgn_jax.config.experiment import ModelConfig
 from psgn_jax.models import layers
 from psgn_jax.models.cpu_convolution import convolutions_for
-from psgn_jax.models.networks import build, scaled_widths
+from psgn_jax.models.networks import build
 
 # Most of the time of these tests is compilation.
 quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
@@ -239,12 +239,6 @@ def test_eight_draws_cost_no_eight_encoders(name, most):
     count = functools.partial(operations, network.apply, variables, x)
     with convolutions_for("export"):  # calls of oneDNN are not counted
         assert count(eight) < most * count(one)
-
-
-def test_scaled_widths():
-    widths = (16, 20, 512)
-    assert scaled_widths(widths, 0.5) == (8, 8, 256)
-    assert scaled_widths(widths, 1.5) == (24, 32, 768)
 
 
 @pytest.mark.usefixtures("unchecked_annotations")
