@@ -207,7 +207,7 @@ def test_killed_stopped_and_out_of_space_a_run_ends_with_the_same_bits(command, 
         goal = newest_step(workdir) + 6
         wait_for(lambda goal=goal: newest_step(workdir) >= goal, process, workdir)
         if end == 5:  # a full disk
-            resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (2000, resource.RLIM_INFINITY))
+            resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (20_000, resource.RLIM_INFINITY))
         elif end > 0:
             process.send_signal(signal.SIGTERM)
         else:
