@@ -114,10 +114,8 @@ def select(
     """A catalogue of the models of a source that are in the training set.
 
     A hash of the names chooses a `fraction` of the models. A larger fraction contains the smaller
-    fractions. See `open_catalogue.variants_of` for `variants`.
-
-    Raises:
-      ValueError: the catalogue cannot be opened, or no model is left.
+    fractions. `open_catalogue.variants_of` describes `variants`. ValueError if the catalogue cannot
+    be opened, or no model is left.
     """
     inner = open_catalogue(source.catalogue, source.path(packages), **source.options)
     exclude = source.exclude or "(?!)"  # which matches nothing
@@ -185,11 +183,7 @@ class Part(NamedTuple):
 
 
 def plan(chosen: Sequence[Source], fractions: Mapping[str, float] = {}) -> list[Part]:
-    """The data sets of a training set. `fractions` are the fractions of views by preset.
-
-    Raises:
-      ValueError: the sum of the fractions exceeds 1.
-    """
+    """The data sets of a training set, with `fractions` of views by preset, at most 1 in all."""
     if sum(fractions.values()) > 1:
         raise ValueError(f"fractions: got {dict(fractions)}, expected a sum of at most 1")
     parts = []
@@ -444,8 +438,7 @@ def _main(flags: Flags) -> int:
 def _render(parts: Sequence[Part], given: Any) -> tuple[list[str], list[str]]:
     """Renders the data sets, and writes the table after each. With `--check`, it counts models.
 
-    Returns:
-      The folders of the data sets, and a line for each data set that failed.
+    Returns the folders of the data sets, and a line for each data set that failed.
     """
     lines: dict[str, Sequence[Any]] = {}
     problems = []

@@ -65,8 +65,7 @@ def orbit_camera(azimuth: float, elevation: float, distance: float) -> np.ndarra
 def object_frame(points: np.ndarray, path: pathlib.Path) -> tuple[np.ndarray, float]:
     """Origin [3] and unit of an object's frame, from all its points [n, 3] in the world.
 
-    ValueError, which names `path`, if there are no points, or if the object is orders of magnitude
-    larger or smaller than ShapeNet's models, whose edges are about 1.
+    ValueError, which names `path`, without points, or if the size is far from ShapeNet's (about 1).
     """
     if not len(points):
         raise ValueError(f"{path}: the volume is empty")
