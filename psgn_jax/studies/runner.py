@@ -187,9 +187,8 @@ def run(
         difference, second minus first.
       measure: FOLDER:SPLIT of further splits, with results such as `networks-authors-test.md`.
 
-    Raises:
-      ConfigError: an argument, the data or a run in `workdir` does not fit.
-      UserError: a signal stopped a training; the same call continues.
+    `ConfigError` if an argument, the data or a run in `workdir` does not fit; `UserError` if a
+    signal stopped a training: the same call continues.
     """
     figures.check_installed()
     folder = pathlib.Path(workdir)
