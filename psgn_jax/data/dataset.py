@@ -39,13 +39,7 @@ from psgn_jax.data.manifest import (
 )
 from psgn_jax.data.schema import RecordError, Sample
 from psgn_jax.system.errors import native_error
-from psgn_jax.system.files import (
-    file_crc32,
-    install,
-    local_path,
-    remove_temporaries,
-    temporary_for,
-)
+from psgn_jax.system.files import file_crc32, install, local_path, remove_temporaries, temporary_for
 from psgn_jax.system.untrusted import brief, kind_of, one_line
 
 T = TypeVar("T")
