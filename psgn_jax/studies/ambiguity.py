@@ -183,7 +183,7 @@ def measure(run: runner.Run) -> runner.Measured:
     """Measures a network; shown: a sample, the true shapes with its image, and draws."""
     config, params = run.config, open_run(run.folder, "last").params
     model, known = networks.build(config.model), cabinets(config.data)
-    cases: list[runner.Sample] = []
+    cases: list[runner.Case] = []
     each: list[dict[str, float]] = []
 
     @jax.jit
@@ -191,7 +191,7 @@ def measure(run: runner.Run) -> runner.Measured:
         r = sampling.sample_latents(config, number, 1, NUM_MEASURED, 0)
         return networks.predict(config, model, params, batch, r)[0]
 
-    def draw(case: runner.Sample) -> dict[str, float]:
+    def draw(case: runner.Case) -> dict[str, float]:
         draws = case["pred"][None]
         if config.model.random_size:
             batch = {key: case[key][None] for key in ("image", "mask")}

@@ -69,7 +69,7 @@ def neighbours_in_grid(grid: OutputGrid) -> np.ndarray:
     return np.concatenate([right, below])
 
 
-def measure_sample(case: runner.Sample, model: ModelConfig) -> dict[str, float]:
+def measure_sample(case: runner.Case, model: ModelConfig) -> dict[str, float]:
     """The metrics of a sample; `pred` begins with the fc points, `points` are uniform."""
     pred, gt = case["pred"], case["points"]
     network = build(model)
@@ -124,7 +124,7 @@ def measure(run: runner.Run) -> runner.Measured:
     return measured._replace(shown=shown)
 
 
-def panels(case: runner.Sample, model: ModelConfig) -> dict[str, np.ndarray]:
+def panels(case: runner.Case, model: ModelConfig) -> dict[str, np.ndarray]:
     """Image; maps of x, y, z; points by branch and truth from two directions."""
     network, pred = build(model), case["pred"]
     branches = network.branches

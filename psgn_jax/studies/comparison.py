@@ -144,7 +144,7 @@ def cloud_of(volume: np.ndarray, number: int, stream: int) -> np.ndarray:
     return np.asarray(_sampled(points.astype(np.float32), NUM_POINTS))
 
 
-def distances(cloud: np.ndarray, case: runner.Sample, number: int) -> dict[str, float]:
+def distances(cloud: np.ndarray, case: runner.Case, number: int) -> dict[str, float]:
     """CD and EMD of a cloud [1024, 3] to the true volume and to the true surface."""
     # A random subset, because the points of a record are ordered by position.
     order = np.random.default_rng([1, number]).permutation(len(case["points"]))
@@ -161,10 +161,10 @@ def measure(run: runner.Run) -> runner.Measured:
     run = run._replace(config=dataclasses.replace(run.config, data=data))
     scores = open_run(run.folder, "last").scores
     key = "threshold_of_iou_1_views" if run.name == PEER else "threshold_of_iou"
-    shown: dict[str, runner.Sample] = {}
+    shown: dict[str, runner.Case] = {}
     count = itertools.count()
 
-    def of_sample(case: runner.Sample) -> dict[str, float]:
+    def of_sample(case: runner.Case) -> dict[str, float]:
         if run.name == "volume":
             return {}
         number, thin, found, pred = next(count), thin_cells(case["occupancy"]), {}, case["pred"]

@@ -30,7 +30,7 @@ from psgn_jax.training import loop
 from psgn_jax.training.log import read_metrics
 from psgn_jax.weights.run_folder import load_config, open_run
 
-Sample = Mapping[str, np.ndarray]  # arrays of a sample, including its prediction `pred`
+Case = Mapping[str, np.ndarray]  # arrays of a sample, including its prediction `pred`
 
 CASE = ("image", "points", "intrinsics", "extrinsics")
 """Arrays of a sample that are kept by default, besides `pred`."""
@@ -74,7 +74,7 @@ def train_network(run: Run) -> None:
 
 def evaluate(
     run: Run,
-    of_sample: Callable[[Sample], Mapping[str, float]] = lambda _: {},
+    of_sample: Callable[[Case], Mapping[str, float]] = lambda _: {},
     *,
     keys: Sequence[str] = CASE,
 ) -> Measured:
@@ -88,7 +88,7 @@ def evaluate(
     total = loader.num_samples(config.data, split, evaluation=True)
     wanted = {int(i) for i in np.linspace(0, total - 1, NUM_SHOWN)}
     further: list[Mapping[str, float]] = []
-    shown: dict[int, Sample] = {}
+    shown: dict[int, Case] = {}
 
     def keep(index: int, batch: Any, predictions: np.ndarray) -> None:
         for row in np.flatnonzero(batch["valid"]).tolist():
