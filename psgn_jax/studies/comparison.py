@@ -27,6 +27,7 @@ from scipy import ndimage
 
 from psgn_jax.config.experiment import Config
 from psgn_jax.data.sources import shapenet
+from psgn_jax.data.sources.binvox import Grid
 from psgn_jax.evaluation.clouds import evaluate_pair
 from psgn_jax.evaluation.table import Lines
 from psgn_jax.losses.farthest_points import farthest_points
@@ -139,7 +140,7 @@ def cloud_of(volume: np.ndarray, number: int, stream: int) -> np.ndarray:
 
     `stream` selects the random numbers: 0 for true volumes, 2 for predicted volumes.
     """
-    solid = shapenet.WorldGrid(volume, np.array(GRID_ORIGIN), GRID_EDGE / len(volume))
+    solid = Grid(volume, np.array(GRID_ORIGIN), GRID_EDGE)
     points = shapenet.surface_points(solid, CANDIDATES, np.random.default_rng([stream, number]))
     return np.asarray(_sampled(points.astype(np.float32), NUM_POINTS))
 

@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 from scipy import ndimage
 
-from psgn_jax.data.sources.binvox import Binvox
+from psgn_jax.data.sources.binvox import Grid
 
 LOWER = np.array([[-0.3, -0.25, -0.2], [-0.3, -0.15, -0.2], [0.2, -0.15, 0.1]])
 UPPER = np.array([[0.3, -0.15, 0.2], [-0.2, 0.3, 0.2], [0.3, 0.1, 0.2]])
@@ -29,7 +29,7 @@ def voxels(size=32):
     for lower, upper in BOXES:
         inside = (x > lower[:, None]) & (x < upper[:, None])
         solid[np.ix_(*inside)] = True
-    return Binvox(solid, low, LONGEST)
+    return Grid(solid, low, LONGEST)
 
 
 def surface(rng, count):
@@ -114,10 +114,10 @@ def write_occnet(root, splits=None, synset="03001627"):
 
 def write_binvox(path, grid):
     """Writes a file in the form of binvox, with numbers to 17 digits."""
-    dim = len(grid.solid)
-    runs = re.findall(rb"\x00{1,255}|\x01{1,255}", grid.solid.transpose(0, 2, 1).tobytes())
-    translate = " ".join(f"{float(t):.17g}" for t in grid.translate)
-    header = f"#binvox 1\ndim {dim} {dim} {dim}\ntranslate {translate}\nscale {grid.scale:.17g}\n"
+    dim = len(grid.cells)
+    runs = re.findall(rb"\x00{1,255}|\x01{1,255}", grid.cells.transpose(0, 2, 1).tobytes())
+    translate = " ".join(f"{float(t):.17g}" for t in grid.low)
+    header = f"#binvox 1\ndim {dim} {dim} {dim}\ntranslate {translate}\nscale {grid.size:.17g}\n"
     data = b"".join(bytes([run[0], len(run)]) for run in runs)
     path.write_bytes(header.encode() + b"data\n" + data)
 

@@ -94,8 +94,8 @@ def open_model(
     world = (points * scale + loc) @ shapenet.TO_WORLD.T
     solid = None
     if voxel_path.is_file():
-        cells = binvox.read(voxel_path).solid
-        solid = shapenet.world_grid(binvox.Binvox(cells, loc - scale / 2, scale))
+        cells = binvox.read(voxel_path).cells
+        solid = shapenet.world_grid(binvox.Grid(cells, loc - scale / 2, scale))
     origin, unit = shapenet.object_frame(world, cloud_path)
     keys = [f"{kind}_mat_{i}" for i in range(shapenet.NUM_VIEWS) for kind in ("world", "camera")]
     cameras = _arrays(camera_path, dict.fromkeys(keys, 16))

@@ -158,10 +158,10 @@ def test_a_wrong_sign_of_the_elevation_and_wrong_volumes_are_refused(tmp_path):
         r2n2.open_model(tree, CHAIR, "a", 16)
 
     all_refused(opened, ValueError, [
-        ({"scale": 1e300}, binvox, "coordinates"),
-        ({"scale": 1e-300}, binvox, "radius"),
-        ({"translate": np.full(3, 1e300)}, binvox, "coordinates"),
-        ({"solid": np.zeros((32, 32, 32), bool)}, binvox, "empty"),
+        ({"size": 1e300}, binvox, "coordinates"),
+        ({"size": 1e-300}, binvox, "radius"),
+        ({"low": np.full(3, 1e300)}, binvox, "coordinates"),
+        ({"cells": np.zeros((32, 32, 32), bool)}, binvox, "empty"),
     ])  # fmt: skip
 
 
