@@ -80,9 +80,6 @@ def configs(base: Config, _: Callable[[str], str]) -> dict[str, runner.Overrides
     }
 
 
-# --- The cabinets -------------------------------------------------------------------------------
-
-
 class Cabinet(NamedTuple):
     """Parameters of a sample."""
 
@@ -118,9 +115,6 @@ def measured_depth(points: np.ndarray, scale: float) -> float:
     if not len(above):
         return DEPTH_RANGE[0]
     return float((BODY_BEGINS - np.quantile(above, 0.05) / scale) / DEEPEST)
-
-
-# --- Measures -----------------------------------------------------------------------------------
 
 
 _difference = jax.jit(sampling.total_mutual_difference)
@@ -222,9 +216,6 @@ def measure(run: runner.Run) -> runner.Measured:
     # Cabinets that differ only in depth count as one model; in `front` they have one image.
     names = [n._replace(model_id=str(c.seed)) for n, c in zip(found.names, known, strict=True)]
     return found._replace(names=names, metrics=arrays, shown=shown, about=about)
-
-
-# --- Table and figure ---------------------------------------------------------------------------
 
 
 def ratios(results: runner.Results) -> list[Lines]:

@@ -117,9 +117,6 @@ def configs(base: Config, folder: Callable[[str], str]) -> dict[str, runner.Over
     }
 
 
-# --- Measures -----------------------------------------------------------------------------------
-
-
 def solid_at(probability: np.ndarray, threshold: float) -> np.ndarray:
     """Cells at or above a threshold, or else the most probable cells."""
     volume = probability >= threshold
@@ -205,8 +202,6 @@ METRICS = {
     "emd_surface": "EMD to the true surface [radius]",
 }
 
-
-# --- Table and figure ---------------------------------------------------------------------------
 
 _UNIT = 10 / GRID_EDGE  # the paper's unit of length is a tenth of the grid's edge
 _COLUMNS: dict[str, tuple[str, str, Any]] = {

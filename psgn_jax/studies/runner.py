@@ -333,9 +333,6 @@ def _check_data(config: Config) -> None:
         raise ConfigError(f"data={places}: {error}") from error
 
 
-# --- Numbers ------------------------------------------------------------------------------------
-
-
 class Summary(NamedTuple):
     """The mean of a metric, or of its difference between two configurations."""
 
@@ -422,9 +419,6 @@ def standard_error(values: np.ndarray, models: np.ndarray | None = None) -> floa
     if count < 2:
         return math.nan
     return float(np.sqrt(count / (count - 1) * np.square(deviations).sum()) / len(values))
-
-
-# --- Tables -------------------------------------------------------------------------------------
 
 
 def _tables(summaries: Sequence[Summary], study: Study) -> list[Lines]:
