@@ -1,7 +1,8 @@
 """Results that no refactoring may change: the leaves of a checkpoint, metrics, an evaluation.
 
 `oracles/golden.json` has the measurements of a run of 6 steps, from the code of version 0.1.0.dev0,
-on the records in `oracles/solids`.
+on the records in `oracles/solids`. If you mean other numbers, say in CHANGELOG that trainings are
+no longer comparable.
 """
 
 import json

@@ -109,7 +109,7 @@ def _batches(config: Config, split: str, count: int, wanted: int) -> Iterator[An
 
     def choose(number: int) -> list[int]:
         order = np.random.default_rng(0).permutation(number).tolist()
-        return sorted(order[: wanted // size or number])
+        return sorted(order[: max(1, wanted // size) if wanted else number])
 
     return loader.eval_batches(data, split=split, batch_size=size, seed=config.seed, choose=choose)
 
