@@ -3,8 +3,7 @@
 Command: psgn convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors.py --workdir=runs/authors
 Hardware: a GPU; on two CPU cores a step takes one to two seconds (docs/benchmarks.md).
-Time: a complete run has not been measured.
-Expect: a lower cd_sq_radius2 than `configs/authors_small.py`; a complete run has not been measured.
+Expect: a lower cd_sq_radius2 than `authors_small.py`; a complete run has not been measured.
 
 The recipe of `authors_small.py` with the published two-branch network and the CD as the loss. For
 the authors' own recipe, add:

@@ -3,9 +3,7 @@ r"""The full two-branch network on the authors' batches, trained with the EMD.
 Command: psgn convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors_emd.py --workdir=runs/authors_emd
 Hardware: a GPU; on two CPU cores a step takes one to two seconds (docs/benchmarks.md).
-Time: a complete run has not been measured.
-Expect: a lower EMD and a higher Chamfer distance than `authors.py`; a complete run has not been
-measured.
+Expect: a lower EMD and a higher Chamfer distance than `authors.py`; not measured.
 
 The recipe is that of `authors.py`. The EMD compares clouds of equal size, here 1,024 points.
 

@@ -3,9 +3,7 @@
 Command: psgn convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/authors_small_cd.py --workdir=runs/by_cd
 Hardware: two CPU cores (5.2 M parameters).
-Time: 28 minutes (.5 s per step, with evaluations), on cores that also ran other programs, before
-`psgn_jax.system.cpu.keep_freed_memory` and oneDNN were added. With both, a step takes .11 s
-(docs/benchmarks.md).
+Time: a step takes .11 s (docs/benchmarks.md).
 Expect: cd_sq_radius2 of .0105 and emd_radius of .309 on the validation split, at the last step.
 """
 

@@ -1,7 +1,7 @@
 """The defaults of all fields in `psgn_jax.config.experiment`: the two-branch network at full size.
 
 Command: python -m psgn_jax.main --config=configs/base.py --workdir=runs/base
-Hardware, time and expected result: none; this file is a starting point for other configurations.
+A starting point for other configurations.
 """
 
 import ml_collections

@@ -1,9 +1,7 @@
 """The paper's Mo2 with the CD: the better of two samples of r, 300,000 Adam steps, batch size 32.
 
 Command: python -m psgn_jax.main --config=configs/mo2_cd.py --config.data.path=RECORDS
-Hardware: a GPU.
-Time: not measured.
-Expect: not measured. Without `--config.data.path` it trains on the default data set.
+Hardware: a GPU; not measured. Without `--config.data.path` it trains on the default data set.
 
 Source: paper, sections 4 and 5 and "Implementation details". The network takes an image and a
 random vector r ~ N(0, I). For two samples of r the paper's Chamfer distance (the sum of squared

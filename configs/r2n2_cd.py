@@ -2,9 +2,7 @@
 
 Command: psgn convert r2n2 SRC records/r2n2
          python -m psgn_jax.main --config=configs/r2n2_cd.py --workdir=runs/r2n2_cd
-Hardware: a GPU.
-Time: not measured.
-Expect: not measured.
+Hardware: a GPU; not measured.
 
 The authors published widths of 32 to 512, a deconv branch of 16x16 cells with 9 channels (768
 points) and an fc branch of 256 points. They do not give the number of levels; six levels, down to

@@ -2,7 +2,6 @@
 
 Command: python -m psgn_jax.main --config=configs/recurrent_volume.py --config.data.path=RECORDS
 Hardware: a GPU; on two CPU cores with --config.voxels.width_multiplier=0.125.
-Time: not measured.
 Expect: not measured at full size; small runs: `psgn study comparison`.
 
 The records must contain solid volumes and at least five views of every model; with fewer views set

@@ -3,7 +3,6 @@
 Command: psgn convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/rgbd_cd.py --workdir=runs/rgbd_cd
 Hardware: a GPU; on two CPU cores a step takes one to two seconds (docs/benchmarks.md).
-Time: not measured.
 Expect: a lower cd_sq_radius2 than that of `authors.py`, mainly because of visible points; not
 measured at this size. A smaller network, trained with EMD + 5 CD, had .0104 with depth and .0141
 without after 1,000 steps (docs/experiments.md).

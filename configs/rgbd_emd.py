@@ -3,14 +3,10 @@
 Command: psgn convert authors SRC records/authors
          python -m psgn_jax.main --config=configs/rgbd_emd.py --workdir=runs/rgbd_emd
 Hardware: a GPU; on two CPU cores a step takes one to two seconds (docs/benchmarks.md).
-Time: not measured.
 Expect: a lower emd_radius than those of `authors_emd.py` and `rgbd_cd.py`; not measured.
 
-The recipe is that of `authors_emd.py`, including the 1,024 ground-truth points. All records with
-depth can be used (`--config.data.path=RECORDS`). The depth channels are described in
-`models.networks.stack_channels`.
-
-Source: paper, section "3D Shape Completion from RGBD Images", which gives no separate recipe.
+The recipe is that of `authors_emd.py`, including the 1,024 ground-truth points, with the input of
+`rgbd_cd.py`.
 """
 
 import ml_collections

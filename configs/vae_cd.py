@@ -1,9 +1,7 @@
 """The paper's conditional variational autoencoder with the CD: 300,000 Adam steps, batch size 32.
 
 Command: python -m psgn_jax.main --config=configs/vae_cd.py --config.data.path=RECORDS
-Hardware: a GPU.
-Time: not measured.
-Expect: not measured. Without `--config.data.path` it trains on the default data set.
+Hardware: a GPU; not measured. Without `--config.data.path` it trains on the default data set.
 
 Source: paper, section "Generation of Multiple Plausible Shapes". During training, z is sampled from
 a VoxNet-like network that reads the volume of the ground truth (`psgn_jax.models.posterior`); at
@@ -23,17 +21,13 @@ divergence. **Ours**:
 
 import ml_collections
 
-from psgn_jax.config import Config, to_dict
+from psgn_jax.config import files
 
 
 def get_config() -> ml_collections.ConfigDict:
-    config = ml_collections.ConfigDict(to_dict(Config()))
-    config.model.random_size = 128
+    config = files.load("mo2_cd")
     config.model.posterior = True
-    config.loss.name = "chamfer_sq"
+    config.loss.min_of_n = 1
     config.loss.kl_weight = 0.3
     config.loss.kl_warmup_steps = 10_000
-    config.optim.learning_rate = 3e-5
-    config.train.batch_size = 32
-    config.train.steps = 300_000
     return config

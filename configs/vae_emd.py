@@ -1,9 +1,7 @@
 """The paper's conditional variational autoencoder with the EMD: 300,000 Adam steps, batch size 32.
 
 Command: python -m psgn_jax.main --config=configs/vae_emd.py --config.data.path=RECORDS
-Hardware: a GPU.
-Time: not measured.
-Expect: not measured. Without `--config.data.path` it trains on the default data set.
+Hardware: a GPU; not measured. Without `--config.data.path` it trains on the default data set.
 
 This is `vae_cd.py` with another loss and another weight of the KL divergence. The loss is the
 paper's earth mover's distance between the 1,024 predicted points and 1,024 points of the ground

@@ -4,7 +4,6 @@ Command: python -m psgn_jax.main --config=configs/voxels_cd.py --config.data.pat
              --config.voxels.from_cd=runs/cd
 Hardware: a GPU; two CPU cores with --config.voxels.widths='(8,8,8,8,8)' and a small network in
     `from_cd`. `data.image_size` and `data.inputs` must be those of the run in `from_cd`.
-Time: not measured.
 Expect: not measured at full size; small runs: `psgn study comparison`.
 
 The records must contain occupancy grids. To add the predicted size of the object as an input,

@@ -4,7 +4,6 @@ Command: python -m psgn_jax.main --config=configs/voxels_cd_emd.py --config.data
              --config.voxels.from_cd=runs/cd --config.voxels.from_emd=runs/emd
              --config.voxels.from_volume=runs/voxels_volume
 Hardware: a GPU.
-Time: not measured.
 Expect: not measured at full size; small runs: `psgn study comparison`.
 
 The clouds are those of a network trained with the CD and of one trained with the EMD. To leave out

@@ -2,7 +2,6 @@
 
 Command: python -m psgn_jax.main --config=configs/voxels_volume.py --config.data.path=RECORDS
 Hardware: a GPU.
-Time: not measured.
 Expect: not measured at full size; small runs: `psgn study comparison`.
 
 Its prediction is an input of the voxel post-processing (`voxels_cd_emd.py`).

@@ -1,8 +1,4 @@
-"""A catalogue of models: boxes of random sizes.
-
-In the package: a function that returns a `Catalogue` in `data_gen/catalogues/`, whose annotated
-arguments become `--option`s; its line in `CATALOGUES` of `data_gen/catalogues/open_catalogue.py`
-"""
+"""A catalogue of models: boxes of random sizes."""
 
 import functools
 import os

@@ -1,11 +1,7 @@
 """A converter of a data set laid out like ShapeNet: one picture and one file of points per model.
 
-    <synset>/<model>/points.txt   a line "x y z" for each point of the surface, +y up
-    <synset>/<model>/view.png     137x137, RGBA, azimuth 0, elevation 30, the largest distance
-
-In the package: a module with `NUM_VIEWS`, `models`, `input_files` and `open_model` in
-`psgn_jax/data/sources/`; its line in `LAYOUTS` of `psgn_jax/data/conversion.py`; its layout in the
-docstring of `psgn_jax/commands/convert.py`
+<synset>/<model>/points.txt   a line "x y z" for each point of the surface, +y up
+<synset>/<model>/view.png     137x137, RGBA, azimuth 0, elevation 30, the largest distance
 """
 
 import pathlib

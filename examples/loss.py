@@ -1,8 +1,4 @@
-"""A loss: the Chamfer distance by a pseudo-Huber function, which weighs far points less.
-
-In the package: a function of one pair in `psgn_jax/losses/`; its import, its name in `__all__` and
-its line in `LOSSES` of `psgn_jax/losses/__init__.py`; its row in the tables of `docs/losses.md`
-"""
+"""A loss: the Chamfer distance by a pseudo-Huber function, which weighs far points less."""
 
 import jax.numpy as jnp
 

@@ -1,9 +1,4 @@
-"""A metric of a pair of clouds: the Hausdorff distance.
-
-In the package: its line in `METRICS` of `psgn_jax/evaluation/clouds.py` (with a title, printed
-tables contain it); if it is a fraction, for studies, `_LARGER_IS_BETTER` or `_SMALLER_IS_BETTER` of
-`psgn_jax/studies/runner.py`
-"""
+"""A metric of a pair of clouds: the Hausdorff distance."""
 
 import jax.numpy as jnp
 

@@ -1,9 +1,4 @@
-"""A network that predicts clouds: a perceptron on an image of a few pixels.
-
-In the package: a class of the kind `CloudNetwork` in `psgn_jax/models/`; its line in `NETWORKS` of
-`psgn_jax/models/networks.py`; its own fields, if any, in `ModelConfig` of
-`psgn_jax/config/experiment.py`
-"""
+"""A network that predicts clouds: a perceptron on an image of a few pixels."""
 
 import jax
 from flax import linen as nn

@@ -90,14 +90,12 @@ class Source:
     missing: float = 0.0
     families: bool = False
 
-    def path(self, packages: str | os.PathLike[str]) -> str:
+    def path(self, packages: str) -> str:
         """The source of the catalogue; `packages` is the folder of the unpacked packages."""
         parts = (packages, self.package) if self.package else ()
         return os.path.join(*parts, self.source)
 
-    def licences_of(
-        self, model_ids: Sequence[str], packages: str | os.PathLike[str]
-    ) -> list[Licence]:
+    def licences_of(self, model_ids: Sequence[str], packages: str) -> list[Licence]:
         """The licence of each model."""
         if self.licences:
             return [next(x for x in self.licences if re.search(x.models, n)) for n in model_ids]
@@ -108,16 +106,12 @@ class Source:
         ]
 
 
-def select(
-    source: Source, packages: str | os.PathLike[str], fraction: float = 1.0, variants: int = 0
-) -> Catalogue:
+def select(source: Source, packages: str, fraction: float = 1.0, variants: int = 0) -> Catalogue:
     """A catalogue of the models of a source that are in the training set.
 
     A hash of the names chooses a `fraction` of the models. A larger fraction contains the smaller
-    fractions. See `open_catalogue.variants_of` for `variants`.
-
-    Raises:
-      ValueError: the catalogue cannot be opened, or no model is left.
+    fractions. `open_catalogue.variants_of` describes `variants`. ValueError if the catalogue cannot
+    be opened, or no model is left.
     """
     inner = open_catalogue(source.catalogue, source.path(packages), **source.options)
     exclude = source.exclude or "(?!)"  # which matches nothing
@@ -185,11 +179,7 @@ class Part(NamedTuple):
 
 
 def plan(chosen: Sequence[Source], fractions: Mapping[str, float] = {}) -> list[Part]:
-    """The data sets of a training set. `fractions` are the fractions of views by preset.
-
-    Raises:
-      ValueError: the sum of the fractions exceeds 1.
-    """
+    """The data sets of a training set, with `fractions` of views by preset, at most 1 in all."""
     if sum(fractions.values()) > 1:
         raise ValueError(f"fractions: got {dict(fractions)}, expected a sum of at most 1")
     parts = []
@@ -227,7 +217,7 @@ def settings_of(
 # --- Packages ---------------------------------------------------------------------------------
 
 
-def missing(chosen: Sequence[Source], packages: str | os.PathLike[str]) -> list[str]:
+def missing(chosen: Sequence[Source], packages: str) -> list[str]:
     """Commands that fetch and unpack missing packages, and a list of missing meshes."""
     lines = []
     for package in dict.fromkeys(s.package for s in chosen if s.package):
@@ -265,7 +255,7 @@ def _missing_meshes(folder: pathlib.Path, sources: Sequence[Source]) -> list[str
     return lines
 
 
-def with_meshes(chosen: Sequence[Source], packages: str | os.PathLike[str]) -> list[Source]:
+def with_meshes(chosen: Sequence[Source], packages: str) -> list[Source]:
     """The sources with models in the index. Warnings name what we leave out."""
     of_index = [source for source in chosen if source.package == MESHES]
     rows = read_index(pathlib.Path(packages) / MESHES) if of_index else []
@@ -279,7 +269,7 @@ def with_meshes(chosen: Sequence[Source], packages: str | os.PathLike[str]) -> l
     return [source for source in chosen if source not in empty]
 
 
-def _documents_of(packages: str | os.PathLike[str], package: str) -> tuple[str, str]:
+def _documents_of(packages: str, package: str) -> tuple[str, str]:
     """Version and copyright statement of a package; "" = missing."""
     folder = pathlib.Path(packages) / package / "usr/share/doc" / package
     version = terms = ""
@@ -302,10 +292,7 @@ def _reason(text: str) -> str:
 
 
 def _row(
-    source: Source,
-    lines: Sequence[Mapping[str, Any]],
-    packages: str | os.PathLike[str],
-    folders: Sequence[str],
+    source: Source, lines: Sequence[Mapping[str, Any]], packages: str, folders: Sequence[str]
 ) -> dict[str, Any]:
     """The row of a source, from the lines of `models.jsonl` of its data sets."""
     good = {line["model_id"]: line for line in lines if line["status"] == "ok"}
@@ -444,8 +431,7 @@ def _main(flags: Flags) -> int:
 def _render(parts: Sequence[Part], given: Any) -> tuple[list[str], list[str]]:
     """Renders the data sets, and writes the table after each. With `--check`, it counts models.
 
-    Returns:
-      The folders of the data sets, and a line for each data set that failed.
+    Returns the folders of the data sets, and a line for each data set that failed.
     """
     lines: dict[str, Sequence[Any]] = {}
     problems = []

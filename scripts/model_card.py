@@ -76,11 +76,11 @@ STEPS, MILLISECONDS = 40, 90
 """Number of pictures of a turn, and the duration of a picture."""
 
 
-def panel(picture):
+def panel(picture, high=HIGH):
     """A picture that fits into a panel, on white."""
-    framed, small = Image.new("RGB", (WIDE, HIGH), "white"), Image.fromarray(picture)
+    framed, small = Image.new("RGB", (WIDE, high), "white"), Image.fromarray(picture)
     small.thumbnail((WIDE, HIGH), Image.Resampling.LANCZOS)
-    framed.paste(small, ((WIDE - small.width) // 2, (HIGH - small.height) // 2))
+    framed.paste(small, ((WIDE - small.width) // 2, (high - small.height) // 2))
     return np.asarray(framed)
 
 
@@ -107,10 +107,10 @@ def row(image, given, predictor):
     return pictures | masked(image, given, predictor, "given", "given"), text
 
 
-def cloud_picture(prediction, turn, high):
-    """The cloud from the camera of the photo, turned by `turn` degrees."""
+def cloud_picture(prediction, high):
+    """The cloud from the camera of the photo."""
     clouds = spheres.by_height({"cloud": prediction.points[0]})
-    drawn = spheres.panels(vars(prediction.view), clouds, turns=(turn,), height=high)
+    drawn = spheres.panels(vars(prediction.view), clouds, turns=(0,), height=high)
     return list(drawn.values())[-1]
 
 
@@ -141,11 +141,8 @@ def surface_picture(prediction, turn, high):
 def side_by_side(image, prediction):
     """The photo, and its cloud and surface from the camera of the photo."""
     high = 15 * HIGH // 12
-    above = np.full(((high - HIGH) // 2, WIDE, 3), 255, np.uint8)
-    below = np.full((high - HIGH - len(above), WIDE, 3), 255, np.uint8)
-    left = np.concatenate([above, panel(image), below])
-    pictures = [left, cloud_picture(prediction, 0, high), surface_picture(prediction, 0, high)]
-    return np.concatenate(pictures, axis=1)
+    drawn = cloud_picture(prediction, high), surface_picture(prediction, 0, high)
+    return np.concatenate([panel(image, high), *drawn], axis=1)
 
 
 def four_clouds(photo_and_mask, predictor):

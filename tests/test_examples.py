@@ -66,7 +66,6 @@ def test_a_network_and_a_metric(example, monkeypatch, tmp_path):
     example("metric")
     pred, gt = jnp.eye(3), jnp.array([[0.0, 0, 0], [0, 3, 0]])
     assert clouds.evaluate_pair(pred, gt)["hausdorff_radius"] == 2
-    standin.install(monkeypatch)
     # The names of a configuration are fixed, so one of them stands for the new network.
     monkeypatch.setattr(networks, "build", lambda config: networks.NETWORKS["perceptron"](config))
     config = standin.config(model__name="vanilla", model__random_size=0, train__steps=6)

@@ -58,11 +58,9 @@ def turn_to_view(extrinsics: np.ndarray) -> np.ndarray:
 def project(
     points: np.ndarray, intrinsics: np.ndarray, extrinsics: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Projects points [n, 3] of the project's frame.
+    """Pixels [n, 2], continuous (column, row), and depths [n] of points in the project's frame.
 
-    Returns:
-      pixels [n, 2] as continuous (column, row), and depth [n] along the optical axis. For points
-      with depth <= 0, the pixels are not finite or have no meaning.
+    Depths are along the optical axis. Where they are <= 0, pixels have no meaning or are infinite.
     """
     camera = to_camera(points, extrinsics)
     depth = camera[:, 2]

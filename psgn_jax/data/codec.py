@@ -174,7 +174,8 @@ def _decode_depth(stored: Mapping[str, Any], mask: np.ndarray) -> DepthCodes:
         codes[valid] = values
         ends = [offset + scale * float(code) for code in (values.min(), values.max())]
         if not (-abs(scale) <= min(ends) and max(ends) <= schema.MAX_COORDINATE):
-            raise ValueError(f"depth from {ends[0]:g} to {ends[1]:g}, expected 0 or more")
+            most = f"{schema.MAX_COORDINATE:g}"
+            raise ValueError(f"depth from {ends[0]:g} to {ends[1]:g}, expected 0 to {most}")
     return DepthCodes(codes, valid, scale, offset)
 
 

@@ -135,11 +135,7 @@ def convert_models(
 
 
 def convert(
-    layout: str,
-    source: pathlib.Path,
-    inputs: Sequence[Input],
-    destination: pathlib.Path,
-    per_shard: int,
+    layout: str, source: pathlib.Path, inputs: Sequence[Input], target: pathlib.Path, per_shard: int
 ) -> tuple[Manifest, list[str]]:
     """Converts inputs or continues a conversion; result and errors as in `convert_models`."""
 
@@ -175,11 +171,10 @@ def convert(
     def incomplete(line: shards.Line) -> bool:
         return bool(line["status"] == _INCOMPLETE)
 
-    statement = {"source": layout}
-    job = Job(statement, inputs, per_shard, converts=True, tries_again=incomplete)
-    progress = shards.write(destination, job, make)
+    job = Job({"source": layout}, inputs, per_shard, converts=True, tries_again=incomplete)
+    progress = shards.write(target, job, make)
     left_out = [text for line in progress.lines for text in line["reason"].split("\n") if text]
     if not progress.samples:
         first = (left_out or ["none"])[0]
         raise ValueError(f"SRC {str(source)!r}: no file could be read; first message: {first}")
-    return load_manifest(destination), left_out
+    return load_manifest(target), left_out

@@ -39,13 +39,7 @@ from psgn_jax.data.manifest import (
 )
 from psgn_jax.data.schema import RecordError, Sample
 from psgn_jax.system.errors import native_error
-from psgn_jax.system.files import (
-    file_crc32,
-    install,
-    local_path,
-    remove_temporaries,
-    temporary_for,
-)
+from psgn_jax.system.files import file_crc32, install, local_path, remove_temporaries, temporary_for
 from psgn_jax.system.untrusted import brief, kind_of, one_line
 
 T = TypeVar("T")
@@ -110,24 +104,22 @@ class ShardWriter(contextlib.AbstractContextManager["ShardWriter"]):
                     name = shard_name(self._split, self._number, f"{crc32:08x}")
                     self._path = self._path.with_name(name)
                 install(self._temporary, self._path)
+                self.shard = Shard(
+                    file=self._path.name,
+                    split=self._split,
+                    count=self.count,
+                    size=self._path.stat().st_size,
+                    crc32=crc32,
+                    categories=dict(sorted(self._categories.items())),
+                    fields=tuple(f for f in schema.FIELDS if f in self._fields),
+                    inputs=self._inputs,
+                    ends=_ends(self._path),
+                )
         except OSError:
             if kind is None:  # otherwise the earlier error is raised
                 raise
         finally:
             self._temporary.unlink(missing_ok=True)
-        if kind is not None:
-            return
-        self.shard = Shard(
-            file=self._path.name,
-            split=self._split,
-            count=self.count,
-            size=self._path.stat().st_size,
-            crc32=crc32,
-            categories=dict(sorted(self._categories.items())),
-            fields=tuple(f for f in schema.FIELDS if f in self._fields),
-            inputs=self._inputs,
-            ends=_ends(self._path),
-        )
 
 
 def write_dataset(
@@ -226,22 +218,17 @@ class RecordReader:
     def __len__(self) -> int:
         return int(self._ends[-1])
 
-    def _find(self, index: int) -> tuple[int, int]:
-        """Number of the shard of record `index`, and number of the record in the shard."""
+    def locate(self, index: int) -> tuple[pathlib.Path, int]:
+        """The file of record `index`, and the record's number in the file."""
         if not 0 <= index < len(self):
             raise IndexError(f"record {index}: expected 0 to {len(self) - 1}")
         number = int(np.searchsorted(self._ends, index, side="right"))
-        return number, index - int(self._ends[number]) + self.shards[number].count
+        return self._paths[number], index - int(self._ends[number]) + self.shards[number].count
 
-    def locate(self, index: int) -> tuple[pathlib.Path, int]:
-        """The file of record `index`, and the record's number in the file."""
-        number, position = self._find(index)
-        return self._paths[number], position
-
-    def _open(self, number: int) -> Any:
-        path, count = self._paths[number], self.shards[number].count
+    def _open(self, path: pathlib.Path) -> Any:
         with _LOCK:
             if path not in self._readers:
+                count = self.shards[self._paths.index(path)].count
                 with _shard_errors(path, f"shard {path} cannot be opened"):
                     reader = array_record_module.ArrayRecordReader(str(path), _READER_OPTIONS)
                     if (found := reader.num_records()) != count:
@@ -250,9 +237,8 @@ class RecordReader:
             return self._readers[path]
 
     def _decoded(self, index: int, decoder: Callable[[bytes], T]) -> T:
-        number, position = self._find(index)
-        reader = self._open(number)
-        path = self._paths[number]
+        path, position = self.locate(index)
+        reader = self._open(path)
         with _shard_errors(path, f"record {position} of {path} is damaged"):
             return decoder(reader.read([position])[0])
 

@@ -258,8 +258,7 @@ def place(
       size: (H, W) of the view, the network's input.
       move: False keeps the image's framing, which must then be 4:3.
 
-    Raises:
-      PhotoError: the mask is empty or full, the object is too small, or the framing is not 4:3.
+    `PhotoError` if the mask is empty or full, the object too small, or the framing not 4:3.
     """
     height, width = size
     if not mask.any():

@@ -9,14 +9,13 @@ Each batch is made by one thread of this process (decoding mostly releases Pytho
 training with `num_workers`, by one worker process.
 """
 
-import contextlib
 import gc
 import itertools
 import os
 import re
 import signal
 import sys
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 
 import grain
 import numpy as np
@@ -66,18 +65,6 @@ def _plain(batch: Batch) -> Batch:
     return {k: np.array(v) if isinstance(v, np.ndarray) else v for k, v in batch.items()}
 
 
-@contextlib.contextmanager
-def _parsed_flags() -> Iterator[None]:
-    """Context in which absl's flags count as parsed, which Grain needs to start workers."""
-    parsed = flags.FLAGS.is_parsed()
-    flags.FLAGS.mark_as_parsed()
-    try:
-        yield
-    finally:
-        if not parsed:
-            flags.FLAGS.unparse_flags()
-
-
 def _iterate(
     numbers: Sequence[int], make: Callable[[int], Batch], num_workers: int = 0
 ) -> Generator[Batch, None, None]:
@@ -93,12 +80,16 @@ def _iterate(
         grain.MultiprocessingOptions(num_workers=num_workers, per_worker_buffer_size=2),
         worker_init_fn=workers.end_with_parent,
     )
-    iterator = iter(dataset)
+    iterator, parsed = iter(dataset), flags.FLAGS.is_parsed()
     try:
         # Wait for every worker's first batch: `iterator.close` does not end starting workers.
         first = itertools.islice(iterator, num_workers)
-        with _parsed_flags():
+        flags.FLAGS.mark_as_parsed()  # Grain needs this to start workers
+        try:
             begun = workers.start_sheltered(lambda: list(map(_plain, first)))
+        finally:
+            if not parsed:
+                flags.FLAGS.unparse_flags()
         while begun:
             yield begun.pop(0)
         # Workers pass arrays in shared memory. Grain frees it although a JAX array on the CPU may

@@ -84,9 +84,8 @@ def save_manifest(folder: pathlib.Path, manifest: Manifest) -> None:
 def load_manifest(folder: str | os.PathLike[str], *, allow_incomplete: bool = False) -> Manifest:
     """Reads the manifest of a data set.
 
-    Raises:
-      RecordError: there is no data set, its manifest is damaged or of another version, or it is not
-        complete and `allow_incomplete` is False.
+    `RecordError` if there is none, it is damaged or of another version, or the data set is not
+    complete and `allow_incomplete` is False.
     """
     folder = pathlib.Path(folder)
     path = folder / MANIFEST

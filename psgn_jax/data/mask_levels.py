@@ -39,9 +39,7 @@ def object_in(
       ids: numbers [h, w] that name the labels, such as palette indices; None = `values`.
       label: the object's number in `ids`, or its colour; None = the brighter of two levels.
 
-    Raises:
-      ValueError: there is no such label, or there are not two levels; the message follows the
-        mask's name.
+    ValueError if there is no such label, or not two levels; its message follows the mask's name.
     """
     light = values if values.ndim == 2 else values @ _LUMA
     values = np.atleast_3d(values)
@@ -106,10 +104,7 @@ def _shown(names: np.ndarray, counts: np.ndarray) -> str:
 def _two_levels(light: np.ndarray, codes: np.ndarray, levels: np.ndarray) -> np.ndarray | None:
     """The darker and the brighter level of a mask, or None if it is no mask.
 
-    Args:
-      light: brightness [h, w].
-      codes: numbers of the labels, int [h, w].
-      levels: brightness of each label.
+    `light` is the brightness [h, w], `codes` the labels' numbers [h, w], `levels` their brightness.
     """
     flat = ndimage.maximum_filter(codes, 3) == ndimage.minimum_filter(codes, 3)
     few = len(levels) <= FEW

@@ -164,15 +164,10 @@ class Progress:
 
 
 def write(folder: pathlib.Path, job: Job, make: Make, part: tuple[int, int] = (0, 1)) -> Progress:
-    """Writes the data set of a job, or continues it.
+    """Writes the data set of a job, or continues it; `part` (i, n) is part i < n of the work.
 
-    Args:
-      part: (i, n) = part i of n of the work, i from 0.
-
-    Raises:
-      OtherSettingsError: the folder has the data set of another job.
-      TakenError: another process works on the same part.
-      ValueError: the folder has other content.
+    `OtherSettingsError` if the folder has the data set of another job, `TakenError` if another
+    process works on the same part, ValueError if the folder has other content.
     """
     complete = is_complete(folder, job)
     if not complete:

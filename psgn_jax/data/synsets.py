@@ -19,11 +19,8 @@ SHAPENET = {
 }  # fmt: skip
 """The 55 categories of ShapeNetCore; those in `R2N2` have the names of the paper's table."""
 
-R2N2 = {
-    synset: SHAPENET[synset]
-    for synset in (
-        "02691156", "02828884", "02933112", "02958343", "03001627", "03211117", "03636649",
-        "03691459", "04090263", "04256520", "04379243", "04401088", "04530566",
-    )
-}  # fmt: skip
+R2N2 = (
+    "02691156", "02828884", "02933112", "02958343", "03001627", "03211117", "03636649",
+    "03691459", "04090263", "04256520", "04379243", "04401088", "04530566",
+)  # fmt: skip
 """The 13 categories of 3D-R2N2, in the order of the paper's table."""

@@ -30,14 +30,8 @@ def visible_points(
 ) -> np.ndarray:
     """Whether each point is visible, by the rule of the module: bool [n].
 
-    False for points behind the camera or less than t in front of it.
-
-    Args:
-      points: [n, 3] in the project's frame.
-      depth: [H, W] along the optical axis, unit of the frame; 0 = none.
-      intrinsics: [3, 3] in pixels of `depth`.
-      extrinsics: [3, 4].
-      tolerance: t > 0, in units.
+    False for points behind the camera or less than t in front of it. Points [n, 3] are in the
+    project's frame, depths [H, W] along the optical axis (0 = none), `tolerance` is t > 0.
     """
     seen = camera.to_camera(points.astype(np.float64), extrinsics.astype(np.float64))
     possible = seen[:, 2] > tolerance

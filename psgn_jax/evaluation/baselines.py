@@ -57,19 +57,21 @@ def measure(config: Config, params: Any, split: str) -> tuple[dict[str, np.ndarr
     network = networks.build(config.model)
     n, rng = network.num_points, np.random.default_rng(0)
     describe = jax.jit(_features)
+    keys = {*networks.input_keys(config), "intrinsics", "extrinsics"}
 
     least = len(RecordReader(config.data.eval_folders, split)[0].points)
     if least < 2 * n:
         accepted = f"at least {2 * n}, twice as many as the network predicts"
         raise ConfigError(f"split={split!r}: a record has {least} points; accepted: {accepted}")
 
-    def collect(split: str, count: int, wanted: int, predict: Any = None) -> list[np.ndarray]:
+    def collect(split: str, count: int, wanted: int, *, predict: bool) -> list[np.ndarray]:
         parts = []
         for batch in _batches(config, split, count, wanted):
             keep = batch["valid"]
             rows = [batch["points"], np.asarray(describe(batch["mask"]))]
             rows += [np.array([*zip(batch["category"], batch["model_id"], strict=True)])]
-            rows += [np.asarray(predict(batch))] if predict else []
+            if predict:
+                rows.append(np.asarray(predicted(params, {key: batch[key] for key in keys})))
             parts.append([row[keep] for row in rows])
         return [np.concatenate(part) for part in zip(*parts, strict=True)]
 
@@ -77,13 +79,9 @@ def measure(config: Config, params: Any, split: str) -> tuple[dict[str, np.ndarr
     def predicted(params: Any, batch: Any) -> Any:
         return jnp.stack(first_clouds(config, network, params, batch), axis=1)
 
-    def predict(batch: Any) -> Any:
-        keys = {*networks.input_keys(config), "intrinsics", "extrinsics"}
-        return predicted(params, {key: batch[key] for key in keys})
-
     logging.info("baselines: reading the training clouds")
-    train, train_features, _ = collect(config.data.train_split, n, MOST_TRAINING)
-    both, features, models, predictions = collect(split, 2 * n, 0, predict)
+    train, train_features, _ = collect(config.data.train_split, n, MOST_TRAINING, predict=False)
+    both, features, models, predictions = collect(split, 2 * n, 0, predict=True)
     both = both[:, rng.permutation(2 * n)]
     truth, floor = both[:, :n], both[:, n:]
     similarity = _unit(features) @ _unit(train_features).T
@@ -111,7 +109,7 @@ def _batches(config: Config, split: str, count: int, wanted: int) -> Iterator[An
 
     def choose(number: int) -> list[int]:
         order = np.random.default_rng(0).permutation(number).tolist()
-        return sorted(order[: wanted // size or number])
+        return sorted(order[: max(1, wanted // size) if wanted else number])
 
     return loader.eval_batches(data, split=split, batch_size=size, seed=config.seed, choose=choose)
 

@@ -5,19 +5,15 @@ Several processes (`system.distributed`) share the batches; each gets the whole 
 
 import contextlib
 import itertools
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Sequence
 from typing import Any
 
-import jax
 import numpy as np
-from jax.sharding import Mesh, NamedSharding
-from jax.sharding import PartitionSpec as P
 
 from psgn_jax.config.experiment import Config, ConfigError
 from psgn_jax.data import loader
 from psgn_jax.evaluation.results import Evaluation, SampleName
 from psgn_jax.system import distributed
-from psgn_jax.system.cpu import compiler_options
 
 OnBatch = Callable[[int, Any, np.ndarray], None]
 
@@ -45,7 +41,7 @@ def evaluate_split(
 ) -> Evaluation:
     """Metrics of a network on a split, or on its first `max_samples` > 0 samples.
 
-    `eval_step` is from `compile_measure`; `on_batch` gets (index of a batch, batch, predictions).
+    `eval_step` is a task's; `on_batch` gets (index of a batch, batch, predictions).
     """
     split = split or config.data.eval_split
     process, count = distributed.index_and_count()
@@ -98,42 +94,3 @@ def _merged(parts: Sequence[Any]) -> tuple[Any, ...]:
     }
     counts = {number for part in parts for number in part[3]}
     return [names[i] for i in order], values, max((part[2] for part in parts), default=0), counts
-
-
-def compile_measure(
-    measure: Callable[[Any, Any], Any],
-    latents: Callable[..., Mapping[str, Any]],
-    keys: Sequence[str],
-    batch_size: int,
-) -> Callable[[Any, Any, int], Any]:
-    """Compiled (params, batch on the host, index of the batch) -> (predictions, metrics).
-
-    This process's devices share the batch if their number divides it; otherwise one computes it.
-    `measure` is a pytree, a function of (params, batch) for a device's share. `latents` maps
-    (index, size, train=False) to random inputs, one row per sample.
-    """
-    devices = jax.local_devices()
-    mesh = Mesh(np.asarray(devices[: 1 if batch_size % len(devices) else None]), ("data",))
-    everywhere, split = NamedSharding(mesh, P()), NamedSharding(mesh, P("data"))
-    sharded = jax.shard_map(
-        lambda measure, params, batch: measure(params, batch),
-        mesh=mesh,
-        in_specs=(P(), P(), P("data")),
-        out_specs=P("data"),
-        check_vma=False,
-    )
-
-    def step(measure: Any, params: Any, batch: Mapping[str, Any], index: Any) -> Any:
-        drawn = latents(index, len(batch["image"]), train=False)
-        return sharded(measure, params, {**batch, **drawn})
-
-    compiled = jax.jit(step, compiler_options=compiler_options())
-    measure = jax.device_put(measure, everywhere)
-
-    def run(params: Any, batch: Mapping[str, Any], index: int) -> Any:
-        # Training may use more devices. A batch has `visible` only if the records have depth.
-        params = jax.device_put(params, everywhere)
-        arrays = {key: batch[key] for key in (*keys, "visible") if key in batch}
-        return compiled(measure, params, jax.device_put(arrays, split), np.int32(index))
-
-    return run

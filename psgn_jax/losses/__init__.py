@@ -4,8 +4,14 @@ from collections.abc import Callable
 from typing import Any
 
 from psgn_jax.losses.auction import Assignment, assign
-from psgn_jax.losses.chamfer import Nearest, chamfer_sq, chamfer_sq_mean, nearest_both
-from psgn_jax.losses.chamfer_forms import chamfer_authors, chamfer_l1_mean
+from psgn_jax.losses.chamfer import (
+    Nearest,
+    chamfer_authors,
+    chamfer_l1_mean,
+    chamfer_sq,
+    chamfer_sq_mean,
+    nearest_both,
+)
 from psgn_jax.losses.emd import (
     ExactAssignment,
     MatchedDistances,

@@ -43,18 +43,7 @@ def build_volume_net(config: ModelConfig) -> volumes.VolumeNet:
 
 def build_r2n2(config: ModelConfig, sizes: VoxelConfig) -> recurrent.RecurrentVolume:
     """3D-R2N2 with the published widths times `voxels.width_multiplier`."""
-    factor = sizes.width_multiplier
-    dense, hidden = scaled_widths((recurrent.DENSE_WIDTH, recurrent.HIDDEN_WIDTH), factor)
-    conv = scaled_widths(recurrent.CONV_WIDTHS, factor)
-    decoder = scaled_widths(recurrent.DECODER_WIDTHS, factor)
-    return recurrent.RecurrentVolume(conv, dense, hidden, decoder, DTYPES[config.compute_dtype])
-
-
-def scaled_widths(widths: Sequence[int], multiplier: float) -> tuple[int, ...]:
-    """Widths times `multiplier`, rounded to multiples of 8, at least 8; unchanged if it is 1."""
-    if multiplier == 1:
-        return tuple(widths)
-    return tuple(max(8, 8 * round(width * multiplier / 8)) for width in widths)
+    return recurrent.RecurrentVolume(sizes.width_multiplier, DTYPES[config.compute_dtype])
 
 
 def _point_out_net(config: ModelConfig) -> PointOutNet:

@@ -135,23 +135,25 @@ class RecurrentVolume(nn.Module):
     Views are for example RGB in [0, 1] with 127x127 pixels. The parameters do not depend on v.
     """
 
-    conv_widths: tuple[int, ...] = CONV_WIDTHS
-    dense_width: int = DENSE_WIDTH
-    hidden_width: int = HIDDEN_WIDTH
-    decoder_widths: tuple[int, ...] = DECODER_WIDTHS
+    width_multiplier: float = 1.0  # of the published widths; the products are multiples of 8
     dtype: Any = jnp.float32
+
+    def scaled(self, *widths: int) -> tuple[int, ...]:
+        return tuple(max(8, 8 * round(width * self.width_multiplier / 8)) for width in widths)
 
     @nn.compact
     def __call__(self, views: Float[Array, "b v h w c"]) -> Float[Array, "b x y z 2"]:
         batch, count = views.shape[:2]
-        encoder = ImageEncoder(self.conv_widths, self.dense_width, self.dtype, name="encoder")
+        dense, width = self.scaled(DENSE_WIDTH, HIDDEN_WIDTH)
+        encoder = ImageEncoder(self.scaled(*CONV_WIDTHS), dense, self.dtype, name="encoder")
         codes = encoder(views.reshape(batch * count, *views.shape[2:]).astype(self.dtype))
         codes = codes.reshape(batch, count, -1)
         cell = VolumeCell(self.dtype, name="cell")
-        hidden = jnp.zeros((batch, *(HIDDEN_SIZE,) * 3, self.hidden_width), self.dtype)
+        hidden = jnp.zeros((batch, *(HIDDEN_SIZE,) * 3, width), self.dtype)
         for view in range(count):
             hidden = cell(codes[:, view], hidden)
-        return VolumeDecoder(self.decoder_widths, self.dtype, name="decoder")(hidden)
+        decoder = VolumeDecoder(self.scaled(*DECODER_WIDTHS), self.dtype, name="decoder")
+        return decoder(hidden)
 
 
 def unpool(x: Float[Array, "b n n n c"]) -> Float[Array, "b m m m c"]:

@@ -69,7 +69,7 @@ def neighbours_in_grid(grid: OutputGrid) -> np.ndarray:
     return np.concatenate([right, below])
 
 
-def measure_sample(case: runner.Sample, model: ModelConfig) -> dict[str, float]:
+def measure_sample(case: runner.Case, model: ModelConfig) -> dict[str, float]:
     """The metrics of a sample; `pred` begins with the fc points, `points` are uniform."""
     pred, gt = case["pred"], case["points"]
     network = build(model)
@@ -111,7 +111,7 @@ def _rms(offsets: np.ndarray) -> float:
 
 
 def measure(run: runner.Run) -> runner.Measured:
-    """Measures the branches of a run; `ConfigError` if the network lacks one."""
+    """Measures the branches of a run, shown as panels; `ConfigError` if the network lacks one."""
     model = run.config.model
     branches = build(model).branches
     if not (branches.fc and branches.deconv):
@@ -120,11 +120,10 @@ def measure(run: runner.Run) -> runner.Measured:
             f"{len(branches.deconv)} deconv points; expected a network with both branches"
         )
     measured = runner.evaluate(run, lambda case: measure_sample(case, model))
-    shown = {number: {**case, "model": model} for number, case in measured.shown.items()}
-    return measured._replace(shown=shown)
+    return measured._replace(shown=[panels(case, model) for case in measured.shown.values()])
 
 
-def panels(case: runner.Sample, model: ModelConfig) -> dict[str, np.ndarray]:
+def panels(case: runner.Case, model: ModelConfig) -> dict[str, np.ndarray]:
     """Image; maps of x, y, z; points by branch and truth from two directions."""
     network, pred = build(model), case["pred"]
     branches = network.branches
@@ -142,12 +141,12 @@ def panels(case: runner.Sample, model: ModelConfig) -> dict[str, np.ndarray]:
 
 def figure(results: runner.Results) -> figures.Figure:
     """Samples of each run, a row each; one colour scale for all maps, in steps of .25."""
-    rows, labels = [], []
+    rows: list[dict[str, np.ndarray]] = []
+    labels: list[str] = []
     for name, runs in results.items():
-        shown = list(runs[0].shown.values())
-        for case in shown if len(results) == 1 else shown[:3]:
-            rows.append(panels(case, case["model"]))
-            labels.append(name)
+        shown = runs[0].shown[: None if len(results) == 1 else 3]
+        rows += shown
+        labels += [name] * len(shown)
     values = np.concatenate([p.ravel() for row in rows for p in row.values() if p.ndim == 2])
     low, high = np.floor(4 * np.nanmin(values)) / 4, np.ceil(4 * np.nanmax(values)) / 4
     scale = (float(low), float(max(high, low + 0.25)))

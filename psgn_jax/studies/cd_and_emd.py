@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from psgn_jax.studies import architectures, figures
-from psgn_jax.studies.runner import Results, Sample, Study, evaluate
+from psgn_jax.studies.runner import Case, Results, Study, evaluate
 from psgn_jax.viewing import spheres
 
 FAR = 0.1  # distance in radii beyond which a point is an outlier or missed
@@ -34,7 +34,7 @@ METRICS = {
 COLOURS, TRUTH = ((70, 130, 180), (90, 165, 90)), (165, 165, 165)  # as in the paper
 
 
-def measure_sample(case: Sample) -> dict[str, float]:
+def measure_sample(case: Case) -> dict[str, float]:
     """Outliers, missed points and unevenness of a prediction [n, 3], n > 1."""
     pred, gt = case["pred"], case["points"]
     gaps, among = cdist(pred, gt), cdist(pred, pred)

@@ -27,6 +27,7 @@ from scipy import ndimage
 
 from psgn_jax.config.experiment import Config
 from psgn_jax.data.sources import shapenet
+from psgn_jax.data.sources.binvox import Grid
 from psgn_jax.evaluation.clouds import evaluate_pair
 from psgn_jax.evaluation.table import Lines
 from psgn_jax.losses.farthest_points import farthest_points
@@ -70,21 +71,12 @@ PAPER = {
 _CASES = ("chair", "table", "bench", "lamp", "plane", "firearm")
 
 BASE: runner.Overrides = {
-    "data.image_size": (96, 128),
     "data.num_points": NUM_POINTS,
-    "data.flip": True,
     "data.cache_gb": 4.0,
-    "model.widths": (8, 16, 32, 64, 128, 256),
-    "model.deconv_level": 2,
-    "model.fc_widths": (512, 512),
-    "optim.learning_rate": 1e-3,
-    "optim.schedule": "cosine",
-    "optim.final_fraction": 0.01,
-    "optim.clip_norm": 1.0,
+    "loss.name": "chamfer_sq_mean",
+    "loss.emd_tolerance": 0.01,
     "optim.warmup_steps": 100,
-    "train.batch_size": 16,
     "train.steps": 800,
-    "train.log_every": 20,
     "train.eval_every": 10**9,  # evaluated at the end, where thresholds are chosen
     "eval.batch_size": 16,
     "eval.emd_tolerance": 0.0,
@@ -125,9 +117,6 @@ def configs(base: Config, folder: Callable[[str], str]) -> dict[str, runner.Over
     }
 
 
-# --- Measures -----------------------------------------------------------------------------------
-
-
 def solid_at(probability: np.ndarray, threshold: float) -> np.ndarray:
     """Cells at or above a threshold, or else the most probable cells."""
     volume = probability >= threshold
@@ -148,12 +137,12 @@ def cloud_of(volume: np.ndarray, number: int, stream: int) -> np.ndarray:
 
     `stream` selects the random numbers: 0 for true volumes, 2 for predicted volumes.
     """
-    solid = shapenet.WorldGrid(volume, np.array(GRID_ORIGIN), GRID_EDGE / len(volume))
+    solid = Grid(volume, np.array(GRID_ORIGIN), GRID_EDGE)
     points = shapenet.surface_points(solid, CANDIDATES, np.random.default_rng([stream, number]))
     return np.asarray(_sampled(points.astype(np.float32), NUM_POINTS))
 
 
-def distances(cloud: np.ndarray, case: runner.Sample, number: int) -> dict[str, float]:
+def distances(cloud: np.ndarray, case: runner.Case, number: int) -> dict[str, float]:
     """CD and EMD of a cloud [1024, 3] to the true volume and to the true surface."""
     # A random subset, because the points of a record are ordered by position.
     order = np.random.default_rng([1, number]).permutation(len(case["points"]))
@@ -170,10 +159,10 @@ def measure(run: runner.Run) -> runner.Measured:
     run = run._replace(config=dataclasses.replace(run.config, data=data))
     scores = open_run(run.folder, "last").scores
     key = "threshold_of_iou_1_views" if run.name == PEER else "threshold_of_iou"
-    shown: dict[str, runner.Sample] = {}
+    shown: dict[str, runner.Case] = {}
     count = itertools.count()
 
-    def of_sample(case: runner.Sample) -> dict[str, float]:
+    def of_sample(case: runner.Case) -> dict[str, float]:
         if run.name == "volume":
             return {}
         number, thin, found, pred = next(count), thin_cells(case["occupancy"]), {}, case["pred"]
@@ -213,8 +202,6 @@ METRICS = {
     "emd_surface": "EMD to the true surface [radius]",
 }
 
-
-# --- Table and figure ---------------------------------------------------------------------------
 
 _UNIT = 10 / GRID_EDGE  # the paper's unit of length is a tenth of the grid's edge
 _COLUMNS: dict[str, tuple[str, str, Any]] = {
@@ -293,7 +280,7 @@ STUDY = runner.Study(
         (OURS, PEER),
     ],
     tables=by_category,
-    recipe="base",
+    recipe="quickstart",
     split="test",
     note="""* printed in the paper: other data (renderings of ShapeNet), networks and trainings. By
 category: means over samples; mean: over categories. u: a tenth of the grid's edge, the paper's

@@ -3,16 +3,13 @@
 import importlib.util
 import io
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from psgn_jax.config.experiment import ConfigError
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-else:
-    Figure = Any
+Figure = Any  # of matplotlib, which we import where it draws
 
 COLOURS = ("#969696", "#c5b096", "#4682b4", "#e2723e")
 _DPI = 100

@@ -30,7 +30,7 @@ from psgn_jax.training import loop
 from psgn_jax.training.log import read_metrics
 from psgn_jax.weights.run_folder import load_config, open_run
 
-Sample = Mapping[str, np.ndarray]  # arrays of a sample, including its prediction `pred`
+Case = Mapping[str, np.ndarray]  # arrays of a sample, including its prediction `pred`
 
 CASE = ("image", "points", "intrinsics", "extrinsics")
 """Arrays of a sample that are kept by default, besides `pred`."""
@@ -74,7 +74,7 @@ def train_network(run: Run) -> None:
 
 def evaluate(
     run: Run,
-    of_sample: Callable[[Sample], Mapping[str, float]] = lambda _: {},
+    of_sample: Callable[[Case], Mapping[str, float]] = lambda _: {},
     *,
     keys: Sequence[str] = CASE,
 ) -> Measured:
@@ -88,7 +88,7 @@ def evaluate(
     total = loader.num_samples(config.data, split, evaluation=True)
     wanted = {int(i) for i in np.linspace(0, total - 1, NUM_SHOWN)}
     further: list[Mapping[str, float]] = []
-    shown: dict[int, Sample] = {}
+    shown: dict[int, Case] = {}
 
     def keep(index: int, batch: Any, predictions: np.ndarray) -> None:
         for row in np.flatnonzero(batch["valid"]).tolist():
@@ -187,9 +187,8 @@ def run(
         difference, second minus first.
       measure: FOLDER:SPLIT of further splits, with results such as `networks-authors-test.md`.
 
-    Raises:
-      ConfigError: an argument, the data or a run in `workdir` does not fit.
-      UserError: a signal stopped a training; the same call continues.
+    `ConfigError` if an argument, the data or a run in `workdir` does not fit; `UserError` if a
+    signal stopped a training: the same call continues.
     """
     figures.check_installed()
     folder = pathlib.Path(workdir)
@@ -236,11 +235,9 @@ def run(
         results = {name: [*map(study.measure, same)] for name, same in _by_name(several).items()}
         if len({tuple(one.names) for many in results.values() for one in many}) > 1:
             raise ConfigError(f"{folder}: the runs are measured on different samples")
-        shown = study
-        if not study.metrics:
-            titles = {metric: metric for many in results.values() for metric in many[0].metrics}
-            shown = dataclasses.replace(study, metrics=titles)
-        texts.append(_write(shown, folder, place, several, results))
+        titles = study.metrics or {x: x for many in results.values() for x in many[0].metrics}
+        titled = dataclasses.replace(study, metrics=titles)
+        texts.append(_write(titled, folder, place, several, results))
     return "\n".join(texts)
 
 
@@ -336,9 +333,6 @@ def _check_data(config: Config) -> None:
         raise ConfigError(f"data={places}: {error}") from error
 
 
-# --- Numbers ------------------------------------------------------------------------------------
-
-
 class Summary(NamedTuple):
     """The mean of a metric, or of its difference between two configurations."""
 
@@ -425,9 +419,6 @@ def standard_error(values: np.ndarray, models: np.ndarray | None = None) -> floa
     if count < 2:
         return math.nan
     return float(np.sqrt(count / (count - 1) * np.square(deviations).sum()) / len(values))
-
-
-# --- Tables -------------------------------------------------------------------------------------
 
 
 def _tables(summaries: Sequence[Summary], study: Study) -> list[Lines]:

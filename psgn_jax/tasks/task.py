@@ -4,13 +4,16 @@ import functools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import jax
 import numpy as np
-from jax.tree_util import Partial
+from jax.sharding import Mesh, NamedSharding
+from jax.sharding import PartitionSpec as P
 
 from psgn_jax.array_types import Array
 from psgn_jax.config.experiment import Config
 from psgn_jax.evaluation.results import Evaluation
-from psgn_jax.evaluation.split import compile_measure, evaluate_split
+from psgn_jax.evaluation.split import evaluate_split
+from psgn_jax.system.cpu import compiler_options
 
 Batch = Mapping[str, Any]
 Metrics = dict[str, Array]
@@ -46,10 +49,31 @@ class Task:
         raise NotImplementedError
 
     @functools.cached_property
-    def eval_step(self) -> Callable[[Any, Any, int], Any]:
-        """`measure`, compiled by `evaluation.split.compile_measure`."""
-        measure = Partial(self.measure, self.frozen)
-        return compile_measure(measure, self.latents, self.keys, self.config.eval.batch_size)
+    def eval_step(self) -> Callable[[Any, Batch, int], Any]:
+        """`measure`, compiled: (params, batch on the host, index of the batch) -> its results.
+
+        This process's devices share the batch if their number divides it; otherwise one computes.
+        """
+        devices, size = jax.local_devices(), self.config.eval.batch_size
+        mesh = Mesh(np.asarray(devices[: 1 if size % len(devices) else None]), ("data",))
+        everywhere, split = NamedSharding(mesh, P()), NamedSharding(mesh, P("data"))
+        specs: Any = {"in_specs": (P(), P(), P("data")), "out_specs": P("data")}
+        sharded = jax.shard_map(self.measure, mesh=mesh, check_vma=False, **specs)
+
+        def step(frozen: Any, params: Any, batch: Batch, index: Any) -> Any:
+            drawn = self.latents(index, size, train=False)
+            return sharded(frozen, params, {**batch, **drawn})
+
+        compiled = jax.jit(step, compiler_options=compiler_options())
+        frozen = jax.device_put(self.frozen, everywhere)
+
+        def run(params: Any, batch: Batch, index: int) -> Any:
+            # Training may use more devices. Batches have `visible` only if the records have depth.
+            params = jax.device_put(params, everywhere)
+            arrays = {key: batch[key] for key in (*self.keys, "visible") if key in batch}
+            return compiled(frozen, params, jax.device_put(arrays, split), np.int32(index))
+
+        return run
 
     def evaluate(
         self, params: Any, *, chosen: Any = None, draws: int = 0, **options: Any

@@ -12,15 +12,11 @@ from helpers.weights import config as small_config
 from helpers.weights import random_params
 
 from psgn_jax import tasks
+from psgn_jax.data import loader
 from psgn_jax.data.dataset import write_dataset
 from psgn_jax.evaluation import table as table_lib
 from psgn_jax.evaluation.results import Evaluation, SampleName
-from psgn_jax.evaluation.split import evaluate_split
-
-
-@pytest.fixture(autouse=True)
-def source(monkeypatch):
-    standin.install(monkeypatch)
+from psgn_jax.evaluation.split import eval_batches, evaluate_split
 
 
 def test_every_sample_counts_once():
@@ -31,14 +27,11 @@ def test_every_sample_counts_once():
 
     config = standin.config(eval__batch_size=4)
     result = evaluate_split(config, {}, step)
-    rows = [
-        standin.sample(config.data, 1000 + n, config.data.num_eval_points, np.random.default_rng(n))
-        for n in range(standin.SIZES["validation"])
-    ]
-    expected = [row["points"].astype(np.float64).mean() for row in rows]
+    (whole,) = eval_batches(standin.config(eval__batch_size=11))
+    expected = whole["points"].astype(np.float64).mean(axis=(1, 2))
     np.testing.assert_array_equal(result.metrics["cd_sq_radius2"], expected)
-    kinds = standin.CATEGORIES
-    assert result.names == [SampleName(n, kinds[n % 3], f"model{n}", n) for n in range(11)]
+    names = zip(range(11), *(whole[name] for name in SampleName._fields[1:]), strict=True)
+    assert result.names == [SampleName(*name) for name in names]
     assert len(evaluate_split(config, {}, step, max_samples=6).names) == 6
 
 
@@ -86,8 +79,8 @@ def test_names_of_others_are_no_formulas_in_csv_and_are_read_back(name):
 
 @pytest.mark.parametrize(("count", "shown"), [(8, ""), (3, ", 3 of a cloud different")])
 def test_true_points_that_are_repeated_are_told(monkeypatch, count, shown):
-    def few(*arguments, **options):
-        for batch in standin.eval_batches(*arguments, **options):
+    def few(*arguments, read=loader.eval_batches, **options):
+        for batch in read(*arguments, **options):
             yield batch | {"points": batch["points"][:, np.arange(8) % count]}
 
     monkeypatch.setattr("psgn_jax.data.loader.eval_batches", few)

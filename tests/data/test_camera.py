@@ -1,20 +1,6 @@
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from psgn_jax.data import camera, schema
-
-
-def test_default_camera_is_the_authors(rng):
-    """The formulas of their data: tilt, 400 px, distance 3.6, 0.252 down."""
-    intrinsics, extrinsics = camera.default_camera()
-    schema.check_camera(intrinsics, extrinsics)
-    points = rng.uniform(-1, 1, (50, 3))
-    tilt = Rotation.from_euler("y", -20, degrees=True).as_matrix()
-    q = np.stack([-points[:, 2], points[:, 1], points[:, 0]], axis=1) @ tilt
-    pixels, depth = camera.project(points, intrinsics, extrinsics)
-    np.testing.assert_allclose(depth, 3.6 - q[:, 2], atol=1e-6)
-    np.testing.assert_allclose(pixels[:, 0], 128 + 400 * q[:, 1] / depth, atol=1e-4)
-    np.testing.assert_allclose(pixels[:, 1], 96 + 400 * (q[:, 0] + 0.252) / depth, atol=1e-4)
+from psgn_jax.data import camera
 
 
 def test_inside_mask():

@@ -65,18 +65,14 @@ def own_frame(sample):
     return framed(about_z(50 * int(sample.model_id) + 50))(sample)
 
 
-def joined(rotation, last):
-    return np.column_stack([rotation, last])
-
-
 CONVENTIONS = [
     (outer(lambda e: GL @ e), "OpenGL", "negate rows 2 and 3"),
-    (outer(lambda e: joined((PYTORCH3D @ e[:3, :3]).T, PYTORCH3D @ e[:3, 3])),
+    (outer(lambda e: np.column_stack([(PYTORCH3D @ e[:3, :3]).T, PYTORCH3D @ e[:3, 3]])),
      "PyTorch3D", "transpose", "negate rows 1 and 2"),
     (outer(np.linalg.inv), "camera to world", "invert"),
     (outer(lambda e: np.linalg.inv(GL @ e)), "camera to world", "Blender", "negate rows 2 and 3"),
-    (outer(lambda e: joined(e[:3, :3].T, e[:3, 3])), "transpose"),
-    (outer(lambda e: joined(e[:3, :3], np.linalg.inv(e)[:3, 3])), "-R @ C"),
+    (outer(lambda e: np.column_stack([e[:3, :3].T, e[:3, 3]])), "transpose"),
+    (outer(lambda e: np.column_stack([e[:3, :3], np.linalg.inv(e)[:3, 3]])), "-R @ C"),
     (inner(lambda k: np.diag([1 / 128, 1 / 96, 1]) @ k), "0..1", "width", "height"),
     (lambda s: inner(lambda k: np.diag([2, 2, 1]) @ k)(moved(s, -4, -9)), "another image size"),
     (inner(lambda k: k[[1, 0, 2]][:, [1, 0, 2]]), "cx and cy"),

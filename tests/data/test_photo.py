@@ -291,22 +291,3 @@ def test_placing_lets_nothing_bleed_in_and_refuses_wrong_masks():
     dot[5, 5] = True
     table = [(np.zeros_like(mask), "empty"), (np.ones_like(mask), "whole image"), (dot, "1x1", "8")]
     all_refused(lambda wrong: framing.place(image, wrong), photo.PhotoError, table)
-
-
-def test_the_rule_fits_the_authors_images(authors_batches):
-    from psgn_jax.data.sources import authors
-
-    path = sorted(authors_batches.glob("*.gz"))[0]
-    logs, rows = [], []
-    for entry in authors.read_batch(path):
-        sample = entry.sample
-        top, bottom, left, right = resample.box_of(sample.mask)
-        if min(bottom - top, right - left) < 20:
-            continue
-        view = framing.place(sample.image, sample.mask)
-        logs.append(np.log(view.to_view[0, 0]))
-        placed_top, placed_bottom, *_ = resample.box_of(view.mask)
-        rows.append((placed_top + placed_bottom - top - bottom) / 2)
-    assert abs(np.median(logs)) < 0.06
-    assert np.std(logs) < 0.2
-    assert abs(np.median(rows)) < 12

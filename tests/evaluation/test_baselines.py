@@ -1,9 +1,8 @@
-import dataclasses
 import json
 
 import numpy as np
 import pytest
-from helpers import small_runs, weights
+from helpers import weights
 from helpers.refusals import refused
 
 from psgn_jax.config.experiment import ConfigError
@@ -11,12 +10,9 @@ from psgn_jax.evaluation import baselines
 
 
 @pytest.fixture(scope="module")
-def case(tmp_path_factory):
-    """A configuration, random parameters, and records of drawn solids."""
-    folder = tmp_path_factory.mktemp("baselines")
+def case():
+    """A configuration and random parameters."""
     config = weights.config(model__fc_points=136)
-    data = dataclasses.replace(config.data, path=str(small_runs.write_solids(folder / "records")))
-    config = dataclasses.replace(config, data=data)
     return config, weights.random_params(config)
 
 
@@ -56,6 +52,5 @@ def test_intervals_and_files(rows):
 def test_splits_that_cannot_be_compared_are_refused(case):
     with refused(ConfigError, "split='train'"):
         baselines.measure(*case, "train")
-    many = weights.config(model__fc_points=10_000)
     with refused(ConfigError, "split='validation'", 20000):
-        baselines.measure(dataclasses.replace(many, data=case[0].data), None, "validation")
+        baselines.measure(weights.config(model__fc_points=10_000), None, "validation")

@@ -4,21 +4,16 @@ Solids of random proportions and poses, seen by the authors' camera (`camera.def
 their grey background, with exact depth, mask and surface points.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 import scipy.spatial
 
 from psgn_jax.data import augment, camera, schema
 
-DEFAULT_IMAGE_SIZE = (192, 256)
-NUM_POINTS = 4096
-
 
 class Solid:
     """The convex hull of points around the origin; its axis is z."""
 
-    def __init__(self, category: str, vertices: np.ndarray):
+    def __init__(self, category, vertices):
         hull = scipy.spatial.ConvexHull(vertices)
         self.category = category
         self.vertices = vertices
@@ -27,7 +22,7 @@ class Solid:
         planes = np.unique(hull.equations.round(9), axis=0)
         self.normals, self.shifts = planes[:, :3], planes[:, 3]
 
-    def sample(self, rng: np.random.Generator, n: int) -> np.ndarray:
+    def sample(self, rng, n):
         """Points [n, 3], uniform on the surface."""
         a, b, c = self.triangles.transpose(1, 0, 2)
         areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
@@ -36,7 +31,7 @@ class Solid:
         weights = np.stack([u, v - u, 1 - v], axis=1)
         return (weights[..., None] * self.triangles[face]).sum(axis=1)
 
-    def cast(self, origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def cast(self, origin, directions):
         """Parameters [n] of the first hits (inf = none) of rays from outside, and normals."""
         slope = directions @ self.normals.T
         slope = np.where(np.abs(slope) < 1e-12, 1e-12, slope)
@@ -47,12 +42,12 @@ class Solid:
         return np.where(hit, first, np.inf), self.normals[enters.argmax(axis=1)]
 
 
-def box(half: np.ndarray) -> Solid:
+def box(half):
     """A box of half extents `half` [3]."""
     return Solid("box", half * np.stack(np.meshgrid(*[[-1, 1]] * 3), axis=-1).reshape(-1, 3))
 
 
-def frustum(category: str, bottom: float, top: float, height: float, sides: int = 32) -> Solid:
+def frustum(category, bottom, top, height, sides=32):
     """Two regular polygons of given radii, one above the other."""
     angle = np.arange(sides) * 2 * np.pi / sides
     ring = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
@@ -60,16 +55,15 @@ def frustum(category: str, bottom: float, top: float, height: float, sides: int 
     return Solid(category, np.concatenate([bottom * ring - up, (top * ring + up)]))
 
 
-def ellipsoid(half: np.ndarray, count: int = 100) -> Solid:
-    """An ellipsoid of half axes `half` [3]; `count` points of it are its corners."""
-    z = np.linspace(-1, 1, count)
-    angle, radius = np.arange(count) * np.pi * (3 - 5**0.5), np.sqrt(1 - z**2)
-    return Solid(
-        "ellipsoid", half * np.stack([radius * np.cos(angle), radius * np.sin(angle), z], 1)
-    )
+def ellipsoid(half):
+    """An ellipsoid of half axes `half` [3]; a hundred points of it are its corners."""
+    z = np.linspace(-1, 1, 100)
+    angle, radius = np.arange(100) * np.pi * (3 - 5**0.5), np.sqrt(1 - z**2)
+    corners = np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
+    return Solid("ellipsoid", half * corners)
 
 
-def torus_points(rng: np.random.Generator, ring: float, tube: float, n: int) -> np.ndarray:
+def torus_points(rng, ring, tube, n):
     """Points [n, 3], uniform on a torus; `ring` is the distance from its axis to the tube."""
     around = rng.uniform(0, 2 * np.pi, 4 * n)
     accept = rng.random(4 * n) < (ring + tube * np.cos(around)) / (ring + tube)
@@ -88,14 +82,7 @@ RANDOM = {
 """Category -> a solid of random proportions; `draw` normalises its size."""
 
 
-def draw(
-    solid: Solid,
-    rng: np.random.Generator,
-    *,
-    image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
-    num_points: int = NUM_POINTS,
-    model_id: str = "",
-) -> schema.Sample:
+def draw(solid, rng, *, image_size=(192, 256), num_points=4096, model_id=""):
     """One sample: the solid on the ground, upright or lying, rotated, lit from a random side.
 
     Lambert shading without shadows: colour = albedo * (0.35 + 0.65 max(n . l, 0)). The unit is the
@@ -150,9 +137,7 @@ def draw(
     )
 
 
-def samples(
-    count: int, *, seed: int, image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE
-) -> Iterator[schema.Sample]:
+def samples(count, *, seed, image_size=(192, 256)):
     """`count` samples with alternating categories; the same seed gives the same samples."""
     for number in range(count):
         rng = np.random.default_rng([seed, number])
@@ -161,7 +146,7 @@ def samples(
         yield draw(RANDOM[category](rng), rng, image_size=image_size, model_id=name)
 
 
-def view_of(category: str, image_size: tuple[int, int], seed: int = 0) -> augment.View:
+def view_of(category, image_size, seed=0):
     """A random solid of a category, as the augmentations take it."""
     rng = np.random.default_rng(seed)
     s = draw(RANDOM[category](rng), rng, image_size=image_size)

@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 from scipy import ndimage
 
-from psgn_jax.data.sources.binvox import Binvox
+from psgn_jax.data.sources.binvox import Grid
 
 LOWER = np.array([[-0.3, -0.25, -0.2], [-0.3, -0.15, -0.2], [0.2, -0.15, 0.1]])
 UPPER = np.array([[0.3, -0.15, 0.2], [-0.2, 0.3, 0.2], [0.3, 0.1, 0.2]])
@@ -29,7 +29,7 @@ def voxels(size=32):
     for lower, upper in BOXES:
         inside = (x > lower[:, None]) & (x < upper[:, None])
         solid[np.ix_(*inside)] = True
-    return Binvox(solid, low, LONGEST)
+    return Grid(solid, low, LONGEST)
 
 
 def surface(rng, count):
@@ -67,19 +67,19 @@ def silhouette(view):
     return mask
 
 
-def write_r2n2(root, names=("a", "b", "c", "d", "e"), synset="03001627"):
+def write_r2n2(root, names=("a", "b", "c", "d", "e")):
     rows = "".join(f"{a} {e} 0 {r} 25\n" for a, e, r in VIEWS)
     files = "".join(f"{i:02d}.png\n" for i in range(len(VIEWS)))
     seen = [silhouette(view)[..., None] for view in VIEWS]
     pictures = [Image.fromarray(mask * np.array([*COLOUR, 255], np.uint8)) for mask in seen]
     for name in names:
-        rendering = root / "ShapeNetRendering" / synset / name / "rendering"
+        rendering = root / "ShapeNetRendering" / "03001627" / name / "rendering"
         rendering.mkdir(parents=True)
         for file, picture in zip(files.split(), pictures, strict=True):
             picture.save(rendering / file)
         (rendering / "rendering_metadata.txt").write_text(rows)
         (rendering / "renderings.txt").write_text(files)
-        folder = root / "ShapeNetVox32" / synset / name
+        folder = root / "ShapeNetVox32" / "03001627" / name
         folder.mkdir(parents=True)
         write_binvox(folder / "model.binvox", voxels())
     return root
@@ -114,10 +114,10 @@ def write_occnet(root, splits=None, synset="03001627"):
 
 def write_binvox(path, grid):
     """Writes a file in the form of binvox, with numbers to 17 digits."""
-    dim = len(grid.solid)
-    runs = re.findall(rb"\x00{1,255}|\x01{1,255}", grid.solid.transpose(0, 2, 1).tobytes())
-    translate = " ".join(f"{float(t):.17g}" for t in grid.translate)
-    header = f"#binvox 1\ndim {dim} {dim} {dim}\ntranslate {translate}\nscale {grid.scale:.17g}\n"
+    dim = len(grid.cells)
+    runs = re.findall(rb"\x00{1,255}|\x01{1,255}", grid.cells.transpose(0, 2, 1).tobytes())
+    translate = " ".join(f"{float(t):.17g}" for t in grid.low)
+    header = f"#binvox 1\ndim {dim} {dim} {dim}\ntranslate {translate}\nscale {grid.size:.17g}\n"
     data = b"".join(bytes([run[0], len(run)]) for run in runs)
     path.write_bytes(header.encode() + b"data\n" + data)
 

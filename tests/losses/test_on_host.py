@@ -93,6 +93,7 @@ from helpers import standin
 from jax._src.callback import pure_callback_p
 from jax._src.interpreters import mlir
 from psgn_jax import tasks
+from psgn_jax.data import loader
 from psgn_jax.models import networks
 from psgn_jax.training import step
 jax.default_backend = lambda: "gpu"
@@ -108,7 +109,7 @@ config = standin.config(data__num_points=136, loss__name=loss, model__widths=(4,
 task = tasks.create(config)
 create, train_step = step.create_training(config, task, step.data_mesh())
 state = jax.eval_shape(create)
-batches = standin.train_batches(config.data, batch_size=8, seed=0, start_step=0)
+batches = loader.train_batches(config.data, batch_size=8, seed=0, start_step=0)
 batch = {k: v for k, v in next(batches).items() if k in networks.input_keys(config)}
 program = text(train_step, state, batch)
 assert program.count("custom_call @solve") == 1 and "while" not in program

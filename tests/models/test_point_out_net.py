@@ -10,7 +10,7 @@ from helpers.refusals import all_refused
 from psgn_jax.config.experiment import ModelConfig
 from psgn_jax.models import layers
 from psgn_jax.models.cpu_convolution import convolutions_for
-from psgn_jax.models.networks import build, scaled_widths
+from psgn_jax.models.networks import build
 
 # Most of the time of these tests is compilation.
 quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
@@ -224,11 +224,6 @@ def test_several_draws_are_as_many_separate_calls_and_samples_are_independent(ra
     assert jax.tree.map(jnp.shape, shapes) == jax.tree.map(jnp.shape, params)
 
 
-def operations(function, *args) -> float:
-    """Number of arithmetic operations of a function, by XLA's analysis."""
-    return jax.jit(function).lower(*args).cost_analysis()["flops"]
-
-
 @pytest.mark.parametrize(("name", "most"), [("two_branch", 1.85), ("hourglass", 3.3)])
 def test_eight_draws_cost_no_eight_encoders(name, most):
     """Counts at full size. The hourglass repeats all layers after its first bottleneck."""
@@ -236,15 +231,12 @@ def test_eight_draws_cost_no_eight_encoders(name, most):
     network, x = build(config), jax.ShapeDtypeStruct((1, 192, 256, 4), jnp.float32)
     one, eight = (jax.ShapeDtypeStruct((1, *n, 128), jnp.float32) for n in ((), (8,)))
     variables = jax.eval_shape(network.init, jax.random.key(0), x, one)
-    count = functools.partial(operations, network.apply, variables, x)
+
+    def count(r):  # arithmetic operations, by XLA's analysis
+        return jax.jit(network.apply).lower(variables, x, r).cost_analysis()["flops"]
+
     with convolutions_for("export"):  # calls of oneDNN are not counted
         assert count(eight) < most * count(one)
-
-
-def test_scaled_widths():
-    widths = (16, 20, 512)
-    assert scaled_widths(widths, 0.5) == (8, 8, 256)
-    assert scaled_widths(widths, 1.5) == (24, 32, 768)
 
 
 @pytest.mark.usefixtures("unchecked_annotations")

@@ -1,12 +1,9 @@
-import functools
-
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from psgn_jax.models import volumes
-from psgn_jax.models.volumes import VoxelRefiner, log_volume
+from psgn_jax.models.volumes import log_volume
 
 splat = jax.jit(volumes.splat, static_argnames="size")
 
@@ -31,18 +28,7 @@ def test_splat_is_the_intersection_volume_also_at_and_beyond_the_border(rng):
     assert grid.sum() == pytest.approx(1 / 4)
     points[2, 1] = np.nan
     assert np.isnan(splat(points)).all()
-
-
-def test_splat_is_clipped_and_differentiable(rng):
-    points = np.repeat(np.array([[1 / 32, 1 / 32, 1 + 1 / 32]], np.float32), 5, axis=0)
-    assert splat(points).max() == 1
-    cloud = rng.uniform(0.1, 0.9, (20, 3))
-    weights, direction = rng.random((8, 8, 8)), rng.normal(size=(20, 3))
-    with jax.enable_x64(True):
-        total = jax.jit(jax.value_and_grad(lambda p: (volumes.splat(p, 8) * weights).sum()))
-        slope = (total(cloud)[1] * direction).sum()
-        above, below = (total(cloud + h * direction)[0] for h in (1e-7, -1e-7))
-        np.testing.assert_allclose(slope, (above - below) / 2e-7, rtol=1e-5)
+    assert splat(np.float32([[1 / 32, 1 / 32, 33 / 32]] * 5)).max() == 1  # clipped
 
 
 def test_log_volume_is_in_cubic_units():
@@ -50,13 +36,3 @@ def test_log_volume_is_in_cubic_units():
     assert log_volume(occupancy) == pytest.approx(np.log(1 / 16**3))
     occupancy[:16] = True
     assert log_volume(occupancy) == pytest.approx(np.log(4))
-
-
-def test_six_layers_of_27_taps():
-    splats, volumes = jnp.zeros((2, 32, 32, 32, 2)), jnp.zeros(2)
-    init = functools.partial(VoxelRefiner().init_with_output, jax.random.key(0))
-    out, variables = jax.eval_shape(init, splats, volumes)
-    assert out.shape == (2, 32, 32, 32)
-    assert len(variables["params"]) == 6
-    count = 27 * (3 * 16 + 4 * 16 * 16 + 16) + 5 * 16 + 1
-    assert sum(leaf.size for leaf in jax.tree.leaves(variables)) == count

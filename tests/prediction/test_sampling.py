@@ -9,6 +9,7 @@ from helpers.weights import random_params
 
 from psgn_jax import tasks
 from psgn_jax.config.experiment import ConfigError
+from psgn_jax.evaluation.split import eval_batches
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.models import networks
 from psgn_jax.prediction import sampling
@@ -29,14 +30,13 @@ def test_a_draw_depends_on_seed_sample_and_number_alone():
 
 
 @pytest.mark.slow
-def test_evaluation_with_draws(monkeypatch):
-    standin.install(monkeypatch)
+def test_evaluation_with_draws():
     config, model, params = network(eval__emd_tolerance=0.05)
     result = tasks.create(config).evaluate(params, draws=3)
     best, mean = (result.metrics[f"cd_sq_radius2_{what}_of_3"] for what in ("best", "mean"))
     assert (best < mean).all()
     assert (result.metrics["emd_radius_best_of_3"] < result.metrics["emd_radius_mean_of_3"]).all()
-    _, second, *_ = standin.eval_batches(config.data, split="validation", batch_size=4)
+    _, second, *_ = eval_batches(config)
     r = sampling.sample_latents(config, 4, 4, 3, config.seed)
     drawn = np.asarray(jax.jit(lambda r: networks.predict(config, model, params, second, r))(r))
     assert np.abs(drawn[:, 0] - drawn[:, 1]).max() > 1e-3

@@ -1,4 +1,4 @@
-"""Training end to end on a stand-in data set: one tiny run, resumed, killed, stopped, refused."""
+"""Training end to end on a small data set: one tiny run, resumed, killed, stopped, refused."""
 
 import dataclasses
 import json
@@ -34,11 +34,6 @@ TINY = {"model__name": "vanilla", "model__widths": (4, 6, 8)}
 LARGE = {"data__image_size": (192, 256)}
 
 
-@pytest.fixture(autouse=True)
-def source(monkeypatch):
-    standin.install(monkeypatch)
-
-
 @pytest.fixture(scope="module")
 def config():
     return standin.config(**TINY, train__images_every=6, train__log_every=4, eval__max_samples=6)
@@ -47,10 +42,7 @@ def config():
 @pytest.fixture(scope="module")
 def run(config, tmp_path_factory):
     workdir = tmp_path_factory.mktemp("train") / "run"
-    with pytest.MonkeyPatch.context() as patch:
-        standin.install(patch)
-        outcome = train(config, workdir)
-    return workdir, outcome
+    return workdir, train(config, workdir)
 
 
 def changed(config, section, **fields):
@@ -140,8 +132,8 @@ def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, mon
 
 
 def test_non_finite_loss_stops_naming_metric_and_step(config, tmp_path, monkeypatch):
-    def train_batches(cfg, **arguments):
-        batches = standin.train_batches(cfg, **arguments)
+    def train_batches(cfg, read=loader.train_batches, **arguments):
+        batches = read(cfg, **arguments)
         for number, batch in enumerate(batches, arguments["start_step"] + 1):
             if number == 5:
                 batch["points"] = np.full_like(batch["points"], np.inf)
@@ -179,12 +171,11 @@ def command(config, tmp_path_factory):
     file = write_config(folder / "tiny.py", config)
     environment = quick_environment(folder)
 
-    def start(workdir, *flags, delay=0.01):
-        program = [sys.executable, "tests/helpers/standin.py", f"--config={file}"]
+    def start(workdir, *flags):
+        program = [sys.executable, "-m", "psgn_jax.main", f"--config={file}"]
         program += [f"--workdir={workdir}", *flags]
-        own = environment | {"PSGN_STANDIN_DELAY": str(delay)}
         with open(f"{workdir}.log", "a") as log:
-            return subprocess.Popen(program, stdout=log, stderr=log, env=own, cwd=ROOT)
+            return subprocess.Popen(program, stdout=log, stderr=log, env=environment, cwd=ROOT)
 
     return start
 
@@ -210,13 +201,13 @@ def wait_for(condition, process, workdir):
 @pytest.mark.slow
 def test_killed_stopped_and_out_of_space_a_run_ends_with_the_same_bits(command, tmp_path):
     steps, workdir, reference = "--config.train.steps=60", tmp_path / "run", tmp_path / "reference"
-    assert command(reference, steps, delay=0).wait() == 0
+    assert command(reference, steps).wait() == 0
     for end in (-signal.SIGKILL, 128 + signal.SIGTERM, 5):
         process = command(workdir, steps)
         goal = newest_step(workdir) + 6
         wait_for(lambda goal=goal: newest_step(workdir) >= goal, process, workdir)
         if end == 5:  # a full disk
-            resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (2000, resource.RLIM_INFINITY))
+            resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (20_000, resource.RLIM_INFINITY))
         elif end > 0:
             process.send_signal(signal.SIGTERM)
         else:
@@ -225,7 +216,7 @@ def test_killed_stopped_and_out_of_space_a_run_ends_with_the_same_bits(command, 
         assert process.wait() == end, log_of(workdir)
     assert log_of(workdir).splitlines()[-1].startswith(f"error: {workdir}")
     assert 0 < newest_step(workdir) < 60
-    assert command(workdir, steps, delay=0).wait() == 0
+    assert command(workdir, steps).wait() == 0
     assert newest(workdir).step == 60
     assert_same_leaves(newest(workdir), newest(reference))
     assert lines(workdir) == lines(reference)
@@ -237,16 +228,15 @@ def test_killed_stopped_and_out_of_space_a_run_ends_with_the_same_bits(command, 
     assert not re.search("Traceback|damaged", said)
 
 
-def test_a_run_in_parts_ends_with_the_same_bits(tmp_path, monkeypatch):
+def test_a_run_in_parts_ends_with_the_same_bits(tmp_path):
     """Decoding, augmentation, the choice of points and random inputs are resumed too.
 
     The parts end between two lines of metrics, two checkpoints and two evaluations.
     """
-    monkeypatch.undo()  # the real loader
     config = standin.config(
         **TINY, model__posterior=True, model__posterior_widths=(2, 2, 2), model__posterior_hidden=4,
-        loss__kl_weight=0.01, data__path=str(write_solids(tmp_path / "records")), data__flip=True,
-        data__stretch=0.2, data__colour_jitter=0.3, train__log_every=4,
+        loss__kl_weight=0.01, data__flip=True, data__stretch=0.2, data__colour_jitter=0.3,
+        train__log_every=4,
     )  # fmt: skip
     train(config, tmp_path / "whole")
     train(changed(config, "train", steps=5), tmp_path / "run")

@@ -5,7 +5,6 @@ import json
 
 import numpy as np
 import pytest
-from helpers import standin
 from helpers import weights as tiny
 from helpers.refusals import all_refused, refused
 
@@ -21,8 +20,7 @@ def with_init(config, init, **fields):
     return dataclasses.replace(config, train=train)
 
 
-def test_a_training_begins_with_the_trained_network(tmp_path, monkeypatch):
-    standin.install(monkeypatch)
+def test_a_training_begins_with_the_trained_network(tmp_path):
     base = tiny.config(train__steps=2, train__eval_every=2, optim__learning_rate=1e-9)
     path = tmp_path / "w.safetensors"
     weights = tiny.weights(base, "float32")

@@ -24,15 +24,19 @@ _LENGTHS = {"dim": 3, "translate": 3, "scale": 1}  # numbers in a line of the he
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Binvox:
-    """A voxelised model."""
+class Grid:
+    """A cube of voxels, in the coordinates of a model or of the world."""
 
-    solid: np.ndarray  # bool [D, D, D] indexed [x, y, z]
-    translate: np.ndarray  # float64 [3], lowest corner of the grid in the model's coordinates
-    scale: float  # edge of the grid in the model's unit
+    cells: np.ndarray  # bool [D, D, D] indexed [x, y, z], True inside the object
+    low: np.ndarray  # float64 [3], lowest corner
+    size: float  # edge of the cube
+
+    @property
+    def edge(self) -> float:
+        return self.size / len(self.cells)
 
 
-def read(path: str | os.PathLike[str], size: int = OCCUPANCY_SIZE) -> Binvox:
+def read(path: str | os.PathLike[str], size: int = OCCUPANCY_SIZE) -> Grid:
     """Reads a file with `size`^3 cells; otherwise ValueError, with the file and the reason."""
     try:
         return _read(pathlib.Path(path), size)
@@ -40,7 +44,7 @@ def read(path: str | os.PathLike[str], size: int = OCCUPANCY_SIZE) -> Binvox:
         raise ValueError(f"{path}: {error}") from None
 
 
-def _read(path: pathlib.Path, dim: int) -> Binvox:
+def _read(path: pathlib.Path, dim: int) -> Grid:
     fields = {"translate": [0.0, 0.0, 0.0], "scale": [1.0]}
     with path.open("rb") as file:
         if not file.readline(_MAX_LINE).startswith(b"#binvox"):
@@ -79,4 +83,4 @@ def _read(path: pathlib.Path, dim: int) -> Binvox:
     if not scale > 0:
         raise ValueError(f"scale {scale}, expected more than 0")
     solid = np.repeat(values.astype(np.bool_), counts).reshape(dim, dim, dim).transpose(0, 2, 1)
-    return Binvox(np.ascontiguousarray(solid), np.array(fields["translate"]), scale)
+    return Grid(np.ascontiguousarray(solid), np.array(fields["translate"]), scale)

@@ -94,8 +94,8 @@ def open_model(
     world = (points * scale + loc) @ shapenet.TO_WORLD.T
     solid = None
     if voxel_path.is_file():
-        cells = binvox.read(voxel_path).solid
-        solid = shapenet.world_grid(binvox.Binvox(cells, loc - scale / 2, scale))
+        cells = binvox.read(voxel_path).cells
+        solid = shapenet.world_grid(binvox.Grid(cells, loc - scale / 2, scale))
     origin, unit = shapenet.object_frame(world, cloud_path)
     keys = [f"{kind}_mat_{i}" for i in range(shapenet.NUM_VIEWS) for kind in ("world", "camera")]
     cameras = _arrays(camera_path, dict.fromkeys(keys, 16))
@@ -107,7 +107,7 @@ def open_model(
         path = images / f"{view:03d}.jpg"
         eye, inner = _camera(cameras, view, camera_path)
         image = shapenet.read_image(path, "JPEG", "RGB")
-        mask = _silhouette(world, inner, eye, image, path)
+        mask = _silhouette(world, eye, inner, image, path)
         image = np.where(mask[..., None], image, np.uint8(schema.BACKGROUND_GREY))
         return model.sample(view, eye, inner, image, mask)
 
@@ -158,14 +158,10 @@ def _camera(
 
 
 def _silhouette(
-    points: np.ndarray,
-    inner: np.ndarray,
-    extrinsics: np.ndarray,
-    image: np.ndarray,
-    path: pathlib.Path,
+    points: np.ndarray, eye: np.ndarray, inner: np.ndarray, image: np.ndarray, path: pathlib.Path
 ) -> np.ndarray:
     """The mask of the module, bool [H, W]; ValueError if it does not fit the image."""
-    mask = shapenet.drawn_mask(*camera.project(points, inner, extrinsics), image.shape[:2])
+    mask = shapenet.drawn_mask(*camera.project(points, inner, eye), image.shape[:2])
     seen = np.argwhere(image.min(axis=2) < _NOT_WHITE)[:, ::-1] + 0.5
     inside = camera.inside_mask(seen, mask, _NEAR_PIXELS).mean() if len(seen) else 0.0
     if inside < _LEAST_INSIDE or not mask.any():

@@ -22,7 +22,7 @@ from PIL import Image
 from scipy import ndimage
 
 from psgn_jax.data import camera, schema, synsets
-from psgn_jax.data.sources.binvox import Binvox
+from psgn_jax.data.sources.binvox import Grid
 
 NUM_POINTS = 16384
 NUM_VIEWS = 24
@@ -36,15 +36,6 @@ TO_WORLD = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 _MAX_FILE_SIZE = 1 << 24
 _FINE = 4
 _LARGEST = 1e4  # bound of a model's coordinates and of 1 / radius
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class WorldGrid:
-    """An occupancy grid in the world."""
-
-    cells: np.ndarray  # bool [n, n, n] indexed [x, y, z], z up
-    low: np.ndarray  # [3], lowest corner of the grid
-    edge: float  # edge length of a cell
 
 
 def intrinsics() -> np.ndarray:
@@ -65,8 +56,7 @@ def orbit_camera(azimuth: float, elevation: float, distance: float) -> np.ndarra
 def object_frame(points: np.ndarray, path: pathlib.Path) -> tuple[np.ndarray, float]:
     """Origin [3] and unit of an object's frame, from all its points [n, 3] in the world.
 
-    ValueError, which names `path`, if there are no points, or if the object is orders of magnitude
-    larger or smaller than ShapeNet's models, whose edges are about 1.
+    ValueError, which names `path`, without points, or if the size is far from ShapeNet's (about 1).
     """
     if not len(points):
         raise ValueError(f"{path}: the volume is empty")
@@ -82,22 +72,21 @@ def object_frame(points: np.ndarray, path: pathlib.Path) -> tuple[np.ndarray, fl
     return origin, unit
 
 
-def world_grid(grid: Binvox) -> WorldGrid:
-    """Transforms the binvox of a ShapeNet model to the world."""
-    cells = grid.solid.transpose(0, 2, 1)[:, ::-1]
-    x, y, z = grid.translate
-    low = np.array([x, -(z + grid.scale), y])
-    return WorldGrid(cells, low, grid.scale / len(cells))
+def world_grid(grid: Grid) -> Grid:
+    """Transforms the volume of a ShapeNet model to the world."""
+    x, y, z = grid.low
+    low = np.array([x, -(z + grid.size), y])
+    return Grid(grid.cells.transpose(0, 2, 1)[:, ::-1], low, grid.size)
 
 
-def corners(solid: WorldGrid) -> np.ndarray:
+def corners(solid: Grid) -> np.ndarray:
     """Corners of all occupied cells in the world, [n, 3]."""
     cells = np.argwhere(solid.cells)
     steps = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(-1, 3)
     return np.unique((cells[:, None] + steps).reshape(-1, 3), axis=0) * solid.edge + solid.low
 
 
-def surface_points(solid: WorldGrid, count: int, rng: np.random.Generator) -> np.ndarray:
+def surface_points(solid: Grid, count: int, rng: np.random.Generator) -> np.ndarray:
     """Uniform random points on the outer faces of occupied cells, in the world.
 
     The faces form steps, so their surface is rougher and larger than the model's. On a slanted
@@ -117,9 +106,7 @@ def surface_points(solid: WorldGrid, count: int, rng: np.random.Generator) -> np
     return (chosen[:, :3] + offset) * solid.edge + solid.low
 
 
-def turned_occupancy(
-    solid: WorldGrid, origin: np.ndarray, unit: float, turn: np.ndarray
-) -> np.ndarray:
+def turned_occupancy(solid: Grid, origin: np.ndarray, unit: float, turn: np.ndarray) -> np.ndarray:
     """Resamples the volume to the schema's grid in the frame of a view, bool [32, 32, 32].
 
     We divide a cell into 4^3 parts; a part is solid if its centre is in an occupied cell of
@@ -163,15 +150,13 @@ def read_limited(path: pathlib.Path) -> bytes:
     return path.read_bytes()
 
 
-def read_image(
-    path: pathlib.Path, kind: str, mode: str, size: tuple[int, int] = (IMAGE_SIDE, IMAGE_SIDE)
-) -> np.ndarray:
-    """Decodes an image of the format `kind` to uint8 [height, width, channels of `mode`].
+def read_image(path: pathlib.Path, kind: str, mode: str) -> np.ndarray:
+    """Decodes an image of 137x137 pixels and the format `kind` to uint8 [137, 137, channels].
 
-    `mode` is "RGB" (grey images are converted) or "RGBA"; `size` is (width, height). ValueError,
-    which names the file, for another image.
+    `mode` is "RGB" (grey images are converted) or "RGBA". ValueError, which names the file, for
+    another image.
     """
-    data = read_limited(path)
+    data, size = read_limited(path), (IMAGE_SIDE, IMAGE_SIDE)
     try:
         picture = Image.open(io.BytesIO(data), formats=(kind,))
         if picture.size != size:
@@ -191,7 +176,7 @@ class ShapeNetModel:
     synset: str
     name: str
     points: np.ndarray  # [n, 3]
-    solid: WorldGrid | None
+    solid: Grid | None
     origin: np.ndarray  # [3]
     unit: float
 

@@ -84,13 +84,8 @@ def test_conversion(make, tmp_path, capsys):
     streams = capsys.readouterr()
     for line in ("duplicate: 1 samples", "validation: 30 samples", "train: 31 samples"):
         assert line in streams.out
-    for message in (
-        "10.gz",
-        "00000003, view 0: the mask is empty",
-        "00000005, view 0: all points are in one place",
-        "3 files, models or views were left out",
-    ):
-        assert message in streams.err
+    for name in ("10.gz", "00000003, view 0", "00000005, view 0", "3 files"):
+        assert name in streams.err
     (left_out,) = RecordReader(target, "duplicate")
     assert left_out.model_id.endswith("0004")
     kept = [int(s.model_id[-2:], 16) for s in RecordReader(target, "validation")]

@@ -13,14 +13,14 @@ def test_axis_order_and_numbers(tmp_path, rng):
     cells = solid.transpose(0, 2, 1).flatten()
     path.write_bytes(header + np.stack([cells, np.ones(9**3)], 1).astype(np.uint8).tobytes())
     got = binvox.read(path, 9)
-    np.testing.assert_array_equal(got.solid, solid)
-    np.testing.assert_array_equal(got.translate, [-0.25, 1e-3, 7])
-    assert got.scale == 0.75
+    np.testing.assert_array_equal(got.cells, solid)
+    np.testing.assert_array_equal(got.low, [-0.25, 1e-3, 7])
+    assert got.size == 0.75
 
 
 def test_damaged_files_name_themselves(tmp_path, rng):
     path = tmp_path / "a.binvox"
-    write_binvox(path, binvox.Binvox(rng.random((8, 8, 8)) < 0.5, np.zeros(3), 1.0))
+    write_binvox(path, binvox.Grid(rng.random((8, 8, 8)) < 0.5, np.zeros(3), 1.0))
     good = path.read_bytes()
     start = good.index(b"data\n") + 5
 
