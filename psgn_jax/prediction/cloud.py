@@ -22,7 +22,7 @@ from psgn_jax.data.photo import Photo
 from psgn_jax.prediction import formats, surface
 from psgn_jax.prediction.draws import spread
 from psgn_jax.system.files import write_atomic
-from psgn_jax.viewing import page
+from psgn_jax.viewing import viewer
 
 FC, DECONV = 0, 1
 
@@ -124,7 +124,7 @@ class Prediction:
         if suffix == "npz":
             content: bytes | str = formats.npz(self.arrays())
         elif suffix == "html":
-            content = page.document_of([self.case(pathlib.Path(path).stem)])
+            content = viewer.document_of([self.case(pathlib.Path(path).stem)])
         elif suffix in formats.MAKERS:
             content = formats.MAKERS[suffix](*self._kept(sample))
         else:
@@ -182,12 +182,12 @@ class Prediction:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the page of `psgn view`, on which the cloud can be turned."""
-        text = html.escape(page.document_of([self.case("")]))
+        text = html.escape(viewer.document_of([self.case("")]))
         return f'<iframe srcdoc="{text}" style="width:100%;height:420px;border:0"></iframe>'
 
-    def case(self, name: str) -> page.Case:
+    def case(self, name: str) -> viewer.Case:
         """What a page shows."""
-        return page.case_of(name, self.arrays())
+        return viewer.case_of(name, self.arrays())
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The arrays of an NPZ file.

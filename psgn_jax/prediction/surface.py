@@ -61,7 +61,7 @@ class SurfaceError(UserError):
     """A cloud has no surface."""
 
 
-class Surface(NamedTuple):
+class ClosedMesh(NamedTuple):
     """A closed mesh."""
 
     vertices: np.ndarray  # float32 [v, 3], in the frame of the points
@@ -75,7 +75,7 @@ def surface_of(
     extrinsics: np.ndarray | None = None,
     *,
     draws: np.ndarray | None = None,
-) -> Surface:
+) -> ClosedMesh:
     """The closed surface of a cloud; the same input gives the same mesh.
 
     Args:
@@ -109,7 +109,7 @@ def surface_of(
             "the cloud's parts are too far apart, or its mask too thin, for a surface"
         )
     vertices, faces = _mesh(field)
-    return Surface(view.back(vertices * grid.step + grid.low).astype(np.float32), faces)
+    return ClosedMesh(view.back(vertices * grid.step + grid.low).astype(np.float32), faces)
 
 
 class _View(NamedTuple):
@@ -338,7 +338,7 @@ def _is_closed(mesh: Any) -> bool:
 
 
 def textured(
-    surface: Surface,
+    surface: ClosedMesh,
     image: np.ndarray,
     mask: np.ndarray,
     intrinsics: np.ndarray,

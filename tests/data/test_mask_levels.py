@@ -12,7 +12,7 @@ from PIL import Image, ImageFilter
 
 from psgn_jax.data import photo
 from psgn_jax.portable import folder
-from psgn_jax.web.page.build import STATIC
+from psgn_jax.web.browser.build import STATIC
 
 HEIGHT, WIDTH = 240, 320
 ROWS, COLUMNS = np.mgrid[:HEIGHT, :WIDTH]

@@ -14,9 +14,9 @@ from PIL import Image
 
 from psgn_jax.commands import view
 from psgn_jax.data import camera
-from psgn_jax.prediction.surface import Surface, glb, textured
-from psgn_jax.viewing import page as lib
-from psgn_jax.viewing.surface import SurfaceFileError, read_surface
+from psgn_jax.prediction.surface import ClosedMesh, glb, textured
+from psgn_jax.viewing import viewer as lib
+from psgn_jax.viewing.surface_file import SurfaceFileError, read_surface
 
 
 def make_case(name="chair 1", samples=3, n=300, seed=0):
@@ -85,7 +85,7 @@ def predicted(tmp_path):
     arrays |= {"intrinsics": intrinsics, "extrinsics": extrinsics}
     arrays |= {"branch": (np.arange(n) >= 75).astype(np.uint8)}
     np.savez(tmp_path / "a.npz", **arrays)
-    surface = Surface(points[0].astype(np.float32), np.array(ball.faces))
+    surface = ClosedMesh(points[0].astype(np.float32), np.array(ball.faces))
     mesh = textured(surface, image, image[..., 0] > 0, intrinsics, extrinsics)
     mesh.apply_scale(2.5)  # metres
     (tmp_path / "a_surface.glb").write_bytes(glb(mesh))

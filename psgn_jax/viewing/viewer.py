@@ -20,10 +20,10 @@ from scipy.spatial import cKDTree
 
 from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing import spheres
-from psgn_jax.viewing.surface import Surface
+from psgn_jax.viewing.surface_file import TexturedMesh
 
 _HEAD = pathlib.Path(__file__).with_name("head.html")
-_TEMPLATE = pathlib.Path(__file__).with_name("page.html")
+_TEMPLATE = pathlib.Path(__file__).with_name("viewer.html")
 _SURFACE_SCRIPT = pathlib.Path(__file__).with_name("surface.js")
 CLOUD_SCRIPT = pathlib.Path(__file__).with_name("cloud.js")
 """An ES module that draws clouds in a browser."""
@@ -57,7 +57,7 @@ class Case:
     truth: np.ndarray | None = None
     num_fc: int = 0
     colours: np.ndarray | None = None
-    surfaces: Sequence[Surface | None] = ()
+    surfaces: Sequence[TexturedMesh | None] = ()
     spread: np.ndarray | None = None
     about: str = ""
     metrics: tuple[str, ...] = ()
@@ -72,7 +72,7 @@ FIELDS = (
 
 
 def case_of(
-    name: str, arrays: Mapping[str, np.ndarray], surfaces: Sequence[Surface | None] = ()
+    name: str, arrays: Mapping[str, np.ndarray], surfaces: Sequence[TexturedMesh | None] = ()
 ) -> Case:
     """The case for the arrays of a prediction's NPZ file; its image is the photo."""
     to_photo = np.linalg.inv(arrays["to_view"].astype(np.float64))
@@ -216,7 +216,7 @@ def _points(points: np.ndarray) -> str:
     return _base64(np.rint(clipped / _EXTENT * 32767).astype("<i2"))
 
 
-def _mesh(surface: Surface) -> dict[str, str]:
+def _mesh(surface: TexturedMesh) -> dict[str, str]:
     return {
         "vertices": _points(surface.vertices),
         "normals": _base64(np.rint(127 * np.clip(surface.normals, -1, 1)).astype(np.int8)),

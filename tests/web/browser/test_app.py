@@ -356,7 +356,7 @@ def test_wrong_or_damaged_weights_are_refused(open_page, site, address, tmp_path
 def test_the_example_of_an_export(browser, run, runtime, serve, tmp_path, predictor):
     """The page in the folder of `psgn export`, with the runtime beside it."""
     from psgn_jax.portable.folder import write_folder
-    from psgn_jax.web.page.browser_runtime import runtime_files
+    from psgn_jax.web.browser.runtime import runtime_files
 
     write_folder(run, tmp_path, weights=("float32",))
     for name, content in runtime_files(runtime).items():
@@ -389,7 +389,7 @@ def test_photos_have_the_same_cloud_through_every_door(open_page, serve, runtime
     that is fitted to the cloud moves all others by some 1e-4.
     """
     pytest.importorskip("onnx")
-    from psgn_jax.web.page.build import build_page
+    from psgn_jax.web.browser.build import build_page
 
     build_page(open_weights(), tmp_path / "site", weights="float32", runtime=runtime)
     page = open_page(serve(tmp_path / "site"))

@@ -24,7 +24,7 @@ class SurfaceFileError(UserError):
     """A file is not a surface of `psgn predict`, or is damaged."""
 
 
-class Surface(NamedTuple):
+class TexturedMesh(NamedTuple):
     """A textured mesh in the frame of the points."""
 
     vertices: np.ndarray  # float32 [v, 3]
@@ -34,7 +34,7 @@ class Surface(NamedTuple):
     texture: np.ndarray  # uint8 [h, w, 3]
 
 
-def read_surface(path: pathlib.Path, arrays: Mapping[str, np.ndarray], sample: int) -> Surface:
+def read_surface(path: pathlib.Path, arrays: Mapping[str, np.ndarray], sample: int) -> TexturedMesh:
     """The surface of a prediction's cloud, in its unit, though the file may be in metres.
 
     Args:
@@ -52,7 +52,7 @@ def read_surface(path: pathlib.Path, arrays: Mapping[str, np.ndarray], sample: i
         raise SurfaceFileError(f"{one_line(path)} cannot be read as a surface: {why}") from None
 
 
-def _in_unit(found: Surface, arrays: Mapping[str, np.ndarray], sample: int) -> Surface:
+def _in_unit(found: TexturedMesh, arrays: Mapping[str, np.ndarray], sample: int) -> TexturedMesh:
     """The surface in the unit in which its projections are those of its texture coordinates."""
     vertices, seen = found.vertices, (arrays["intrinsics"], arrays["extrinsics"])
 
@@ -67,7 +67,7 @@ def _in_unit(found: Surface, arrays: Mapping[str, np.ndarray], sample: int) -> S
     return found._replace(vertices=vertices * np.float32(unit))
 
 
-def _parse(content: bytes) -> Surface:
+def _parse(content: bytes) -> TexturedMesh:
     end = 20 + int.from_bytes(content[12:16], "little")
     marks = content[:4], content[16:20], content[end + 4 : end + 8]
     if marks != (b"glTF", b"JSON", b"BIN\0"):
@@ -101,4 +101,4 @@ def _parse(content: bytes) -> Surface:
             raise ValueError(f"texture {image.size}, expected at most {_MOST_PIXELS} pixels a side")
         texture = np.asarray(image.convert("RGB"))
     # In the file, y points up.
-    return Surface(vertices[:, [2, 0, 1]], normals[:, [2, 0, 1]], uv, faces, texture)
+    return TexturedMesh(vertices[:, [2, 0, 1]], normals[:, [2, 0, 1]], uv, faces, texture)
