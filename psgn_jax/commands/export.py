@@ -14,7 +14,7 @@ from psgn_jax.commands.common import define_network_flags, keep_compiled, networ
 from psgn_jax.config.command_line import Flags
 from psgn_jax.portable.folder import ONNX_NAMES, require_packages, write_folder
 from psgn_jax.system.files import check_folder
-from psgn_jax.weights.opening import open_weights, sources_of
+from psgn_jax.weights.opening import open_weights, origins_of
 from psgn_jax.weights.run_folder import Trained
 
 
@@ -33,7 +33,7 @@ def open_to_export(values: Any) -> Trained:
     keep_compiled()
     network = open_weights(**network_of(values))
     if network.source_kind == "workdir":
-        network = network._replace(sources=sources_of(network.config))
+        network = network._replace(sources=origins_of(network.config)[1])
     return network
 
 

@@ -23,7 +23,7 @@ from psgn_jax.models import networks
 from psgn_jax.prediction import mask_networks
 from psgn_jax.system.untrusted import one_line
 from psgn_jax.weights.file import DTYPES, figures_of, read_sources, read_weights, write_weights
-from psgn_jax.weights.opening import DEFAULT, data_of, shipped, sources_of, weights_path
+from psgn_jax.weights.opening import DEFAULT, origins_of, shipped, weights_path
 from psgn_jax.weights.run_folder import Trained, open_run
 
 
@@ -82,9 +82,8 @@ def _export(values: Any) -> str:
     averaged = values.ema and run.config.optim.ema_decay > 0
     if run.config.optim.ema_decay > 0 and not averaged:
         run = run._replace(scores={})
-    before = values.samples_before
-    figures = figures_of(run, data_of(run.config), averaged=averaged, samples_before=before)
-    sources = sources_of(run.config, rows)
+    (data, sources), before = origins_of(run.config, rows), values.samples_before
+    figures = figures_of(run, data, averaged=averaged, samples_before=before)
     run = run._replace(figures=figures, sources=sources, dtype=values.dtype)
     write_weights(values.out, run)
     return describe(run, pathlib.Path(values.out))

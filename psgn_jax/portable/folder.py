@@ -170,7 +170,7 @@ def _describe(run: Trained, network: PortableNetwork) -> dict[str, Any]:
     intrinsics, extrinsics = camera.default_camera(network.config.data.image_size)
     latents: list[Any] = []
     if model.random_size:
-        latents = sampling.image_latents(network.config, 1, LATENTS)[0].tolist()
+        latents = sampling.image_latents(network.config, LATENTS, seed=0).tolist()
     return {
         "format": FORMAT,
         "name": run.name,

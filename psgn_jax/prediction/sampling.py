@@ -97,9 +97,7 @@ def sample_latents(
     return jax.vmap(over_draws, (0, None))(first + jnp.arange(batch_size), jnp.arange(num_draws))
 
 
-def image_latents(
-    config: Config, batch_size: int, num_draws: int, seed: int = 0
-) -> Float[np.ndarray, "b 1+k size"]:
+def image_latents(config: Config, num_draws: int, seed: int) -> Float[np.ndarray, "1+k size"]:
     """Random inputs of predictions: 0, then those of `num_draws` draws; the same for every image.
 
     So the clouds of an image do not depend on the other images, nor a draw on the number of draws.
@@ -107,4 +105,4 @@ def image_latents(
     """
     rng = np.random.default_rng(seed & 0xFFFFFFFF)
     draws = rng.standard_normal((num_draws, config.model.random_size), np.float32)
-    return np.tile(np.pad(draws, ((1, 0), (0, 0))), (batch_size, 1, 1))
+    return np.pad(draws, ((1, 0), (0, 0)))

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing import spheres
@@ -170,7 +170,7 @@ def document(template: pathlib.Path, data: str, **pieces: str) -> str:
 def nearest_distances(queries: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Distance [n] of each query to the nearest point; non-finite points are far away."""
     near, far = (np.nan_to_num(a, nan=1e9, posinf=1e9, neginf=-1e9) for a in (points, queries))
-    return cKDTree(near).query(far)[0]
+    return KDTree(near).query(far)[0]
 
 
 def _encode(case: Case) -> dict[str, Any]:

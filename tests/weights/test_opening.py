@@ -123,6 +123,8 @@ def test_sources_and_licences_are_inherited(run, file, config, weights, tmp_path
     assert again == [{"source": "level", "licences": {"MIT": {}}}, *sources[2:]]
     values = types.SimpleNamespace(workdir=last, weights=None, checkpoint="best", out=tmp_path)
     assert list(export.open_to_export(values).sources) == list(sources)
+    (last / "config.json").write_text(to_json(tiny.config(train__init=str(last))))  # was replaced
+    assert command.main(arguments) == 0
 
 
 def test_list_shows_figures_and_licences_and_errors_are_one_line(file, shipped, capsys, tmp_path):
