@@ -42,5 +42,5 @@ def _case(path: str, title: str) -> viewer.Case:
     surfaces: list[TexturedMesh | None] = [None] * count
     for k, file in enumerate(pathlib.Path(f"{start}{number}_surface.glb") for number in numbers):
         if file.exists() and file.name not in earlier:
-            surfaces[k] = read_surface(file, arrays, k)
+            surfaces[k] = read_surface(file)
     return viewer.case_of(title, arrays, surfaces)

@@ -159,15 +159,14 @@ class Prediction:
         if height is not None and not 0 < height < np.inf:
             raise ValueError(f"height={height}: accepted: a positive number")
         draws = None if self.draws is None or sample else self.draws[1:].reshape(-1, 3)
-        seen = (np.linalg.inv(self.view.to_view) @ self.view.intrinsics, self.view.extrinsics)
-        found = surface.surface_of(
-            points,
-            self.mask,
-            *seen,
-            draws=None if draws is None else (draws - self.shift) / self.scale,
-        )
-        mesh = surface.textured(found, self.photo.image, self.mask, *seen)
-        return mesh if height is None else mesh.apply_scale(height / np.ptp(points[:, 2]))
+        intrinsics = np.linalg.inv(self.view.to_view) @ self.view.intrinsics
+        seen = self.mask, intrinsics, self.view.extrinsics
+        others = None if draws is None else (draws - self.shift) / self.scale
+        mesh = surface.textured(surface.surface_of(points, seen, others), self.photo.image, *seen)
+        if height is not None:
+            mesh.metadata["unit"] = float(height / np.ptp(points[:, 2]))  # for `psgn view`
+            mesh.apply_scale(mesh.metadata["unit"])
+        return mesh
 
     def _kept(self, sample: int) -> tuple[np.ndarray, np.ndarray]:
         if not 0 <= sample < len(self.points):
@@ -291,10 +290,7 @@ class Prediction:
 
 def _turn_to_axis(direction: np.ndarray) -> np.ndarray:
     """The smallest rotation [3, 3] that turns a direction to +z."""
-    x, y, z = direction / np.linalg.norm(direction)
-    return np.array([[1 - x * x / (1 + z), -x * y / (1 + z), -x],
-                     [-x * y / (1 + z), 1 - y * y / (1 + z), -y],
-                     [x, y, z]])  # fmt: skip
+    return np.asarray(Rotation.align_vectors([0, 0, 1], direction)[0].as_matrix())
 
 
 def _rigid(points: np.ndarray, goal: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ from psgn_jax.config.experiment import Config, ConfigError, require_points_task
 from psgn_jax.data import framing, photo
 from psgn_jax.models import networks
 from psgn_jax.models.cpu_convolution import convolutions_for
-from psgn_jax.prediction import draws, masks, sampling
+from psgn_jax.prediction import draws, masks
 from psgn_jax.prediction.cloud import DECONV, FC, Prediction, colours_from_view, find_outliers
 from psgn_jax.prediction.formats import MOST_CLOUDS
 from psgn_jax.prediction.refine import predicted
@@ -174,7 +174,7 @@ class Predictor:
             return None
         if not isinstance(seed, int | np.integer) or not -(2**31) <= seed < 2**31:
             raise ConfigError(f"seed={seed}: accepted: an integer of 32 bits")
-        return sampling.image_latents(self.config, draws.num_draws(samples), int(seed))[None]
+        return draws.image_latents(self.config, draws.num_draws(samples), int(seed))[None]
 
 
 class Clock:

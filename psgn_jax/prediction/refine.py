@@ -53,7 +53,7 @@ def predicted(
     Args:
       batch: `image`, `mask`, `intrinsics` (for images of the size of the mask) and `extrinsics`,
         each with the leading axis b; `depth` if it is an input.
-      r: [b, k, size], `sampling.image_latents` of a network with a random input.
+      r: [b, k, size], `draws.image_latents` of a network with a random input.
       samples, first: see `prediction.draws`.
       placed: whether the images were placed, see `silhouette.fit`.
     """

@@ -5,14 +5,11 @@ The file may come from anywhere, so its size and all its numbers are checked.
 
 import io
 import pathlib
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from PIL import Image
-from scipy import optimize
 
-from psgn_jax.data import camera
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.untrusted import brief, message_line, one_line, parse_json, size_of
 
@@ -34,11 +31,8 @@ class TexturedMesh(NamedTuple):
     texture: np.ndarray  # uint8 [h, w, 3]
 
 
-def read_surface(path: pathlib.Path, arrays: Mapping[str, np.ndarray], sample: int) -> TexturedMesh:
+def read_surface(path: pathlib.Path) -> TexturedMesh:
     """The surface of a prediction's cloud, in its unit, though the file may be in metres.
-
-    Args:
-      arrays: `points`, `intrinsics` and `extrinsics` of the prediction's NPZ file.
 
     Raises:
       SurfaceFileError: the file is missing, of another kind or damaged.
@@ -46,25 +40,10 @@ def read_surface(path: pathlib.Path, arrays: Mapping[str, np.ndarray], sample: i
     try:
         if (size := size_of(path)) > _MOST_BYTES:
             raise ValueError(f"{size} bytes, expected at most {_MOST_BYTES}")
-        return _in_unit(_parse(path.read_bytes()), arrays, sample)
+        return _parse(path.read_bytes())
     except Exception as error:  # damaged files raise errors of any type
         why = brief(message_line(error))
         raise SurfaceFileError(f"{one_line(path)} cannot be read as a surface: {why}") from None
-
-
-def _in_unit(found: TexturedMesh, arrays: Mapping[str, np.ndarray], sample: int) -> TexturedMesh:
-    """The surface in the unit in which its projections are those of its texture coordinates."""
-    vertices, seen = found.vertices, (arrays["intrinsics"], arrays["extrinsics"])
-
-    def misfit(unit: float) -> float:
-        # The texture is a crop of the photo.
-        pixels, _ = camera.project(unit * vertices, *seen)
-        places = np.column_stack([pixels, np.ones(len(pixels))])
-        return float(np.linalg.lstsq(places, found.uv)[1].sum())
-
-    about = float(np.ptp(arrays["points"][sample][:, 2]) / np.ptp(vertices[:, 2]))
-    unit = optimize.minimize_scalar(misfit, bounds=(0.05 * about, 1.5 * about)).x
-    return found._replace(vertices=vertices * np.float32(unit))
 
 
 def _parse(content: bytes) -> TexturedMesh:
@@ -83,7 +62,8 @@ def _parse(content: bytes) -> TexturedMesh:
         kind = _TYPES[accessor["componentType"]]
         return np.frombuffer(binary, kind, count * columns, start).reshape(count, columns)
 
-    part = document["meshes"][0]["primitives"][0]
+    mesh = document["meshes"][0]
+    part, unit = mesh["primitives"][0], mesh.get("extras", {}).get("unit", 1)
     vertices, normals, uv = (
         array(part["attributes"][name], columns, _MOST_VERTICES).astype(np.float32)
         for name, columns in (("POSITION", 3), ("NORMAL", 3), ("TEXCOORD_0", 2))
@@ -91,9 +71,9 @@ def _parse(content: bytes) -> TexturedMesh:
     faces = array(part["indices"], 1, 3 * _MOST_FACES).reshape(-1, 3)
     if faces.dtype.kind != "u" or not len(vertices) == len(normals) == len(uv) > faces.max():
         raise ValueError(f"face with vertex {faces.max()}, expected less than {len(vertices)}")
-    bounded = all((np.abs(a) < 1e7).all() for a in (vertices, normals, uv))
-    if not bounded or np.ptp(vertices[:, 1]) < 1e-7:
-        raise ValueError("numbers that are not finite or above 1e7, or no height")
+    if not 1e-9 < unit < 1e9 or not all((np.abs(a) < 1e7).all() for a in (vertices, normals, uv)):
+        raise ValueError("numbers that are not finite or above 1e7, or no unit")
+    vertices /= np.float32(unit)
     view = document["bufferViews"][document["images"][0]["bufferView"]]
     picture = io.BytesIO(binary[view.get("byteOffset", 0) :][: view["byteLength"]])
     with Image.open(picture, formats=("JPEG", "PNG")) as image:

@@ -28,6 +28,9 @@ _SURFACE_SCRIPT = pathlib.Path(__file__).with_name("surface.js")
 CLOUD_SCRIPT = pathlib.Path(__file__).with_name("cloud.js")
 """An ES module that draws clouds in a browser."""
 
+MAX_BYTES = 5_000_000
+"""Largest size of a page, unless a single case is larger."""
+
 _EXTENT = 2.0  # largest stored coordinate; objects extend to about 1
 _ERROR_TOP, _SPREAD_TOP = 0.2, 0.3  # distances (unit) at the end of the colour scale
 
@@ -47,8 +50,7 @@ class Case:
       spread: float32 [k, n], how far each point varies between draws (`prediction.draws`).
       about: a short text, such as the category.
       metrics: a short text for each sample.
-      camera: `intrinsics` and `extrinsics` of the image.
-      behind: whether to show the image behind the cloud; needs a camera.
+      camera: `intrinsics` and `extrinsics` of the image, which is then shown behind the cloud.
     """
 
     name: str
@@ -62,7 +64,6 @@ class Case:
     about: str = ""
     metrics: tuple[str, ...] = ()
     camera: tuple[np.ndarray, np.ndarray] | None = None
-    behind: bool = False
 
 
 FIELDS = (
@@ -85,7 +86,6 @@ def case_of(
         surfaces=surfaces,
         spread=arrays.get("spread"),
         camera=(to_photo @ arrays["intrinsics"], arrays["extrinsics"]),
-        behind=True,
     )
 
 
@@ -107,24 +107,17 @@ def _page(title: str, cases: Sequence[str], pages: Sequence[Mapping[str, str]]) 
 
 
 def write_pages(
-    path: str | pathlib.Path,
-    cases: Iterable[Case],
-    *,
-    title: str = "psgn_jax",
-    max_bytes: int = 5_000_000,
+    path: str | pathlib.Path, cases: Iterable[Case], *, title: str = "psgn_jax"
 ) -> dict[str, pathlib.Path]:
     """Writes one page, or several that link to each other: `page.html`, `page-2.html`, ...
 
     Only one page is in memory at a time. Returns {name of a case: its page}.
 
-    Args:
-      max_bytes: largest size of a page, unless a single case is larger.
-
     Raises:
       ValueError: a name occurs twice.
     """
     path = pathlib.Path(path)
-    room = max_bytes - len(document(_TEMPLATE, "")) - 4096
+    room = MAX_BYTES - len(document(_TEMPLATE, "")) - 4096
     pages: dict[str, pathlib.Path] = {}
     texts: list[str] = []
     number = 1
@@ -202,7 +195,6 @@ def _encode(case: Case) -> dict[str, Any]:
         height, width = case.image.shape[:2]
         item["camera"] = {"k": [fx, skew, cx, fy, cy], "rows": case.camera[1].tolist()}
         item["camera"]["size"] = [width, height]
-        item["behind"] = case.behind
     return item
 
 

@@ -9,18 +9,16 @@ import trimesh
 from helpers import standin
 from helpers.commands import psgn_each
 from helpers.refusals import all_refused, check_message, refused
-from helpers.weights import random_params
+from helpers.weights import random_params, write_run
 from PIL import Image
 
-from psgn_jax.config.experiment import ConfigError, to_dict, to_json
+from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data import camera
 from psgn_jax.prediction import mask_networks, masks
 from psgn_jax.prediction.cloud import DECONV, FC, Prediction
 from psgn_jax.prediction.files import predict_files
 from psgn_jax.prediction.formats import read_prediction
 from psgn_jax.prediction.predictor import Predictor
-from psgn_jax.weights.checkpoint import Checkpoints
-from psgn_jax.weights.leaves import named_leaves
 from psgn_jax.weights.run_folder import Trained
 
 
@@ -341,11 +339,7 @@ def test_a_mask_in_stored_orientation_is_turned(predictor, tmp_path, monkeypatch
 
 def test_the_command_goes_on_after_a_bad_file(config, params, tmp_path):
     workdir, out, folder = (tmp_path / name for name in ("run", "out", "in"))
-    workdir.mkdir()
-    (workdir / "config.json").write_text(to_json(config))
-    checkpoints = Checkpoints(workdir / "checkpoints")
-    checkpoints.save(3, named_leaves({"params": params}), {"config": to_dict(config)})
-    checkpoints.close()
+    write_run(workdir, config, {"params": params})
     save(folder / "good.png")
     Image.fromarray(photo_of_a_box()).convert("CMYK").save(folder / "cmyk.jpg")
     save(folder / "one.png", MASK[:1, :1])

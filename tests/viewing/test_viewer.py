@@ -55,12 +55,13 @@ def test_coordinates_come_back(tmp_path):
     np.testing.assert_allclose(errors / 255 * 0.2, np.minimum(expected, 0.2), atol=1e-3)
 
 
-def test_a_page_of_cases_is_small_and_split_at_the_limit(tmp_path):
+def test_a_page_of_cases_is_small_and_split_at_the_limit(tmp_path, monkeypatch):
     cases = [make_case(f"case {i}", samples=1, n=1024, seed=i) for i in range(16)]
     pages = lib.write_pages(tmp_path / "p.html", cases)
     assert set(pages.values()) == {tmp_path / "p.html"}
     assert (tmp_path / "p.html").stat().st_size < 16 / 64 * 5_000_000
-    pages = lib.write_pages(tmp_path / "q.html", cases, max_bytes=200_000)
+    monkeypatch.setattr(lib, "MAX_BYTES", 200_000)
+    pages = lib.write_pages(tmp_path / "q.html", cases)
     files = sorted(set(pages.values()))
     assert len(files) > 2
     assert all(file.stat().st_size < 200_000 for file in files)
@@ -87,7 +88,8 @@ def predicted(tmp_path):
     np.savez(tmp_path / "a.npz", **arrays)
     surface = ClosedMesh(points[0].astype(np.float32), np.array(ball.faces))
     mesh = textured(surface, image, image[..., 0] > 0, intrinsics, extrinsics)
-    mesh.apply_scale(2.5)  # metres
+    mesh.metadata["unit"] = 2.5  # metres
+    mesh.apply_scale(2.5)
     (tmp_path / "a_surface.glb").write_bytes(glb(mesh))
     return arrays
 
@@ -191,7 +193,7 @@ def test_right_is_right_and_up_is_up(opened_cases):
 
 
 def test_the_photo_is_behind_the_cloud_until_it_is_turned(opened_cases):
-    own = dataclasses.replace(make_case(), camera=camera.default_camera((96, 128)), behind=True)
+    own = dataclasses.replace(make_case(), camera=camera.default_camera((96, 128)))
     page = opened_cases([own])
 
     def seen(shot=None):
@@ -268,7 +270,7 @@ def test_damaged_surfaces_are_refused(predicted, tmp_path):
     path = tmp_path / "a_surface.glb"
     good = path.read_bytes()
     end = 20 + int.from_bytes(good[12:16], "little")
-    assert np.ptp(read_surface(path, predicted, 0).vertices[:, 1]) == pytest.approx(1.2, rel=1e-4)
+    assert np.ptp(read_surface(path).vertices[:, 1]) == pytest.approx(1.2, rel=1e-4)
 
     def read(content):
         if isinstance(content, tuple):
@@ -277,7 +279,7 @@ def test_damaged_surfaces_are_refused(predicted, tmp_path):
             text = json.dumps(document).encode()
             content = good[:12] + len(text).to_bytes(4, "little") + b"JSON" + text + good[end:]
         path.write_bytes(content)
-        read_surface(path, predicted, 0)
+        read_surface(path)
 
     table = [(content, path) for content in (b"", b"glTF" + bytes(99), good[: len(good) // 2])]
     table.append((bytes(17 << 20), path, 17 << 20))
@@ -286,4 +288,5 @@ def test_damaged_surfaces_are_refused(predicted, tmp_path):
     table.append((("accessors", 1, "count", 3), path, 3))  # faces with other vertices
     table.append((("accessors", 0, "componentType", 5126), path))  # floats
     table.append((("bufferViews", 2, "byteLength", 9), path))  # half of a picture
+    table += [(("meshes", 0, "extras", {"unit": unit}), path) for unit in (0, "x", 1e-40, None)]
     all_refused(read, SurfaceFileError, table)

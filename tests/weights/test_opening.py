@@ -15,24 +15,17 @@ import psgn_jax
 from psgn_jax.commands import export
 from psgn_jax.commands import weights as command
 from psgn_jax.commands.common import network_of
-from psgn_jax.config.experiment import ConfigError, to_dict, to_json
-from psgn_jax.weights.checkpoint import Checkpoints
+from psgn_jax.config.experiment import ConfigError, to_json
 from psgn_jax.weights.file import read_weights
-from psgn_jax.weights.leaves import named_leaves
 from psgn_jax.weights.opening import DEFAULT, open_weights, weights_path
 from psgn_jax.weights.opening import shipped as shipped_files
 
 
 def write_run(folder, config, weights):
     """A run whose averaged parameters differ from the current ones."""
-    checkpoints = Checkpoints(folder / "checkpoints")
     doubled = jax.tree.map(lambda leaf: 2 * leaf, weights.params)
-    leaves = named_leaves({"params": doubled, "ema": weights.params})
-    checkpoints.save(12, leaves, {"config": to_dict(config), "seed": 3})
-    checkpoints.close()
-    checkpoints.score(12, {"cd_sq_radius2": 0.5, "emd_radius": 0.25})
-    (folder / "config.json").write_text(to_json(config))
-    return folder
+    trees = {"params": doubled, "ema": weights.params}
+    return tiny.write_run(folder, config, trees, 12, cd_sq_radius2=0.5, emd_radius=0.25)
 
 
 @pytest.fixture

@@ -18,11 +18,7 @@ STATIC = pathlib.Path(__file__).resolve().parent / "static"
 
 
 def build_page(
-    run: Trained,
-    out: str | os.PathLike[str],
-    *,
-    weights: str = "float16",
-    runtime: str = "",
+    run: Trained, out: str | os.PathLike[str], *, weights: str = "float16", runtime: str = ""
 ) -> int:
     """Writes the page, or replaces an earlier one; returns its size in bytes.
 

@@ -24,7 +24,6 @@ ANSWERS_FILE = "human.json"
 """The file that the page saves."""
 
 MAX_CASES, MAX_SOLIDS = 200, 800
-_MAX_BYTES = 60_000_000
 
 Coordinate = Annotated[float, Bounds(low=-20, high=20)]
 Seconds = Annotated[float, Bounds(low=0, high=1e8)]
@@ -129,7 +128,7 @@ def _checksum(samples: list[Sample]) -> str:
 def _read(kind: type[T], path: pathlib.Path, missing: str, damaged: str) -> T:
     shown = one_line(path)
     try:
-        return structured.build(kind, read_json(path, max_bytes=_MAX_BYTES))
+        return structured.build(kind, read_json(path))
     except FileNotFoundError:
         raise ConfigError(f"{shown}: no such file; {missing}") from None
     except (OSError, ValueError, TypeError, RecursionError) as error:
