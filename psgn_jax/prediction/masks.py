@@ -165,8 +165,8 @@ def find_mask(
         raise ConfigError(f"{wrong}: accepted only with a given mask")
     else:
         hints, accept = _hints(read, given), given.get("accept_mask", False)
-        found = _by_background(read, method, hints)
-        found = found or _by_network(read, method, hints, accept, note)
+        seen = _by_background(read, method, hints)
+        found = seen or _by_network(read, method, hints, accept, note)
     return found._replace(warnings=(*found.warnings, *_doubts(found)))
 
 
