@@ -37,21 +37,6 @@ def make_run(size=(48, 64), **changes):
     return Trained(config, 7, helper.random_params(config), {}, "tiny", "weights")
 
 
-def arrays_for(network, images, draws=2, seed=0):
-    rng = np.random.default_rng(seed)
-    sizes = {"batch": images, "draws": draws}
-    arrays = {}
-    for item in network.inputs:
-        shape = [sizes.get(s, s) for s in item.shape]
-        noise = rng.normal(size=shape)
-        arrays[item.name] = {
-            "uint8": (128 + 50 * noise).clip(0, 255).astype(np.uint8),
-            "bool": noise > 0,
-            "float32": noise.astype(np.float32),
-        }[item.dtype]
-    return arrays
-
-
 @pytest.mark.parametrize("changes", [
     {"model__name": "two_branch", "model__compute_dtype": "bfloat16"},  # r comes late; float32
     {"model__name": "hourglass", "size": (18, 24)},  # pads
@@ -59,9 +44,10 @@ def arrays_for(network, images, draws=2, seed=0):
 def test_the_files_give_the_points_of_jax(changes):
     network = PortableNetwork(make_run(model__random_size=3, **changes))
     run = session(onnx_file.to_onnx(network, network.inputs, "points", "float32", {}))
-    arrays = arrays_for(network, images=3)
+    arrays = folder.drawn_inputs(network)
+    arrays["r"] = np.random.default_rng(0).normal(size=(8, 2, 3)).astype(np.float32)
     expected = np.asarray(jax.jit(network.__call__)(*arrays.values()))
-    assert expected.shape[:-2] == (3, 2)
+    assert expected.shape[:-2] == (8, 2)
     first = {key: array[:1, :1] if key == "r" else array[:1] for key, array in arrays.items()}
     np.testing.assert_allclose(run(arrays), expected, atol=1e-5)
     np.testing.assert_allclose(run(first), expected[:1, :1], atol=1e-5)

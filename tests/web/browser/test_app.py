@@ -330,10 +330,6 @@ def test_files_that_are_no_photos_end_in_a_sentence_and_the_page_goes_on(open_pa
     assert page.evaluate("psgn.page.name") == "cut"
 
 
-def answering(answer):
-    return lambda route: route.fulfill(**answer)
-
-
 def test_wrong_or_damaged_weights_are_refused(open_page, site, address, tmp_path):
     write_cut_out(tmp_path)
     weights, about = ((site / name).read_bytes() for name in ("network.onnx", "network.json"))
@@ -345,7 +341,7 @@ def test_wrong_or_damaged_weights_are_refused(open_page, site, address, tmp_path
         ("network.json", {"body": later}, "The network was made by a later version of psgn_jax"),
     ):
         page = open_page("about:blank", complain=False)
-        page.route(f"**/{file}", answering(answer))
+        page.route(f"**/{file}", lambda route, answer=answer: route.fulfill(**answer))
         page.goto(address)
         wait(page, "!document.getElementById('problem').hidden")
         assert problem(page).startswith(expected)
