@@ -249,8 +249,8 @@ def _record(
 def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
     """The files, and the images in the folders, without repetition, masks and earlier results."""
     paths: list[pathlib.Path] = []
-    for image in map(os.fspath, images):
-        if "://" in image:
+    for image in images:
+        if "://" in os.fspath(image):
             raise ConfigError(f"{image}: expected a file or a folder; download it first")
         path = pathlib.Path(image)
         paths += _images_in(path) if os.path.isdir(path) else [path]

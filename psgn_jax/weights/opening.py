@@ -144,12 +144,9 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
         skipped |= set(matched)
     misfits: dict[str, str] = {}
     for name in names:
-        new, old = (list(tree[name].shape) if name in tree else None for tree in (wanted, have))
+        new, old = (str(list(x[name].shape)) if name in x else "missing" for x in (wanted, have))
         if new != old and layer_of[name] not in skipped:
-            why = f"is {old} and not {new}"
-            if new is None or old is None:
-                why = f"is not in the {'new' if new is None else 'trained'} network"
-            misfits.setdefault(layer_of[name], f"{name} {why}")
+            misfits.setdefault(layer_of[name], f"{name} is {old} there and {new} here")
     if misfits:
         flag = "".join(f"'{layer}'," for layer in misfits)
         raise ConfigError(
@@ -178,8 +175,8 @@ def origins_of(
       stated: the sources of the training's own data.
       seen: folders of runs that are not read again: a run may have replaced its own origin.
     """
-    own, known = _own_data(config), set()
-    data, inherited = [*own], []
+    own, known, inherited = _own_data(config), set(), list[dict[str, Any]]()
+    data = [*own]
     for init in filter(None, _initial_names(config)):
         rows: Rows = ()
         sources: Rows = ()
