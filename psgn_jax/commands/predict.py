@@ -20,7 +20,7 @@ from psgn_jax.config.experiment import ConfigError
 from psgn_jax.prediction import masks
 from psgn_jax.prediction.draws import FIRST
 from psgn_jax.prediction.files import predict_files
-from psgn_jax.prediction.formats import DEFAULT_FORMATS, FORMATS
+from psgn_jax.prediction.formats import DEFAULT_FORMATS
 from psgn_jax.prediction.predictor import FRAMES, NORMAL_FORMS, Predictor
 from psgn_jax.system.errors import Exit
 from psgn_jax.system.files import check_folder
@@ -82,10 +82,6 @@ def _with_dashes(message: str) -> str:
 
 def _main(flags: Flags) -> int:
     values = flags.values
-    if not values.formats or not set(values.formats) <= set(FORMATS):
-        raise ConfigError(
-            f"--formats={','.join(values.formats)}: accepted: any of {', '.join(FORMATS)}"
-        )
     how: Any = {n: values[n].value for n in ("mask_from", "invert_mask", "accept_mask")}
     how |= {name: _numbers(name, values[name].value) for name in ("box", "point")}
     how["mask_label"] = _numbers("mask_label", values.mask_label, int)

@@ -23,7 +23,7 @@ from psgn_jax.config.experiment import ConfigError, to_dict
 from psgn_jax.data import photo, resample
 from psgn_jax.prediction import masks
 from psgn_jax.prediction.cloud import FC, Prediction
-from psgn_jax.prediction.formats import DEFAULT_FORMATS, VERSION
+from psgn_jax.prediction.formats import DEFAULT_FORMATS, FORMATS, VERSION
 from psgn_jax.prediction.predictor import Clock, Predictor
 from psgn_jax.prediction.surface import SurfaceError, glb
 from psgn_jax.system.errors import UserError, is_disk_full
@@ -68,6 +68,8 @@ def predict_files(
     Yields:
       The path of each image, with its prediction or the error.
     """
+    if not formats or not set(formats) <= set(FORMATS):
+        raise ConfigError(f"formats={','.join(formats)}: accepted: any of {', '.join(FORMATS)}")
     how, kinds = mask_options or {}, (*formats, *[SURFACE] * surface)
     paths, out = _expand(images), pathlib.Path(local_path(out, "out"))
     if not paths:
