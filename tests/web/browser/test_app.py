@@ -341,7 +341,7 @@ def test_wrong_or_damaged_weights_are_refused(open_page, site, address, tmp_path
         ("network.json", {"body": later}, "The network was made by a later version of psgn_jax"),
     ):
         page = open_page("about:blank", complain=False)
-        page.route(f"**/{file}", lambda route, answer=answer: route.fulfill(**answer))
+        page.route(f"**/{file}", lambda route, *_, answer=answer: route.fulfill(**answer))
         page.goto(address)
         wait(page, "!document.getElementById('problem').hidden")
         assert problem(page).startswith(expected)
