@@ -39,6 +39,5 @@ def open_to_export(values: Any) -> Trained:
 
 def _main(flags: Flags) -> None:
     values = flags.values
-    network = open_to_export(values)
-    write_folder(network, values.out, weights=values.weights_as)
+    write_folder(open_to_export(values), values.out, weights=values.weights_as)
     sys.stdout.write(f"{values.out}: see README.md there\n")

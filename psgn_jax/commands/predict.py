@@ -109,10 +109,9 @@ def _main(flags: Flags) -> int:
         done += 1
         for warning in result.warnings:
             sys.stderr.write(f"warning: {one_line(path)}: {_with_dashes(one_line(warning))}\n")
-        milliseconds = 1000 * sum(result.seconds.values())
         sys.stdout.write(
             f"{one_line(path)}: {len(result.points)} x {result.points.shape[1]} points, mask "
-            f"{one_line(result.mask_from)}, {milliseconds:.0f} ms\n"
+            f"{one_line(result.mask_from)}, {1000 * sum(result.seconds.values()):.0f} ms\n"
         )
         sys.stdout.flush()
     sys.stdout.write(f"results: {one_line(values.out)}\n" if done else "")

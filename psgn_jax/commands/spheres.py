@@ -47,8 +47,7 @@ def _main(flags: Flags) -> None:
             clouds["by branch"] = points[0], spheres.colours_by_branch(arrays["branch"])
         seen = _seen(arrays, values.height)
         rows.append((pathlib.Path(path).stem, spheres.panels(seen, clouds, height=values.height)))
-    sheet = spheres.sheet(rows, columns=values.columns)
-    spheres.write_picture(sheet, values.out)
+    spheres.write_picture(spheres.sheet(rows, columns=values.columns), values.out)
     count = f"{len(rows)} case{'s' * (len(rows) > 1)}"
     sys.stdout.write(f"{count}: {one_line(values.out)}\n")
     if values.turntable and first:

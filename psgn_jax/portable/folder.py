@@ -105,10 +105,9 @@ def write_network(
                 f"most {LARGEST_DIFFERENCE[stored]:g}"
             )
         write_atomic(out / name, content)
-        digest = hashlib.sha256(content).hexdigest()
         description["files"][name] = {
-            "weights": stored, "bytes": len(content), "sha256": digest,
-            "largest_difference": difference,
+            "weights": stored, "bytes": len(content),
+            "sha256": hashlib.sha256(content).hexdigest(), "largest_difference": difference,
         }  # fmt: skip
         text = "%s: %.1f MB, largest difference from JAX %.1e"
         logging.info(text, name, len(content) / 1e6, difference)

@@ -110,8 +110,7 @@ def predict_files(
     ) -> Prediction:
         result, again = predictor(image, found, **options), Clock()
         warnings, surfaces = [*result.warnings], {}
-        named = _files(start.name, [SURFACE] * surface, len(result.points))
-        for name, k in named.items():
+        for name, k in _files(start.name, [SURFACE] * surface, len(result.points)).items():
             try:
                 surfaces[name] = glb(result.surface(k, height))
             except SurfaceError as error:
