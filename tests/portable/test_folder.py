@@ -154,8 +154,7 @@ def test_refused(tmp_path, monkeypatch):
 
 
 def test_the_command(tmp_path):
-    weights = helper.weights(helper.config())
-    write_weights(tmp_path / "tiny.safetensors", weights)
+    write_weights(tmp_path / "tiny.safetensors", helper.weights(helper.config()))
     flags = ["--weights=tiny.safetensors", "--out=out", "--weights_as=float16"]
     psgn("export", *flags, cwd=tmp_path)
     about = json.loads((tmp_path / "out" / "network.json").read_text())

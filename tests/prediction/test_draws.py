@@ -110,8 +110,7 @@ def test_evaluation_with_draws(monkeypatch):
     want = reference.cross_chamfer(drawn[1], second["points"][1:2])
     np.testing.assert_allclose([best[5], mean[5]], [want.min(), want.mean()], rtol=1e-4)
     tmd = reference.total_mutual_difference(drawn[1])
-    difference = result.metrics["total_mutual_difference_radius2"]
-    np.testing.assert_allclose(difference[5], tmd, rtol=1e-3)
+    np.testing.assert_allclose(result.metrics["total_mutual_difference_radius2"][5], tmd, rtol=1e-3)
     plain = tasks.create(standin.config(model__random_size=0))
     with refused(ConfigError, "draws=3", "model.random_size=0"):
         plain.evaluate({}, draws=3)

@@ -113,8 +113,7 @@ def opened_cases(opened, tmp_path):
     def open_page(cases, fragment=""):
         lib.write_pages(tmp_path / "page.html", cases)
         size = {"width": 1200, "height": 640}
-        address = (tmp_path / "page.html").as_uri() + fragment
-        page = opened(address, viewport=size, has_touch=True)
+        page = opened((tmp_path / "page.html").as_uri() + fragment, viewport=size, has_touch=True)
         page.wait_for_timeout(150)
         return page
 
@@ -193,8 +192,7 @@ def test_right_is_right_and_up_is_up(opened_cases):
 
 
 def test_the_photo_is_behind_the_cloud_until_it_is_turned(opened_cases):
-    own = dataclasses.replace(make_case(), camera=camera.default_camera((96, 128)))
-    page = opened_cases([own])
+    page = opened_cases([dataclasses.replace(make_case(), camera=camera.default_camera((96, 128)))])
 
     def seen(shot=None):
         shot = pixels(page) if shot is None else shot

@@ -112,8 +112,7 @@ def test_sources_and_licences_are_inherited(run, file, config, weights, tmp_path
     table.write_text(json.dumps([{"source": "level", "licences": {"MIT": {}}}]))
     arguments = ["export", f"--workdir={last}", f"--out={out}", f"--sources={table}"]
     assert command.main(arguments) == 0
-    again = read_weights(out).sources
-    assert again == [{"source": "level", "licences": {"MIT": {}}}, *sources[2:]]
+    assert read_weights(out).sources == [{"source": "level", "licences": {"MIT": {}}}, *sources[2:]]
     values = types.SimpleNamespace(workdir=last, weights=None, checkpoint="best", out=tmp_path)
     assert list(export.open_to_export(values).sources) == list(sources)
     (last / "config.json").write_text(to_json(tiny.config(train__init=str(last))))  # was replaced

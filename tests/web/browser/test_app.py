@@ -368,8 +368,7 @@ def test_the_example_of_an_export(browser, run, runtime, serve, tmp_path, predic
     Image.fromarray(np.rot90(rgba)).save(tmp_path / "glass.png", exif=turned)
     page.set_input_files("input", str(tmp_path / "glass.png"))
     page.get_by_text("points, the first at").wait_for(timeout=1000 * SECONDS)
-    text = page.text_content("output")
-    numbers = [float(v) for v in re.findall(r"at (.*)", text)[0].split(",")]
+    numbers = [float(v) for v in re.findall(r"at (.*)", page.text_content("output"))[0].split(",")]
     np.testing.assert_allclose(numbers, predictor(rgba).points[0, 0], atol=1e-3)
     page.close()
 
