@@ -32,7 +32,9 @@ class TexturedMesh(NamedTuple):
 
 
 def read_surface(path: pathlib.Path) -> TexturedMesh:
-    """The surface of a prediction's cloud, in its unit, though the file may be in metres.
+    """The surface of a prediction's cloud, in the cloud's unit.
+
+    A file in metres states the length of that unit (`unit` in the `extras` of its mesh).
 
     Raises:
       SurfaceFileError: the file is missing, of another kind or damaged.
