@@ -1,7 +1,6 @@
 """Writes the folder of `psgn export`: exported files, checked against JAX, and a description."""
 
 import hashlib
-import importlib.util
 import json
 import os
 import pathlib
@@ -55,12 +54,6 @@ RULES = {
     ),
 }
 """Constants of `data.framing` and `prediction.silhouette` in `network.json`."""
-
-
-def require_packages() -> None:
-    """Raises `ConfigError` if the package of the extra `export` is missing."""
-    if importlib.util.find_spec("onnx") is None:
-        raise ConfigError("onnx: not installed; pip install 'psgn-jax[export]'")
 
 
 def write_network(

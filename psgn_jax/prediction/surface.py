@@ -322,15 +322,9 @@ def _mesh(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             mesh.vertices.astype(np.float32), mesh.faces, target_count=min(FACES, len(faces) - 1)
         )
         for made in (trimesh.Trimesh(vertices, faces, process=False), mesh):
-            if len(made.faces) <= MOST_FACES and _is_closed(made):
+            if len(made.faces) <= MOST_FACES and made.is_volume:
                 return np.asarray(made.vertices), np.asarray(made.faces, np.int32)
     raise SurfaceError("the cloud has no closed surface")
-
-
-def _is_closed(mesh: Any) -> bool:
-    a, b, c = np.moveaxis(mesh.triangles, 1, 0)
-    volume = (a * np.cross(b, c)).sum()
-    return bool(mesh.is_watertight and mesh.is_winding_consistent and volume > 0)
 
 
 def textured(
