@@ -75,9 +75,10 @@ def resize_mask(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 def smooth_mask(mask: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
     """Resizes a photo's mask, bool or probabilities [h, w], by a bilinear filter; True from .5."""
-    if mask.shape == tuple(size):
-        return np.asarray(mask >= 0.5)
-    scaled = mask * np.uint8(255) if mask.dtype == np.bool_ else np.rint(255 * mask)
+    is_mask = mask.dtype == np.bool_
+    if is_mask and mask.shape == tuple(size):
+        return mask
+    scaled = mask * np.uint8(255) if is_mask else np.rint(255 * mask)
     levels = Image.fromarray(scaled.astype(np.uint8))
     return np.asarray(levels.resize((size[1], size[0]), _BILINEAR)) > 127
 
