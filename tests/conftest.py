@@ -130,11 +130,11 @@ def opened(browser):
 def runtime():
     """Folder or archive of onnxruntime-web: `PSGN_BROWSER_RUNTIME`, or "" for the cache and npm."""
     from psgn_jax.config.experiment import ConfigError
-    from psgn_jax.web.page import browser_runtime
+    from psgn_jax.web.browser.runtime import runtime_files
 
     given = os.environ.get("PSGN_BROWSER_RUNTIME", "")
     try:
-        browser_runtime.runtime_files(given)
+        runtime_files(given)
     except ConfigError as error:
         pytest.skip(str(error))
     return given

@@ -113,8 +113,7 @@ def _main(flags: Flags) -> None:
         check_folder(values.report, "--report")
     options: dict[str, Any] = {n: values[n].value for n in _OPTIONS}
     # Baselines are computed outside `shard_map`, where oneDNN needs a single device.
-    batch_size = 1 if values.baselines else EvalConfig().batch_size
-    with joined(values, batch_size) as first:
+    with joined(values, 1 if values.baselines else EvalConfig().batch_size) as first:
         if values.report and distributed.index_and_count()[1] > 1:
             raise ConfigError(f"--report={values.report}: accepted only with one process")
         how, compared = {"data": values.data, **network_of(values)}, values.compare

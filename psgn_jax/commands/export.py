@@ -6,15 +6,17 @@ The command fails if they differ by more than 1e-4, or 1e-2 with weights in floa
 extra `export`.
 """
 
+import importlib.util
 import sys
 from collections.abc import Sequence
 from typing import Any
 
 from psgn_jax.commands.common import define_network_flags, keep_compiled, network_of
 from psgn_jax.config.command_line import Flags
-from psgn_jax.portable.folder import ONNX_NAMES, require_packages, write_folder
+from psgn_jax.config.structured import ConfigError
+from psgn_jax.portable.folder import ONNX_NAMES, write_folder
 from psgn_jax.system.files import check_folder
-from psgn_jax.weights.opening import open_weights, sources_of
+from psgn_jax.weights.opening import open_weights, origins_of
 from psgn_jax.weights.run_folder import Trained
 
 
@@ -28,17 +30,17 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def open_to_export(values: Any) -> Trained:
     """Checks what an export needs, then opens the network that the flags name."""
-    require_packages()
+    if importlib.util.find_spec("onnx") is None:
+        raise ConfigError("onnx: not installed; pip install 'psgn-jax[export]'")
     check_folder(values.out, "--out")
     keep_compiled()
     network = open_weights(**network_of(values))
     if network.source_kind == "workdir":
-        network = network._replace(sources=sources_of(network.config))
+        network = network._replace(sources=origins_of(network.config)[1])
     return network
 
 
 def _main(flags: Flags) -> None:
     values = flags.values
-    network = open_to_export(values)
-    write_folder(network, values.out, weights=values.weights_as)
+    write_folder(open_to_export(values), values.out, weights=values.weights_as)
     sys.stdout.write(f"{values.out}: see README.md there\n")

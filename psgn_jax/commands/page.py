@@ -17,8 +17,8 @@ from psgn_jax.commands.export import open_to_export
 from psgn_jax.config.command_line import Flags
 from psgn_jax.portable.folder import ONNX_NAMES
 from psgn_jax.system.untrusted import one_line
-from psgn_jax.web.page.build import build_page
-from psgn_jax.web.page.serve import server
+from psgn_jax.web.browser.build import build_page
+from psgn_jax.web.browser.serve import server
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -20,14 +20,16 @@ from psgn_jax.config.experiment import ConfigError
 from psgn_jax.prediction import masks
 from psgn_jax.prediction.draws import FIRST
 from psgn_jax.prediction.files import predict_files
-from psgn_jax.prediction.formats import DEFAULT_FORMATS, FORMATS
+from psgn_jax.prediction.formats import DEFAULT_FORMATS
 from psgn_jax.prediction.predictor import FRAMES, NORMAL_FORMS, Predictor
 from psgn_jax.system.errors import Exit
 from psgn_jax.system.files import check_folder
 from psgn_jax.system.untrusted import message_line, one_line
 from psgn_jax.weights.opening import open_weights
 
-_OPTIONS = ("mask", "samples", "seed", "frame", "normal_form", "refine", "first")
+_OPTIONS = (
+    "mask", "samples", "seed", "frame", "normal_form", "refine", "first", "surface", "height"
+)  # fmt: skip
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -60,7 +62,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags.integer("seed", 0, "Seed of the random input.")
     flags.list("formats", list(DEFAULT_FORMATS), "Formats of the clouds: ply, xyz, obj, npz, glb.")
     flags.bool("surface", False, "Write a closed, textured surface, NAME_surface.glb.")
-    flags.list("height", None, "Height of the object in metres, for the surface.")
+    flags.float("height", None, "Height of the object in metres, for the surface.",
+                lower_bound=1e-6, upper_bound=1e6)  # fmt: skip
     return flags.run(_main, argv)
 
 
@@ -79,17 +82,11 @@ def _with_dashes(message: str) -> str:
 
 def _main(flags: Flags) -> int:
     values = flags.values
-    if not values.formats or not set(values.formats) <= set(FORMATS):
-        raise ConfigError(
-            f"--formats={','.join(values.formats)}: accepted: any of {', '.join(FORMATS)}"
-        )
     how: Any = {n: values[n].value for n in ("mask_from", "invert_mask", "accept_mask")}
     how |= {name: _numbers(name, values[name].value) for name in ("box", "point")}
     how["mask_label"] = _numbers("mask_label", values.mask_label, int)
-    height = _numbers("height", values["height"].value)
-    if height and not (len(height) == 1 and 1e-6 < height[0] < 1e6 and values.surface):
-        shown = ",".join(values["height"].value)
-        raise ConfigError(f"--height={shown}: accepted: metres > 0, with --surface")
+    if values["height"].present and not (values.surface and values.height > 0):
+        raise ConfigError(f"--height={values.height:g}: accepted: metres > 0, with --surface")
     check_folder(values.out, "--out")
 
     def opened() -> Predictor:
@@ -100,7 +97,6 @@ def _main(flags: Flags) -> int:
 
     done, failed = 0, 0
     options = {name: values[name].value for name in _OPTIONS}
-    options |= {"surface": values.surface, "height": height[0] if height else None}
     for path, result in predict_files(
         opened, flags.arguments, values.out, formats=values.formats, mask_options=how, **options
     ):
@@ -113,10 +109,9 @@ def _main(flags: Flags) -> int:
         done += 1
         for warning in result.warnings:
             sys.stderr.write(f"warning: {one_line(path)}: {_with_dashes(one_line(warning))}\n")
-        milliseconds = 1000 * sum(result.seconds.values())
         sys.stdout.write(
             f"{one_line(path)}: {len(result.points)} x {result.points.shape[1]} points, mask "
-            f"{one_line(result.mask_from)}, {milliseconds:.0f} ms\n"
+            f"{one_line(result.mask_from)}, {1000 * sum(result.seconds.values()):.0f} ms\n"
         )
         sys.stdout.flush()
     sys.stdout.write(f"results: {one_line(values.out)}\n" if done else "")

@@ -14,7 +14,7 @@ from psgn_jax.config.command_line import Flags
 from psgn_jax.data import camera, framing
 from psgn_jax.prediction.formats import read_prediction
 from psgn_jax.system.untrusted import one_line
-from psgn_jax.viewing import page, spheres
+from psgn_jax.viewing import spheres, viewer
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -36,7 +36,7 @@ def _main(flags: Flags) -> None:
     if values.turntable and not values.turntable.lower().endswith(".gif"):
         raise ValueError(f"--turntable={values.turntable}: accepted: a name that ends with .gif")
     for path in flags.arguments:
-        arrays = read_prediction(path, (*page.FIELDS, "image"))
+        arrays = read_prediction(path, (*viewer.FIELDS, "image"))
         points, by_photo = arrays["points"], arrays["seen"].any()
         paint = arrays["colours"] if by_photo else map(spheres.colours_by_height, points)
         count = min(values.clouds, len(points))
@@ -47,8 +47,7 @@ def _main(flags: Flags) -> None:
             clouds["by branch"] = points[0], spheres.colours_by_branch(arrays["branch"])
         seen = _seen(arrays, values.height)
         rows.append((pathlib.Path(path).stem, spheres.panels(seen, clouds, height=values.height)))
-    sheet = spheres.sheet(rows, columns=values.columns)
-    spheres.write_picture(sheet, values.out)
+    spheres.write_picture(spheres.sheet(rows, columns=values.columns), values.out)
     count = f"{len(rows)} case{'s' * (len(rows) > 1)}"
     sys.stdout.write(f"{count}: {one_line(values.out)}\n")
     if values.turntable and first:

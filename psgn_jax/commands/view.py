@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from psgn_jax.config.command_line import Flags
 from psgn_jax.prediction.formats import read_prediction
 from psgn_jax.system.untrusted import one_line, read_json
-from psgn_jax.viewing import page
-from psgn_jax.viewing.surface import Surface, read_surface
+from psgn_jax.viewing import viewer
+from psgn_jax.viewing.surface_file import TexturedMesh, read_surface
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -27,20 +27,20 @@ def _main(flags: Flags) -> None:
     # Files in different folders may have the same name.
     titles = [n if names.count(n) == 1 else p for p, n in zip(flags.arguments, names, strict=True)]
     cases = (_case(path, title) for path, title in zip(flags.arguments, titles, strict=True))
-    pages = page.write_pages(flags.values.out, cases, title=flags.values.title)
+    pages = viewer.write_pages(flags.values.out, cases, title=flags.values.title)
     for written in sorted(set(pages.values())):
         sys.stdout.write(f"{one_line(written)}\n")
 
 
-def _case(path: str, title: str) -> page.Case:
-    arrays = read_prediction(path, page.FIELDS)
+def _case(path: str, title: str) -> viewer.Case:
+    arrays = read_prediction(path, viewer.FIELDS)
     start, count = path.removesuffix(".npz"), len(arrays["points"])
     earlier = []
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         earlier = list(read_json(f"{start}.json")["earlier_files"])  # of other predictions
     numbers = [f"_{k}" for k in range(count)] if count > 1 else [""]
-    surfaces: list[Surface | None] = [None] * count
+    surfaces: list[TexturedMesh | None] = [None] * count
     for k, file in enumerate(pathlib.Path(f"{start}{number}_surface.glb") for number in numbers):
         if file.exists() and file.name not in earlier:
-            surfaces[k] = read_surface(file, arrays, k)
-    return page.case_of(title, arrays, surfaces)
+            surfaces[k] = read_surface(file)
+    return viewer.case_of(title, arrays, surfaces)

@@ -22,8 +22,15 @@ from psgn_jax.config.experiment import ConfigError
 from psgn_jax.models import networks
 from psgn_jax.prediction import mask_networks
 from psgn_jax.system.untrusted import one_line
-from psgn_jax.weights.file import DTYPES, figures_of, read_sources, read_weights, write_weights
-from psgn_jax.weights.opening import DEFAULT, data_of, shipped, sources_of, weights_path
+from psgn_jax.weights.file import (
+    DTYPES,
+    figures_of,
+    read_sources,
+    read_weights,
+    source_text,
+    write_weights,
+)
+from psgn_jax.weights.opening import DEFAULT, origins_of, shipped, weights_path
 from psgn_jax.weights.run_folder import Trained, open_run
 
 
@@ -66,7 +73,7 @@ def _list(names: Sequence[str]) -> str:
         size = mask_networks.FILE.stat().st_size / 1e6
         about = {
             "network": f"finds the object in a photo; ONNX, {size:.1f} MB",
-            "licences": _licences(mask_networks.SOURCE),
+            "licences": source_text(mask_networks.SOURCE),
         }
         texts.append(_section(mask_networks.FILE.stem, about))
     return "\n".join(texts)
@@ -82,9 +89,8 @@ def _export(values: Any) -> str:
     averaged = values.ema and run.config.optim.ema_decay > 0
     if run.config.optim.ema_decay > 0 and not averaged:
         run = run._replace(scores={})
-    before = values.samples_before
-    figures = figures_of(run, data_of(run.config), averaged=averaged, samples_before=before)
-    sources = sources_of(run.config, rows)
+    (data, sources), before = origins_of(run.config, rows), values.samples_before
+    figures = figures_of(run, data, averaged=averaged, samples_before=before)
     run = run._replace(figures=figures, sources=sources, dtype=values.dtype)
     write_weights(values.out, run)
     return describe(run, pathlib.Path(values.out))
@@ -101,7 +107,7 @@ def describe(weights: Trained, path: pathlib.Path) -> str:
         "training": f"{figures['samples_seen']:,} samples seen"
         + (", averaged parameters" if figures.get("averaged") else ""),
         "data": ", ".join(map(_data, figures["data"])) or "not stated",
-        "licences": "; ".join(map(_licences, weights.sources)) or "not stated",
+        "licences": "; ".join(map(source_text, weights.sources)) or "not stated",
     }
     is_default = path == shipped().get(DEFAULT)
     return _section(path.stem + " (default)" * is_default, rows)
@@ -120,13 +126,3 @@ def _section(title: str, rows: Mapping[str, str]) -> str:
 def _data(row: Mapping[str, Any]) -> str:
     samples = f" ({row['samples']} samples)" if "samples" in row else ""
     return f"{row.get('name', '?')}{samples}"
-
-
-def _licences(row: Mapping[str, Any]) -> str:
-    texts = []
-    for name, each in row["licences"].items():
-        holders = ", ".join(map(str, each.get("holders") or []))
-        count = f"{each['models']} models" if "models" in each else ""
-        details = ": ".join(part for part in (count, holders) if part)
-        texts.append(f"{name} ({details})" if details else name)
-    return f"{row['source']}: {', '.join(texts) or 'not stated'}"

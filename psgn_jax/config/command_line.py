@@ -53,8 +53,7 @@ class Flags:
         self.fields: list[str] = []  # names of the fields that `--config.FIELD=VALUE` changed
 
     def __getattr__(self, kind: str) -> Any:
-        define = getattr(absl_flags, f"DEFINE_{kind}")
-        return functools.partial(define, flag_values=self.values)
+        return functools.partial(getattr(absl_flags, f"DEFINE_{kind}"), flag_values=self.values)
 
     def path(self, name: str, default: str | None, text: str) -> None:
         """Defines a flag for a file or folder on this machine; each output has such a flag."""

@@ -9,8 +9,7 @@ import dataclasses
 import json
 import os
 import pathlib
-import types
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
 from psgn_jax.config import structured
@@ -33,10 +32,8 @@ from psgn_jax.system.untrusted import parse_json, with_checksum, without_checksu
 Decay = Annotated[float, Bounds(low=0, high=1, open_high=True)]
 Factor = Annotated[float, Bounds(low=0, high=100, open_low=True)]
 Task = Literal["points", "refiner", "volume", "views"]
-
-
-CHANNELS_OF: Mapping[str, int] = types.MappingProxyType({"rgb": 3, "mask": 1, "depth": 2})
-"""Number of channels of each input, see `models.networks.stack_channels`."""
+# Number of channels of each input, see `models.networks.stack_channels`.
+_CHANNELS = {"rgb": 3, "mask": 1, "depth": 2}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -219,7 +216,7 @@ def parse(config: Any) -> Config:
         train_views=voxels.max_views if views else 0,
         eval_views=max(voxels.eval_views, default=0) if views else 0,
     )
-    channels = sum(CHANNELS_OF[name] for name in data.inputs)
+    channels = sum(_CHANNELS[name] for name in data.inputs)
     model = dataclasses.replace(parsed.model, image_size=data.image_size, in_channels=channels)
     parsed = dataclasses.replace(parsed, data=data, model=model)
     _check_together(parsed)

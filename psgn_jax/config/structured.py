@@ -145,7 +145,7 @@ def suggestion(name: str, choices: Iterable[str]) -> str:
     short = {c: "".join(word[:1] for word in end.split("_")) for c, end in ends.items()}
     near = [c for c, end in ends.items() if last in (end, short[c] if "_" in end else end)]
     if not near:
-        similar = difflib.get_close_matches(last, ends.values(), n=1)
+        similar = difflib.get_close_matches(last, ends.values(), n=1, cutoff=0.7)
         near = [c for c, end in ends.items() if end in similar]
     near.sort(key=lambda choice: choice.rpartition(".")[0] != section)
     return f"did you mean {near[0]!r}? " if near else ""

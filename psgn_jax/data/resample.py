@@ -74,11 +74,13 @@ def resize_mask(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 
 def smooth_mask(mask: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
-    """Resizes a photo's mask, bool [h, w], by a bilinear filter, which enlarges edges smoothly."""
-    if mask.shape == tuple(size):
+    """Resizes a photo's mask, bool or probabilities [h, w], by a bilinear filter; True from .5."""
+    is_mask = mask.dtype == np.bool_
+    if is_mask and mask.shape == tuple(size):
         return mask
-    levels = Image.fromarray(mask.astype(np.uint8) * np.uint8(255))
-    return np.asarray(levels.resize((size[1], size[0]), Image.Resampling.BILINEAR)) > 127
+    scaled = mask * np.uint8(255) if is_mask else np.rint(255 * mask)
+    levels = Image.fromarray(scaled.astype(np.uint8))
+    return np.asarray(levels.resize((size[1], size[0]), _BILINEAR)) > 127
 
 
 def resize_depth(depth: np.ndarray, mask: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 The clouds `pred` [n, 3] and `gt` [m, 3], n, m >= 1, are in the same frame. Distances are in the
 unit of the coordinates: in the project's frame the radius of the object's bounding hemisphere,
 hence the suffix `_radius`. The other metrics are fractions. Batch the functions by
-`losses.map_pairs`. `prediction.sampling` has metrics of several predictions of one image.
+`losses.map_pairs`. `prediction.draws` has metrics of several predictions of one image.
 """
 
 from collections.abc import Callable

@@ -2,7 +2,7 @@
 
 `index.html` is the gallery: a table per category, a histogram of errors (squared Chamfer distance),
 the best, median and worst cases, and all cases, with links to the clouds in the interactive viewer
-(`viewing.page`), `viewer.html`, `viewer-2.html`, ...
+(`viewing.viewer`), `viewer.html`, `viewer-2.html`, ...
 """
 
 import dataclasses
@@ -18,7 +18,7 @@ import numpy as np
 from psgn_jax.evaluation import table
 from psgn_jax.evaluation.results import Evaluation
 from psgn_jax.system.files import write_atomic
-from psgn_jax.viewing import page, spheres
+from psgn_jax.viewing import spheres, viewer
 
 ERROR = "cd_sq_radius2"
 
@@ -83,7 +83,7 @@ def write_report(folder: str | pathlib.Path, runs: Sequence[Reported]) -> pathli
     parts = [(f"{name.record:05d}", name.category, name.model_id[:16]) for name in names]
     titles = [" ".join(filter(None, part)) for part in parts]
     viewed = (_viewer_case(i, title, runs, errors) for i, title in enumerate(titles))
-    pages = page.write_pages(folder / "viewer.html", viewed, title=runs[0].label)
+    pages = viewer.write_pages(folder / "viewer.html", viewed, title=runs[0].label)
     ranked = np.argsort(errors[0], kind="stable").tolist()  # NaN comes last
     middle = max(0, len(names) - _EXTREMES) // 2
     pictured = ranked[:_EXTREMES] + ranked[-_EXTREMES:] + ranked[middle:][:_EXTREMES]
@@ -111,17 +111,17 @@ def write_report(folder: str | pathlib.Path, runs: Sequence[Reported]) -> pathli
         "histogram": _histogram(errors[0]),
         "cases": cases,
     }
-    write_atomic(folder / "index.html", page.document(_TEMPLATE, page.to_json(data)))
+    write_atomic(folder / "index.html", viewer.document(_TEMPLATE, viewer.to_json(data)))
     return folder / "index.html"
 
 
 def _viewer_case(
     i: int, title: str, runs: Sequence[Reported], errors: Sequence[np.ndarray]
-) -> page.Case:
+) -> viewer.Case:
     cases = [run.cases[i] for run in runs]
     # The viewer's slider needs clouds with the same number of points.
     same = [k for k, case in enumerate(cases) if case["pred"].shape == cases[0]["pred"].shape]
-    return page.Case(
+    return viewer.Case(
         name=title,
         image=cases[0]["image"],
         samples=np.stack([cases[k]["pred"] for k in same]),
@@ -135,7 +135,7 @@ def _viewer_case(
 def _thumbs(case: Mapping[str, np.ndarray]) -> list[str]:
     """Data URIs of small pictures of image and prediction."""
     clouds = spheres.by_height({"prediction": case["pred"]})
-    return [*map(page.picture_uri, spheres.panels(case, clouds, (0,), height=96).values())]
+    return [*map(viewer.picture_uri, spheres.panels(case, clouds, (0,), height=96).values())]
 
 
 def _table(runs: Sequence[Reported]) -> list[list[str]]:

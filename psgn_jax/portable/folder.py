@@ -1,12 +1,11 @@
 """Writes the folder of `psgn export`: exported files, checked against JAX, and a description."""
 
 import hashlib
-import importlib.util
 import json
 import os
 import pathlib
 import string
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -17,10 +16,10 @@ from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data import camera, framing, schema
 from psgn_jax.models import networks
 from psgn_jax.portable.network import ExportError, PortableNetwork
-from psgn_jax.prediction import sampling, silhouette
-from psgn_jax.prediction.draws import compared_points
+from psgn_jax.prediction import draws, silhouette
 from psgn_jax.system.files import write_atomic
 from psgn_jax.system.onnx_runtime import session
+from psgn_jax.weights.file import source_text
 from psgn_jax.weights.run_folder import Trained
 
 FORMAT = "psgn_jax network 2"
@@ -55,12 +54,6 @@ RULES = {
     ),
 }
 """Constants of `data.framing` and `prediction.silhouette` in `network.json`."""
-
-
-def require_packages() -> None:
-    """Raises `ConfigError` if the package of the extra `export` is missing."""
-    if importlib.util.find_spec("onnx") is None:
-        raise ConfigError("onnx: not installed; pip install 'psgn-jax[export]'")
 
 
 def write_network(
@@ -98,12 +91,16 @@ def write_network(
     for stored in weights:
         name, texts = ONNX_NAMES[stored], {"name": description["name"], "format": FORMAT}
         content = onnx_file.to_onnx(network, network.inputs, "points", stored, texts)
-        difference = check(stored, session(content)(inputs), expected)
+        difference = float(np.abs(session(content)(inputs) - expected).max())
+        if not difference <= LARGEST_DIFFERENCE[stored]:
+            raise ExportError(
+                f"the {stored} file's points differ from JAX's by {difference:.2g}, expected at "
+                f"most {LARGEST_DIFFERENCE[stored]:g}"
+            )
         write_atomic(out / name, content)
-        digest = hashlib.sha256(content).hexdigest()
         description["files"][name] = {
-            "weights": stored, "bytes": len(content), "sha256": digest,
-            "largest_difference": difference,
+            "weights": stored, "bytes": len(content),
+            "sha256": hashlib.sha256(content).hexdigest(), "largest_difference": difference,
         }  # fmt: skip
         text = "%s: %.1f MB, largest difference from JAX %.1e"
         logging.info(text, name, len(content) / 1e6, difference)
@@ -129,7 +126,8 @@ def write_folder(run: Trained, out: str | os.PathLike[str], **options: Any) -> d
             f"| `{name}` | {row['bytes'] / 1e6:.1f} MB | {row['largest_difference']:.1e} |\n"
             for name, row in description["files"].items()
         ),
-        "licences": _licences(description["sources"]),
+        "licences": "\n".join(f"- {source_text(row)}" for row in description["sources"])
+        or "Not stated.",
     }
     out = pathlib.Path(out)
     readme = string.Template((TEMPLATES / "README.md.txt").read_text())
@@ -153,24 +151,13 @@ def drawn_inputs(network: PortableNetwork) -> dict[str, np.ndarray]:
     return inputs
 
 
-def check(stored: str, points: np.ndarray, expected: np.ndarray) -> float:
-    """The largest difference of a file's coordinates from JAX's; `ExportError` if too large."""
-    difference = float(np.abs(points - expected).max())
-    if not difference <= LARGEST_DIFFERENCE[stored]:
-        raise ExportError(
-            f"the {stored} file's points differ from JAX's by {difference:.2g}, expected at most "
-            f"{LARGEST_DIFFERENCE[stored]:g}"
-        )
-    return difference
-
-
 def _describe(run: Trained, network: PortableNetwork) -> dict[str, Any]:
     """The content of `network.json`, without files."""
     model = network.config.model
     intrinsics, extrinsics = camera.default_camera(network.config.data.image_size)
     latents: list[Any] = []
     if model.random_size:
-        latents = sampling.image_latents(network.config, 1, LATENTS)[0].tolist()
+        latents = draws.image_latents(network.config, LATENTS, seed=0).tolist()
     return {
         "format": FORMAT,
         "name": run.name,
@@ -185,15 +172,7 @@ def _describe(run: Trained, network: PortableNetwork) -> dict[str, Any]:
         "camera": {"intrinsics": intrinsics.tolist(), "extrinsics": extrinsics.tolist()},
         "random_size": model.random_size,
         "latents": latents,
-        "compared_points": compared_points(network.num_points).tolist() if latents else [],
+        "compared_points": draws.compared_points(network.num_points).tolist() if latents else [],
         "sources": [dict(row) for row in run.sources],
         "files": {},
     }
-
-
-def _licences(sources: Sequence[Mapping[str, Any]]) -> str:
-    def text(licence: str, row: Mapping[str, Any]) -> str:
-        return f"{licence} ({', '.join(map(str, row.get('holders') or [])) or 'no names given'})"
-
-    rows = [(row["source"], [text(*item) for item in row["licences"].items()]) for row in sources]
-    return "\n".join(f"- {source}: {'; '.join(each)}" for source, each in rows) or "Not stated."

@@ -22,7 +22,7 @@ from psgn_jax.data.photo import Photo
 from psgn_jax.prediction import formats, surface
 from psgn_jax.prediction.draws import spread
 from psgn_jax.system.files import write_atomic
-from psgn_jax.viewing import page
+from psgn_jax.viewing import viewer
 
 FC, DECONV = 0, 1
 
@@ -124,7 +124,7 @@ class Prediction:
         if suffix == "npz":
             content: bytes | str = formats.npz(self.arrays())
         elif suffix == "html":
-            content = page.document_of([self.case(pathlib.Path(path).stem)])
+            content = viewer.document_of([self.case(pathlib.Path(path).stem)])
         elif suffix in formats.MAKERS:
             content = formats.MAKERS[suffix](*self._kept(sample))
         else:
@@ -159,15 +159,14 @@ class Prediction:
         if height is not None and not 0 < height < np.inf:
             raise ValueError(f"height={height}: accepted: a positive number")
         draws = None if self.draws is None or sample else self.draws[1:].reshape(-1, 3)
-        seen = (np.linalg.inv(self.view.to_view) @ self.view.intrinsics, self.view.extrinsics)
-        found = surface.surface_of(
-            points,
-            self.mask,
-            *seen,
-            draws=None if draws is None else (draws - self.shift) / self.scale,
-        )
-        mesh = surface.textured(found, self.photo.image, self.mask, *seen)
-        return mesh if height is None else mesh.apply_scale(height / np.ptp(points[:, 2]))
+        intrinsics = np.linalg.inv(self.view.to_view) @ self.view.intrinsics
+        seen = self.mask, intrinsics, self.view.extrinsics
+        others = None if draws is None else (draws - self.shift) / self.scale
+        mesh = surface.textured(surface.surface_of(points, seen, others), self.photo.image, *seen)
+        if height is not None:
+            mesh.metadata["unit"] = float(height / np.ptp(points[:, 2]))  # for `psgn view`
+            mesh.apply_scale(mesh.metadata["unit"])
+        return mesh
 
     def _kept(self, sample: int) -> tuple[np.ndarray, np.ndarray]:
         if not 0 <= sample < len(self.points):
@@ -182,12 +181,12 @@ class Prediction:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the page of `psgn view`, on which the cloud can be turned."""
-        text = html.escape(page.document_of([self.case("")]))
+        text = html.escape(viewer.document_of([self.case("")]))
         return f'<iframe srcdoc="{text}" style="width:100%;height:420px;border:0"></iframe>'
 
-    def case(self, name: str) -> page.Case:
+    def case(self, name: str) -> viewer.Case:
         """What a page shows."""
-        return page.case_of(name, self.arrays())
+        return viewer.case_of(name, self.arrays())
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The arrays of an NPZ file.
@@ -291,10 +290,7 @@ class Prediction:
 
 def _turn_to_axis(direction: np.ndarray) -> np.ndarray:
     """The smallest rotation [3, 3] that turns a direction to +z."""
-    x, y, z = direction / np.linalg.norm(direction)
-    return np.array([[1 - x * x / (1 + z), -x * y / (1 + z), -x],
-                     [-x * y / (1 + z), 1 - y * y / (1 + z), -y],
-                     [x, y, z]])  # fmt: skip
+    return np.asarray(Rotation.align_vectors([0, 0, 1], direction)[0].as_matrix())
 
 
 def _rigid(points: np.ndarray, goal: np.ndarray) -> np.ndarray:

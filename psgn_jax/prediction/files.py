@@ -13,7 +13,7 @@ import json
 import os
 import pathlib
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from absl import logging
@@ -23,7 +23,7 @@ from psgn_jax.config.experiment import ConfigError, to_dict
 from psgn_jax.data import photo, resample
 from psgn_jax.prediction import masks
 from psgn_jax.prediction.cloud import FC, Prediction
-from psgn_jax.prediction.formats import DEFAULT_FORMATS, VERSION
+from psgn_jax.prediction.formats import DEFAULT_FORMATS, FORMATS, VERSION
 from psgn_jax.prediction.predictor import Clock, Predictor
 from psgn_jax.prediction.surface import SurfaceError, glb
 from psgn_jax.system.errors import UserError, is_disk_full
@@ -32,13 +32,6 @@ from psgn_jax.system.untrusted import read_json
 
 SURFACE = "surface"
 _FORMAT = "psgn_jax prediction"
-
-
-class _Target(NamedTuple):
-    """Where the results of an image go."""
-
-    start: pathlib.Path  # folder and name, to which suffixes are added
-    earlier: frozenset[str]  # names of results of earlier runs
 
 
 def predict_files(
@@ -75,6 +68,8 @@ def predict_files(
     Yields:
       The path of each image, with its prediction or the error.
     """
+    if not formats or not set(formats) <= set(FORMATS):
+        raise ConfigError(f"formats={','.join(formats)}: accepted: any of {', '.join(FORMATS)}")
     how, kinds = mask_options or {}, (*formats, *[SURFACE] * surface)
     paths, out = _expand(images), pathlib.Path(local_path(out, "out"))
     if not paths:
@@ -92,31 +87,30 @@ def predict_files(
     predictor: Any = None
     taken: set[str] = set()
 
-    def prepare(path: pathlib.Path) -> tuple[photo.Photo, masks.FoundMask, _Target, Clock]:
+    def prepare(path: pathlib.Path) -> tuple[photo.Photo, masks.FoundMask, pathlib.Path, Clock]:
         clock = Clock()
         image = photo.read_photo(path)
-        target = _target(path, out, taken, kinds, options.get("samples", 1))
+        start = _free_start(path, out, taken, kinds, options.get("samples", 1))
         given = None if mask is None else _mask_of(path, mask)
         clock.lap("read")
         try:
             found = masks.find_mask(image, given, **how)
         except masks.UncertainMaskError as error:
-            proposal = _propose(error.mask, image, target.start)
+            proposal = _propose(error.mask, image, start)
             message = f"{error}; its proposal is {proposal}"
             raise masks.UncertainMaskError(message, error.mask) from None
         # The proposal of an earlier run would show another mask.
-        if found.doubtful or (given is None and masks.is_result(_with(target.start, "_mask.png"))):
-            _propose(found.mask, image, target.start)
+        if found.doubtful or (given is None and masks.is_result(_with(start, "_mask.png"))):
+            _propose(found.mask, image, start)
         clock.lap("mask")
-        return image, found, target, clock
+        return image, found, start, clock
 
     def predict(
-        image: photo.Photo, found: masks.FoundMask, target: _Target, clock: Clock
+        image: photo.Photo, found: masks.FoundMask, start: pathlib.Path, clock: Clock
     ) -> Prediction:
         result, again = predictor(image, found, **options), Clock()
         warnings, surfaces = [*result.warnings], {}
-        named = _files(target.start.name, [SURFACE] * surface, len(result.points))
-        for name, k in named.items():
+        for name, k in _files(start.name, [SURFACE] * surface, len(result.points)).items():
             try:
                 surfaces[name] = glb(result.surface(k, height))
             except SurfaceError as error:
@@ -125,7 +119,7 @@ def predict_files(
             again.lap("surface")
         seconds = clock.laps | result.seconds | again.laps
         result = dataclasses.replace(result, warnings=tuple(warnings), seconds=seconds)
-        _write(predictor, result, target, formats, surfaces, options.get("seed", 0))
+        _write(predictor, result, start, formats, surfaces, options.get("seed", 0))
         return result
 
     for path in paths:
@@ -171,21 +165,20 @@ def _propose(mask: np.ndarray, read: photo.Photo, start: pathlib.Path) -> pathli
 def _write(
     predictor: Predictor,
     result: Prediction,
-    target: _Target,
+    start: pathlib.Path,
     formats: Sequence[str],
     surfaces: dict[str, bytes],
     seed: int,
 ) -> None:
     """Writes the results for an image."""
-    clouds = _files(target.start.name, formats, len(result.points))
-    view = _with(target.start, "_input.png")
-    files = [*clouds, *surfaces, view.name]
-    folder = target.start.parent
-    earlier = [name for name in sorted(target.earlier - {*files}) if (folder / name).exists()]
+    clouds = _files(start.name, formats, len(result.points))
+    view = _with(start, "_input.png")
+    files, folder, record = [*clouds, *surfaces, view.name], start.parent, _with(start, ".json")
+    before = sorted(_results(record, result.photo.path) - {*files})
+    earlier = [name for name in before if (folder / name).exists()]
     document = _record(predictor, result, files, earlier, seed)
-    text = json.dumps(document, indent=2, allow_nan=False) + "\n"
     # First, because it marks the others as results if we are killed.
-    write_atomic(_with(target.start, ".json"), text, sync=False)
+    write_atomic(record, json.dumps(document, indent=2, allow_nan=False) + "\n", sync=False)
     for name, k in clouds.items():
         result.save(folder / name, k)
     for name, content in surfaces.items():
@@ -257,10 +250,11 @@ def _record(
 def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
     """The files, and the images in the folders, without repetition, masks and earlier results."""
     paths: list[pathlib.Path] = []
-    for address in (image for image in images if "://" in os.fspath(image)):
-        raise ConfigError(f"{address}: expected a file or a folder; download it first")
-    for image in map(pathlib.Path, images):
-        paths += _images_in(image) if os.path.isdir(image) else [image]
+    for image in images:
+        if "://" in os.fspath(image):
+            raise ConfigError(f"{image}: expected a file or a folder; download it first")
+        path = pathlib.Path(image)
+        paths += _images_in(path) if os.path.isdir(path) else [path]
     if paths[1:] or paths != list(map(pathlib.Path, images)):  # a file alone is always meant
         listed = {(p.parent, masks.same_name(p.stem)) for p in paths}
         paths = [
@@ -284,25 +278,24 @@ def _images_in(folder: pathlib.Path) -> list[pathlib.Path]:
     files = [p for p in folder.iterdir() if p.name[0] != "." and p.is_file()]
     images = [p for p in files if p.suffix.lower() in photo.SUFFIXES]
     copied = {masks.same_name(p.stem) for p in images}
-    heic = [p for p in files if p.suffix.lower() in photo.HEIC]
-    heic = [p for p in heic if masks.same_name(p.stem) not in copied]
-    return sorted(images + heic)
+    others = (p for p in files if masks.same_name(p.stem) not in copied)
+    return sorted([*images, *(p for p in others if p.suffix.lower() in photo.HEIC)])
 
 
-def _results(record: pathlib.Path, image: pathlib.Path) -> frozenset[str]:
+def _results(record: pathlib.Path, image: pathlib.Path | None) -> set[str]:
     """The names of the files that a `NAME.json` lists as results of this image."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
         stated = read_json(record)
-        same = os.path.abspath(stated["image"]) == os.path.abspath(image)
+        same = os.path.abspath(stated["image"]) == os.path.abspath(str(image))
         if same and stated["format"].startswith(_FORMAT):
-            return frozenset([*stated["files"], *stated.get("earlier_files", [])])
-    return frozenset()
+            return {*stated["files"], *stated.get("earlier_files", [])}
+    return set()
 
 
-def _target(
+def _free_start(
     path: pathlib.Path, out: pathlib.Path, taken: set[str], kinds: Sequence[str], samples: int
-) -> _Target:
-    """A target for the results of an image; its name is unique even if case is ignored."""
+) -> pathlib.Path:
+    """Folder and name of the results, to which suffixes are added; unique if case is ignored."""
     name, number = path.stem or "image", 1
     while True:
         record = out / f"{name}.json"
@@ -312,7 +305,7 @@ def _target(
         foreign = record.exists() and not earlier
         if masks.same_name(name) not in taken and not there and not foreign:
             taken.add(masks.same_name(name))
-            return _Target(out / name, earlier)
+            return out / name
         number += 1
         name = f"{path.stem}-{number}"
 

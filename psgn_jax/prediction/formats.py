@@ -137,8 +137,6 @@ def read_prediction(path: str | os.PathLike[str], fields: Sequence[str]) -> dict
                 f"reads {VERSION}; predict again, or use a newer psgn_jax"
             )
         _check(arrays, [*fields, *(name for name in _OPTIONAL if name in arrays)])
-    except FileNotFoundError:
-        raise PredictionFileError(f"{shown}: no such file") from None
     except OSError as error:
         raise PredictionFileError(f"{shown}: {error.strerror or error}") from None
     except ValueError as error:

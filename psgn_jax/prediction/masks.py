@@ -18,7 +18,7 @@ import unicodedata
 import warnings
 import zlib
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple, TypedDict, Unpack
+from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 from PIL import Image, ImageFilter, PngImagePlugin
@@ -144,8 +144,8 @@ def find_mask(
       ConfigError: an option is wrong or has no effect, or rembg cannot load its model.
     """
     read, name, note = photo.read_photo(image), "given", ""
-    given = {key: value for key, value in options.items() if value is not None}
-    method = options.get("mask_from", "auto")
+    given: Any = {key: value for key, value in options.items() if value is not None}
+    method = given.get("mask_from", "auto")
     check_method(method)
     for key in ("invert_mask", "accept_mask"):
         if not isinstance(given.get(key, False), bool | np.bool_):
@@ -160,20 +160,20 @@ def find_mask(
         name = mask.name if mask else name
         note = f"; {files[0].name}, beside the photo, is an unchanged proposal" if files else ""
     if mask is not None:
-        found = _given(read, mask, name, options)
-        return found._replace(warnings=(*found.warnings, *_doubts(found)))
-    for key in ("invert_mask", "mask_label"):
-        if key in given:
-            raise ConfigError(f"{key}: accepted only with a given mask")
-    hints = _hints(read, options)
-    accept = options.get("accept_mask", False)
-    found = _by_background(read, method, hints) or _by_network(read, method, hints, accept, note)
+        found = _given(read, mask, name, given.get("invert_mask"), given.get("mask_label"))
+    elif wrong := next((key for key in ("invert_mask", "mask_label") if key in given), None):
+        raise ConfigError(f"{wrong}: accepted only with a given mask")
+    else:
+        hints, accept = _hints(read, given), given.get("accept_mask", False)
+        seen = _by_background(read, method, hints)
+        found = seen or _by_network(read, method, hints, accept, note)
     return found._replace(warnings=(*found.warnings, *_doubts(found)))
 
 
-def _given(read: photo.Photo, mask: photo.Source, name: str, options: MaskOptions) -> FoundMask:
+def _given(
+    read: photo.Photo, mask: photo.Source, name: str, invert: bool | None, label: Any
+) -> FoundMask:
     """A given mask, inverted or turned if it has to be."""
-    invert, label = options.get("invert_mask"), options.get("mask_label")
     pixels, warnings = photo.read_mask(mask, read, label), []
     if inverted := invert is None and label is None and _looks_inverted(pixels):
         warnings.append("the mask covers the border: it was inverted")
@@ -306,11 +306,11 @@ def _in_crop(image: np.ndarray, method: str, hints: _Hints, crop: Box) -> tuple[
         p = mask_networks.by_rembg(np.ascontiguousarray(image[region]), model)
     else:
         p = mask_networks.probabilities(image, crop, both_ways=len(hints.crops) > 1)
-    p = np.where(enlarged(hints.inside[region], p.shape), p, np.float32(0))
+    p = np.where(smooth_mask(hints.inside[region], p.shape), p, np.float32(0))
     scale = np.divide(p.shape, (bottom - top, right - left))
     part = part_of(p, None if at is None else (at - (top, left)) * scale)
     mask = np.zeros(image.shape[:2], bool)
-    mask[region] = enlarged(np.where(part, p, 0), mask[region].shape)
+    mask[region] = smooth_mask(np.where(part, p, 0), mask[region].shape)
     return certainty(p if at is None else np.where(part, p, 0), part), mask
 
 
@@ -351,7 +351,7 @@ def _fits_better_turned(image: np.ndarray, mask: np.ndarray, orientation: int) -
     if other.shape != mask.shape or (other == mask).all():
         return False
     height, width = mask.shape
-    seen = enlarged(mask_networks.probabilities(image, (0, 0, width, height)), mask.shape)
+    seen = smooth_mask(mask_networks.probabilities(image, (0, 0, width, height)), mask.shape)
     return mask_iou(other, seen) > mask_iou(mask, seen) + _CLEARLY_BETTER
 
 
@@ -363,12 +363,6 @@ def certainty(p: np.ndarray, part: np.ndarray) -> float:
     """
     inside = part & (p > 0.5)
     return float(p[inside].sum() / (inside.sum() + p[~inside].sum() + 1e-9))
-
-
-def enlarged(p: np.ndarray, size: tuple[int, ...]) -> np.ndarray:
-    """Where bilinearly resized probabilities exceed .5, bool [h, w]."""
-    levels = Image.fromarray(np.rint(255 * p).astype(np.uint8))
-    return np.asarray(levels.resize((size[1], size[0]), Image.Resampling.BILINEAR)) > 127
 
 
 def _hints(read: photo.Photo, options: MaskOptions) -> _Hints:

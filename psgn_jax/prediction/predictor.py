@@ -17,7 +17,7 @@ from psgn_jax.config.experiment import Config, ConfigError, require_points_task
 from psgn_jax.data import framing, photo
 from psgn_jax.models import networks
 from psgn_jax.models.cpu_convolution import convolutions_for
-from psgn_jax.prediction import draws, masks, sampling
+from psgn_jax.prediction import draws, masks
 from psgn_jax.prediction.cloud import DECONV, FC, Prediction, colours_from_view, find_outliers
 from psgn_jax.prediction.formats import MOST_CLOUDS
 from psgn_jax.prediction.refine import predicted
@@ -99,7 +99,7 @@ class Predictor:
           photo.PhotoError: the photo or the mask cannot be used, or no object was found.
           masks.UncertainMaskError: the mask network is not certain; `mask` is its proposal.
         """
-        r = self._sample_latents(samples, seed)
+        r = self._latents(samples, seed)
         for name, value, accepted in (
             ("frame", frame, FRAMES),
             ("normal_form", normal_form, NORMAL_FORMS),
@@ -161,7 +161,7 @@ class Predictor:
         mask[24:72, 32:96] = True
         self(image, mask, samples=samples, **options)
 
-    def _sample_latents(self, samples: int, seed: int) -> np.ndarray | None:
+    def _latents(self, samples: int, seed: int) -> np.ndarray | None:
         size = self.config.model.random_size
         most = MOST_CLOUDS if size else 1
         integer = isinstance(samples, int | np.integer) and samples is not True
@@ -174,7 +174,7 @@ class Predictor:
             return None
         if not isinstance(seed, int | np.integer) or not -(2**31) <= seed < 2**31:
             raise ConfigError(f"seed={seed}: accepted: an integer of 32 bits")
-        return sampling.image_latents(self.config, 1, draws.num_draws(samples), int(seed))
+        return draws.image_latents(self.config, draws.num_draws(samples), int(seed))[None]
 
 
 class Clock:

@@ -12,13 +12,14 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from psgn_jax.array_types import Array, Float
 from psgn_jax.config.experiment import Config
 from psgn_jax.losses.auction import assign
 from psgn_jax.losses.mapping import map_pairs
 from psgn_jax.models import networks
-from psgn_jax.prediction import draws, sampling
+from psgn_jax.prediction import draws
 from psgn_jax.prediction.silhouette import Fit, fit
 
 # Less than the auction can prove in float32, so it goes on to its last epsilon. On docs/photos it
@@ -52,7 +53,7 @@ def predicted(
     Args:
       batch: `image`, `mask`, `intrinsics` (for images of the size of the mask) and `extrinsics`,
         each with the leading axis b; `depth` if it is an input.
-      r: [b, k, size], `sampling.image_latents` of a network with a random input.
+      r: [b, k, size], `draws.image_latents` of a network with a random input.
       samples, first: see `prediction.draws`.
       placed: whether the images were placed, see `silhouette.fit`.
     """
@@ -81,6 +82,7 @@ def first_clouds(
     config: Config, model: Any, params: Any, batch: Mapping[str, Any], *, placed: bool = False
 ) -> tuple[Float[Array, "b n 3"], Float[Array, "b n 3"]]:
     """The first cloud that a prediction shows of each image, by the network and refined."""
-    r = sampling.image_latents(config, len(batch["mask"]), 0) if config.model.random_size else None
+    size = config.model.random_size
+    r = np.zeros((len(batch["mask"]), 1, size), np.float32) if size else None
     fitted, clouds = predicted(config, model, params, batch, r, placed=placed)
     return clouds[:, 0], fitted.points[:, 0]

@@ -61,7 +61,7 @@ class SurfaceError(UserError):
     """A cloud has no surface."""
 
 
-class Surface(NamedTuple):
+class ClosedMesh(NamedTuple):
     """A closed mesh."""
 
     vertices: np.ndarray  # float32 [v, 3], in the frame of the points
@@ -70,20 +70,16 @@ class Surface(NamedTuple):
 
 def surface_of(
     points: np.ndarray,
-    mask: np.ndarray | None = None,
-    intrinsics: np.ndarray | None = None,
-    extrinsics: np.ndarray | None = None,
-    *,
+    seen: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
     draws: np.ndarray | None = None,
-) -> Surface:
+) -> ClosedMesh:
     """The closed surface of a cloud; the same input gives the same mesh.
 
     Args:
       points: [n, 3], without outliers, in any frame and unit.
-      mask: bool [h, w], True on the object, of an image in which `points` are seen. None = nothing
-        is cut, as for the clouds of records. It is ignored if it shows less than a
-        tenth of the points.
-      intrinsics, extrinsics: [3, 3] and [3, 4], the camera of the mask (`data.schema`).
+      seen: mask bool [h, w], intrinsics [3, 3] and extrinsics [3, 4] (`data.schema`) of an image
+        in which `points` are seen. None = nothing is cut, as for the clouds of records; so is a
+        mask that shows less than a tenth of the points.
       draws: [m, 3], points of other clouds of the same object in the same frame.
 
     Raises:
@@ -92,24 +88,22 @@ def surface_of(
     points = np.asarray(points, np.float64)
     if points.ndim != 2 or points.shape[1:] != (3,) or not np.isfinite(points).all():
         raise SurfaceError(f"points {list(points.shape)}: expected finite numbers [n, 3]")
-    if mask is not None and (intrinsics is None or extrinsics is None):
-        raise SurfaceError("mask: expected intrinsics and extrinsics with it")
-    seen = None if mask is None else _seen_mask(points, mask, intrinsics, extrinsics)
+    outline = None if seen is None else _outline(points, *seen)
     view = _View(np.eye(3, 4), None)
-    if seen:
-        depth = camera.to_camera(points, seen.extrinsics)[:, 2].mean()
-        view = _View(seen.extrinsics, float(depth))
+    if outline:
+        depth = camera.to_camera(points, outline.extrinsics)[:, 2].mean()
+        view = _View(outline.extrinsics, float(depth))
     grid = _Grid.around(view.of(points), None if draws is None else view.of(draws))
     field = _field(grid)
-    if seen and view.depth:
-        field = _cut(field, grid, _inside(seen, view.depth, grid))
+    if outline and view.depth:
+        field = _cut(field, grid, _inside(outline, view.depth, grid))
     field = _without_small_parts(np.clip(field, -_FAR, _FAR))
     if not (field > 0).any():
         raise SurfaceError(
             "the cloud's parts are too far apart, or its mask too thin, for a surface"
         )
     vertices, faces = _mesh(field)
-    return Surface(view.back(vertices * grid.step + grid.low).astype(np.float32), faces)
+    return ClosedMesh(view.back(vertices * grid.step + grid.low).astype(np.float32), faces)
 
 
 class _View(NamedTuple):
@@ -228,7 +222,7 @@ def _field(grid: _Grid) -> np.ndarray:
     return through(_smooth(np.maximum(fine, coarse), 1.5), 1.2)
 
 
-class _Seen(NamedTuple):
+class _Outline(NamedTuple):
     """A mask, reduced to at most `_MASK` pixels a side, with a border of two, and its camera."""
 
     mask: np.ndarray
@@ -236,8 +230,10 @@ class _Seen(NamedTuple):
     extrinsics: np.ndarray
 
 
-def _seen_mask(points: np.ndarray, mask: np.ndarray, intrinsics: Any, extrinsics: Any) -> Any:
-    """The mask as `_Seen`; None if it shows too few of the points."""
+def _outline(
+    points: np.ndarray, mask: np.ndarray, intrinsics: np.ndarray, extrinsics: np.ndarray
+) -> _Outline | None:
+    """The mask, reduced; None if it shows too few of the points."""
     intrinsics, extrinsics = (np.asarray(a, np.float64) for a in (intrinsics, extrinsics))
     pixels, depth = camera.project(points, intrinsics, extrinsics)
     if depth.min() < 1e-3 or camera.inside_mask(pixels, mask).mean() < 1 - MOST_OUTSIDE:
@@ -247,16 +243,16 @@ def _seen_mask(points: np.ndarray, mask: np.ndarray, intrinsics: Any, extrinsics
     rows, columns = (n // factor for n in padded.shape)
     reduced = padded.reshape(rows, factor, columns, factor).mean(axis=(1, 3)) > 0.5
     moved = np.array([[1 / factor, 0, 2], [0, 1 / factor, 2], [0, 0, 1]]) @ intrinsics
-    return _Seen(reduced, moved, extrinsics)
+    return _Outline(reduced, moved, extrinsics)
 
 
-def _inside(seen: _Seen, depth: float, grid: _Grid) -> np.ndarray:
+def _inside(outline: _Outline, depth: float, grid: _Grid) -> np.ndarray:
     """The signed distance of each column of voxels to the mask's border, in voxels."""
-    pixel = grid.step / depth * seen.intrinsics[0, 0]
-    distance = _smooth(_distance(seen.mask), 0.5 * max(1.0, pixel))
+    pixel = grid.step / depth * outline.intrinsics[0, 0]
+    distance = _smooth(_distance(outline.mask), 0.5 * max(1.0, pixel))
     column, row = (
-        (grid.low[k] + grid.step * np.arange(grid.shape[k])) / depth * seen.intrinsics[k, k]
-        + seen.intrinsics[k, 2]
+        (grid.low[k] + grid.step * np.arange(grid.shape[k])) / depth * outline.intrinsics[k, k]
+        + outline.intrinsics[k, 2]
         - 0.5
         for k in (0, 1)
     )
@@ -326,19 +322,13 @@ def _mesh(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             mesh.vertices.astype(np.float32), mesh.faces, target_count=min(FACES, len(faces) - 1)
         )
         for made in (trimesh.Trimesh(vertices, faces, process=False), mesh):
-            if len(made.faces) <= MOST_FACES and _is_closed(made):
+            if len(made.faces) <= MOST_FACES and made.is_volume:
                 return np.asarray(made.vertices), np.asarray(made.faces, np.int32)
     raise SurfaceError("the cloud has no closed surface")
 
 
-def _is_closed(mesh: Any) -> bool:
-    a, b, c = np.moveaxis(mesh.triangles, 1, 0)
-    volume = (a * np.cross(b, c)).sum()
-    return bool(mesh.is_watertight and mesh.is_winding_consistent and volume > 0)
-
-
 def textured(
-    surface: Surface,
+    surface: ClosedMesh,
     image: np.ndarray,
     mask: np.ndarray,
     intrinsics: np.ndarray,

@@ -5,7 +5,7 @@ images of a turned cabinet show it. On both we train a deterministic network, Mo
 the best of 2, 4 and 8 draws of the random input) and the conditional variational autoencoder. We
 measure distances from the truth; the spread (standard deviation over draws) of the output points
 along the hidden direction x and along y and z; the depths of the drawn cabinets against their true
-distribution; and the metrics of `prediction.sampling` for the true shapes that share an image.
+distribution; and the metrics of `prediction.draws` for the true shapes that share an image.
 
 Source: Fan, Su, Guibas, CVPR 2017, sections "Generation of Multiple Plausible Shapes" and
 "Predicting Multiple Plausible Shapes", which show images and no numbers. Data, measures and goals
@@ -27,7 +27,12 @@ from psgn_jax.data.schema import RecordError
 from psgn_jax.evaluation.table import Lines
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.models import networks
-from psgn_jax.prediction import sampling
+from psgn_jax.prediction.draws import (
+    coverage,
+    cross_distances,
+    sample_latents,
+    total_mutual_difference,
+)
 from psgn_jax.studies import figures, runner
 from psgn_jax.system.untrusted import parse_json
 from psgn_jax.viewing import spheres
@@ -117,12 +122,12 @@ def measured_depth(points: np.ndarray, scale: float) -> float:
     return float((BODY_BEGINS - np.quantile(above, 0.05) / scale) / DEEPEST)
 
 
-_difference = jax.jit(sampling.total_mutual_difference)
+_difference = jax.jit(total_mutual_difference)
 
 
 @jax.jit
 def _cross(draws: Array, truths: Array) -> Array:
-    return sampling.cross_distances(draws, truths, chamfer_sq_mean)
+    return cross_distances(draws, truths, chamfer_sq_mean)
 
 
 def of_draws(draws: np.ndarray, truth: np.ndarray, scale: float) -> dict[str, float]:
@@ -182,7 +187,7 @@ def measure(run: runner.Run) -> runner.Measured:
 
     @jax.jit
     def sample(params: Any, batch: Any, number: Array) -> Array:
-        r = sampling.sample_latents(config, number, 1, NUM_MEASURED, 0)
+        r = sample_latents(config, number, 1, NUM_MEASURED, 0)
         return networks.predict(config, model, params, batch, r)[0]
 
     def draw(case: runner.Case) -> dict[str, float]:
@@ -205,7 +210,7 @@ def measure(run: runner.Run) -> runner.Measured:
             _cross(cases[i[0]]["draws"][:NUM_DRAWS], np.stack([cases[j]["points"] for j in i]))
             for i in groups.values()
         ]
-        metrics["coverage of the true shapes"] = np.mean([*map(sampling.coverage, pairs)])
+        metrics["coverage of the true shapes"] = np.mean([*map(coverage, pairs)])
     # The samples that share the first ambiguous image, and its draws, sorted by depth.
     sharing = sorted(min(groups.items())[1][:5], key=lambda i: known[i].depth)
     first, scale = cases[sharing[0]], known[sharing[0]].scale

@@ -56,11 +56,10 @@ def parse_json(text: str | bytes, *, max_depth: int = MAX_DEPTH) -> Any:
     raise deep
 
 
-def read_json(path: str | os.PathLike[str], *, max_bytes: int = MAX_JSON_BYTES) -> Any:
+def read_json(path: str | os.PathLike[str]) -> Any:
     """`parse_json` of a file; ValueError if it is too large, OSError if it is no regular file."""
-    size = size_of(path)
-    if size > max_bytes:
-        raise ValueError(f"{size} bytes, expected at most {max_bytes}")
+    if (size := size_of(path)) > MAX_JSON_BYTES:
+        raise ValueError(f"{size} bytes, expected at most {MAX_JSON_BYTES}")
     return parse_json(pathlib.Path(path).read_bytes())
 
 

@@ -19,7 +19,7 @@ from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.losses.mapping import map_pairs
 from psgn_jax.losses.min_of_n import MinOfN, min_of_n
 from psgn_jax.models import networks, posterior
-from psgn_jax.prediction import sampling
+from psgn_jax.prediction.draws import sample_latents, summarise_draws, total_mutual_difference
 from psgn_jax.prediction.refine import first_clouds
 from psgn_jax.tasks.task import Batch, Metrics, Result, Task
 from psgn_jax.viewing import spheres
@@ -65,7 +65,7 @@ class Points(Task):
         if self.draws:
             place = step * batch_size, batch_size, self.draws
             seed = np.uint32(config.seed & 0xFFFFFFFF)
-            found["draws"] = sampling.sample_latents(config, *place, seed)
+            found["draws"] = sample_latents(config, *place, seed)
         return found
 
     def predict(self, params: Any, batch: Batch, r: Array | None) -> Array:
@@ -172,9 +172,9 @@ class Points(Task):
         distances: dict[str, Any] = {"cd_sq_radius2": chamfer_sq_mean}
         if (tolerance := self.config.eval.emd_tolerance) and drawn.shape[2] <= gt.shape[1]:
             distances["emd_radius"] = lambda a, b: metrics_lib.emd(a, b, tolerance=tolerance).emd
-        metrics = map_pairs(lambda a, b: sampling.summarise_draws(a, b, distances))(drawn, gt)
+        metrics = map_pairs(lambda a, b: summarise_draws(a, b, distances))(drawn, gt)
         if self.draws > 1:
-            difference = jax.lax.map(sampling.total_mutual_difference, drawn)
+            difference = jax.lax.map(total_mutual_difference, drawn)
             metrics["total_mutual_difference_radius2"] = difference
         return metrics
 

@@ -122,8 +122,7 @@ def make_sheet(path: str | pathlib.Path, num_samples: int = 12) -> Image.Image:
 
 
 def _pictures(sample: schema.Sample, height: int) -> dict[str, np.ndarray]:
-    points = sample.points[:: max(1, len(sample.points) // 2048)]
-    clouds = spheres.by_height({"": points})
+    clouds = spheres.by_height({"": sample.points[:: max(1, len(sample.points) // 2048)]})
     image, front, side = spheres.panels(vars(sample), clouds, (0, 120), height=height).values()
     small = Image.fromarray(sample.mask).resize(front.shape[1::-1], Image.Resampling.NEAREST)
     mask, front = np.asarray(small), front.copy()

@@ -246,11 +246,7 @@ def _read_scores(path: pathlib.Path) -> tuple[dict[int, dict[str, float]], dict[
     try:
         raw = without_checksum(json.loads(path.read_text("utf-8")))
         measured = dict(raw.pop("measured", {}))
-        scores = {int(step): dict(metrics) for step, metrics in raw.items()}
-        if not all(type(m) in (int, float) for one in scores.values() for m in one.values()):
-            raise ValueError("a metric is not a number")
-        scores = {s: {name: float(m) for name, m in one.items()} for s, one in scores.items()}
-        return scores, measured
+        return {int(s): {k: float(v) for k, v in one.items()} for s, one in raw.items()}, measured
     except FileNotFoundError:
         return {}, {}
     except (ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:

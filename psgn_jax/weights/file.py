@@ -44,6 +44,7 @@ MAX_HEADER_BYTES = 1 << 20
 MAX_FILE_BYTES = 1 << 30
 DTYPES = {"float16": "F16", "float32": "F32"}  # dtype -> name in safetensors
 
+_LIMITS = f"accepted: at most {MAX_FILE_BYTES}, of these {MAX_HEADER_BYTES} for the header"
 _TEXTS = ("format", "config", "figures", "sources")
 
 _Large = Annotated[int, Bounds(low=0, high=2**63 - 1)]
@@ -110,8 +111,7 @@ def write_weights(path: str | os.PathLike[str], weights: Trained) -> None:
     metadata["sha256"] = _digest(metadata, stored)
     content = save(stored, metadata)
     if int.from_bytes(content[:8], "little") > MAX_HEADER_BYTES or len(content) > MAX_FILE_BYTES:
-        most = f"{MAX_FILE_BYTES}, of which at most {MAX_HEADER_BYTES} for the header"
-        raise WeightsError(f"{path}: {len(content)} bytes, expected at most {most}")
+        raise WeightsError(f"{path}: {len(content)} bytes: {_LIMITS}")
     write_atomic(path, content)
 
 
@@ -135,8 +135,12 @@ def read_weights(path: str | os.PathLike[str]) -> Trained:
 
 def _read_arrays(path: pathlib.Path) -> tuple[dict[str, str], dict[str, np.ndarray], str]:
     """The texts of a file, its arrays as float32, and their stored dtype."""
-    _check_sizes(path)
     try:
+        size = size_of(path)
+        with path.open("rb") as start:
+            header = int.from_bytes(start.read(8), "little")
+        if size > MAX_FILE_BYTES or header > min(MAX_HEADER_BYTES, size):
+            raise WeightsError(f"{path}: {size} bytes, header of {header}: {_LIMITS}")
         with safe_open(path, framework="np") as file:
             metadata = file.metadata() or {}
             if (found := str(metadata.get("format"))[:40]) != FORMAT:
@@ -150,7 +154,8 @@ def _read_arrays(path: pathlib.Path) -> tuple[dict[str, str], dict[str, np.ndarr
                 raise WeightsError(f"{path}: parameters of {found or 'nothing'}; {accepted}")
             stored = {name: file.get_tensor(name) for name in names}
     except (SafetensorError, OSError, UnicodeDecodeError) as error:
-        raise WeightsError(f"{path}: not readable as weights: {brief(error)}") from None
+        why = getattr(error, "strerror", None) or brief(error)
+        raise WeightsError(f"{path}: not readable as weights: {why}") from None
     if _digest(metadata, stored) != metadata.get("sha256"):
         raise WeightsError(f"{path}: damaged: the checksum does not match; download it again")
     leaves = {name: leaf.astype(np.float32) for name, leaf in stored.items()}
@@ -173,6 +178,17 @@ def read_sources(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
     return list(rows)
 
 
+def source_text(row: Mapping[str, Any]) -> str:
+    """A row of `sources` as text: "chairs: CC-BY-3.0 (7 models: Ada, Bo), CC0-1.0"."""
+    texts = []
+    for name, each in row["licences"].items():
+        holders = ", ".join(map(str, each.get("holders") or []))
+        count = f"{each['models']} models" if "models" in each else ""
+        details = ": ".join(part for part in (count, holders) if part)
+        texts.append(f"{name} ({details})" if details else name)
+    return f"{row['source']}: {', '.join(texts) or 'not stated'}"
+
+
 def figures_of(
     run: Trained, data: Sequence[dict[str, Any]] = (), *, averaged: bool, samples_before: int = 0
 ) -> dict[str, Any]:
@@ -192,23 +208,6 @@ def _check_sources(rows: Any) -> None:
         raise TypeError(f"sources: {type(rows).__name__}, expected a list")
     for row in rows:
         build(_Source, {name: row[name] for name in ("source", "licences")}, "sources.")
-
-
-def _check_sizes(path: pathlib.Path) -> None:
-    """Checks the sizes of the file and of its header; reads only eight bytes."""
-    try:
-        size = size_of(path)
-        with path.open("rb") as file:
-            header = int.from_bytes(file.read(8), "little")
-    except OSError as error:
-        raise WeightsError(f"{path}: {error.strerror or error}") from None
-    if size > MAX_FILE_BYTES:
-        raise WeightsError(f"{path}: {size} bytes, expected at most {MAX_FILE_BYTES}")
-    if size < 8 or header > min(MAX_HEADER_BYTES, size - 8):
-        raise WeightsError(
-            f"{path}: not a file of weights, or truncated: {size} bytes with a header of {header} "
-            f"bytes, expected at most {MAX_HEADER_BYTES}"
-        )
 
 
 def _check_finite(path: pathlib.Path, leaves: Mapping[str, np.ndarray], what: str) -> None:

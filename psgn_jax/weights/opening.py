@@ -1,7 +1,7 @@
 """Opens a trained network: the folder of a run, a file of weights, or a name.
 
 Names are those of the files in `psgn_jax/weights/`. With `train.init`, a training starts from a
-trained network, whose data and licences it inherits (`data_of`, `sources_of`).
+trained network, whose data and licences it inherits (`origins_of`).
 """
 
 import contextlib
@@ -109,14 +109,18 @@ def open_initial(config: Config) -> Trained:
 
 def check_initial(config: Config) -> list[str]:
     """The networks in `train.init`; `ConfigError` if one does not exist."""
-    init = config.train.init
-    # A path may contain commas.
-    names = [init] if os.path.exists(init) else [name.strip() for name in init.split(",")]
-    for name in names:
+    for name in (names := _initial_names(config)):
         if not name:
-            raise ConfigError(f"train.init={init!r}: empty name; accepted: names between commas")
+            raise ConfigError(
+                f"train.init={config.train.init!r}: empty name; accepted: names between commas"
+            )
         weights_path(name, "train.init")
     return names
+
+
+def _initial_names(config: Config) -> list[str]:
+    init = config.train.init  # a path may contain commas
+    return [init] if os.path.exists(init) else [name.strip() for name in init.split(",")]
 
 
 def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
@@ -140,12 +144,9 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
         skipped |= set(matched)
     misfits: dict[str, str] = {}
     for name in names:
-        new, old = (list(tree[name].shape) if name in tree else None for tree in (wanted, have))
+        new, old = (str(list(x[name].shape)) if name in x else "missing" for x in (wanted, have))
         if new != old and layer_of[name] not in skipped:
-            why = f"is {old} and not {new}"
-            if new is None or old is None:
-                why = f"is not in the {'new' if new is None else 'trained'} network"
-            misfits.setdefault(layer_of[name], f"{name} {why}")
+            misfits.setdefault(layer_of[name], f"{name} is {old} there and {new} here")
     if misfits:
         flag = "".join(f"'{layer}'," for layer in misfits)
         raise ConfigError(
@@ -161,29 +162,38 @@ def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
     return jax.tree.unflatten(jax.tree.structure(drawn), leaves)
 
 
-def data_of(config: Config) -> Rows:
-    """The data sets of a training and of the networks from which it started.
+def origins_of(
+    config: Config, stated: Rows = (), seen: frozenset[pathlib.Path] = frozenset()
+) -> tuple[Rows, Rows]:
+    """Data sets of a training and of the networks from which it started; sources and licences.
 
-    A row has the name and, if the manifest can be read, the source and the number of training
-    samples. Folders with the same name are listed with the names of their parents.
+    A data set has its name and, if the manifest can be read, the source and the number of training
+    samples. Folders with the same name are listed with the names of their parents. Sources are
+    those of `weights.file`; there is none if nothing is known.
+
+    Args:
+      stated: the sources of the training's own data.
+      seen: folders of runs that are not read again: a run may have replaced its own origin.
     """
-    return _once([*_own_data(config), *(row for _, data, _ in _origins(config) for row in data)])
-
-
-def sources_of(config: Config, stated: Rows = ()) -> Rows:
-    """The sources and licences of `data_of`, as in `weights.file`.
-
-    `stated` are the rows for the training's data. The result is empty if nothing is known.
-    """
-    inherited: list[dict[str, Any]] = []
-    known = set()
-    for name, data, sources in _origins(config):
-        unknown = {"source": f"the data of {pathlib.Path(name).name}", "licences": {}}
+    own, known, inherited = _own_data(config), set(), list[dict[str, Any]]()
+    data = [*own]
+    for init in filter(None, _initial_names(config)):
+        rows: Rows = ()
+        sources: Rows = ()
+        with contextlib.suppress(UserError, OSError):
+            path = weights_path(init).resolve()
+            if not path.is_dir():
+                read = read_weights(path)
+                rows, sources = read.figures["data"], read.sources
+            elif path not in seen:
+                rows, sources = origins_of(load_config(path), seen=seen | {path})
+        data += rows
+        known |= {row["name"] for row in rows}
+        unknown = {"source": f"the data of {pathlib.Path(init).name}", "licences": {}}
         inherited += sources or [unknown]
-        known |= {row["name"] for row in data}
-    new = [row["name"] for row in _own_data(config) if row["name"] not in known]
-    rows = list(stated) or [{"source": name, "licences": {}} for name in new if inherited]
-    return [*rows, *(row for row in _once(inherited) if row not in rows)]
+    new = [row["name"] for row in own if row["name"] not in known]
+    first = list(stated) or [{"source": name, "licences": {}} for name in new if inherited]
+    return _once(data), [*first, *(row for row in _once(inherited) if row not in first)]
 
 
 def _own_data(config: Config) -> Rows:
@@ -200,22 +210,6 @@ def _own_data(config: Config) -> Rows:
             shards = manifest.splits().get(config.data.train_split, ())
             rows[-1] |= {"source": manifest.source, "samples": sum(shard.count for shard in shards)}
     return rows
-
-
-def _origins(config: Config) -> list[tuple[str, Rows, Rows]]:
-    """The networks from which a training started: name, data and sources, if they are known."""
-    found: list[tuple[str, Rows, Rows]] = []
-    for init in filter(None, map(str.strip, config.train.init.split(","))):
-        found.append((init, (), ()))
-        with contextlib.suppress(UserError, OSError):
-            path = weights_path(init)
-            if path.is_dir():
-                started = load_config(path)
-                found[-1] = init, data_of(started), sources_of(started)
-            else:
-                read = read_weights(path)
-                found[-1] = init, read.figures["data"], read.sources
-    return found
 
 
 def _once(rows: Rows) -> Rows:

@@ -60,7 +60,6 @@ def test_one_begun_otherwise_is_begun_anew(cache, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         job.render_catalogue(source, folder, other, render=stopped)
     recipe.build(folder, options=TINY)
-    splits = load_manifest(folder).splits()
-    assert sum(len(RecordReader(folder, split)) for split in splits) == 3
+    assert sum(len(RecordReader(folder, split)) for split in load_manifest(folder).splits()) == 3
     with refused(shards.OtherSettingsError, folder):
         recipe.build(folder, options=other)

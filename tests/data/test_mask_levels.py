@@ -12,7 +12,7 @@ from PIL import Image, ImageFilter
 
 from psgn_jax.data import photo
 from psgn_jax.portable import folder
-from psgn_jax.web.page.build import STATIC
+from psgn_jax.web.browser.build import STATIC
 
 HEIGHT, WIDTH = 240, 320
 ROWS, COLUMNS = np.mgrid[:HEIGHT, :WIDTH]
@@ -140,7 +140,7 @@ def test_a_photograph_is_no_mask_but_a_soft_mask_is_one(path, side):
 @pytest.mark.skipif(NODE is None, reason="node is not installed")
 def test_the_page_reads_or_refuses_masks_as_python(tmp_path):
     (tmp_path / "package.json").write_text('{"type": "module"}')
-    for path in (*(folder.TEMPLATES / name for name in folder.JAVASCRIPT), STATIC / "levels.js"):
+    for path in (*(folder.TEMPLATES / name for name in folder.JAVASCRIPT), STATIC / "mask.js"):
         shutil.copy(path, tmp_path)
     red = np.where(OBJECT[..., None], [255, 0, 0], [0, 0, 0])
     accepted = [labels(255), labels(1), np.asarray(BLURRED), labels(0, rest=255), red, CUT_OUT]
@@ -152,7 +152,7 @@ def test_the_page_reads_or_refuses_masks_as_python(tmp_path):
   catch (error) { return error.message; }
 });"""
     given = [np.asarray(mask.convert("RGBA")) for mask in masks]
-    path = {"levels": tmp_path / "levels.js"}
+    path = {"levels": tmp_path / "mask.js"}
     results = node(body, path, masks=given, width=WIDTH, height=HEIGHT)
     for i, (mask, result) in enumerate(zip(masks, results, strict=True)):
         if i >= len(accepted):

@@ -6,9 +6,12 @@ import jax
 import numpy as np
 
 from helpers import standin
+from psgn_jax.config.experiment import to_dict, to_json
 from psgn_jax.models import networks
 from psgn_jax.models.networks import init_params
+from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.file import figures_of
+from psgn_jax.weights.leaves import named_leaves
 from psgn_jax.weights.run_folder import Trained
 
 SOURCES = [
@@ -40,3 +43,13 @@ def weights(config, dtype="float16"):
     run = Trained(config, 50, random_params(config), scores, "tiny", "weights", SOURCES)
     data = [{"name": "chairs", "source": "meshes", "samples": 84}]
     return run._replace(figures=figures_of(run, data, averaged=True), dtype=dtype)
+
+
+def write_run(folder, config, trees, step=3, **scores):
+    """The folder of a run with one checkpoint; returns the folder."""
+    checkpoints = Checkpoints(folder / "checkpoints")
+    checkpoints.save(step, named_leaves(trees), {"config": to_dict(config)})
+    checkpoints.close()
+    checkpoints.score(step, scores)
+    (folder / "config.json").write_text(to_json(config))
+    return folder

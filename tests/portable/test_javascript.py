@@ -1,6 +1,6 @@
 """Framing in JavaScript gives the same pixels as in Python.
 
-`web/page/test_browser.py` compares whole predictions.
+`web/browser/test_app.py` compares whole predictions.
 """
 
 import numpy as np

@@ -13,7 +13,7 @@ import psgn_jax
 from psgn_jax.data import camera, framing, photo
 from psgn_jax.prediction.cloud import Prediction, colours_from_view, find_outliers
 from psgn_jax.prediction.formats import read_prediction
-from psgn_jax.viewing.page import FIELDS, case_of, document_of
+from psgn_jax.viewing.viewer import FIELDS, case_of, document_of
 
 # A cloud that shows any exchange or mirroring of axes: the origin, one unit along +x (to the
 # camera), two along +y (image right), three along +z (up).

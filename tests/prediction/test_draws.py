@@ -1,10 +1,15 @@
-"""Which draws of a network are shown, their mean, and how far their points vary."""
+"""Draws depend on seed and sample alone; which are shown, and how far their points vary."""
 
+import jax
 import numpy as np
 import pytest
-from helpers import standin
+from helpers import reference, standin
+from helpers.refusals import refused
 from helpers.weights import random_params
 
+from psgn_jax import tasks
+from psgn_jax.config.experiment import ConfigError
+from psgn_jax.evaluation.split import eval_batches
 from psgn_jax.losses.chamfer import chamfer_sq_mean
 from psgn_jax.models import networks
 from psgn_jax.prediction import draws
@@ -79,3 +84,43 @@ def test_the_first_cloud_is_that_of_zero_or_the_mean_of_the_draws(config, predic
     expected = networks.predict(config, *network, np.zeros((1, 3), np.float32))
     np.testing.assert_allclose(zero.points, expected, atol=1e-5)
     np.testing.assert_allclose(mean.points[0], zero.draws[1:].mean(axis=0), atol=1e-5)
+
+
+def test_a_draw_depends_on_seed_sample_and_number_alone():
+    config = standin.config()
+    whole = np.asarray(draws.sample_latents(config, 0, 50, 40, 1))
+    np.testing.assert_array_equal(draws.sample_latents(config, 4, 2, 3, 1), whole[4:6, :3])
+    assert len(np.unique(whole)) > 0.99 * whole.size
+    assert abs(whole.std() - 1) < 0.05
+
+
+@pytest.mark.slow
+def test_evaluation_with_draws():
+    tiny = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__fc_points": 16}
+    config = standin.config(**tiny, eval__emd_tolerance=0.05)
+    model, params = networks.build(config.model), random_params(config)
+    result = tasks.create(config).evaluate(params, draws=3)
+    best, mean = (result.metrics[f"cd_sq_radius2_{what}_of_3"] for what in ("best", "mean"))
+    assert (best < mean).all()
+    assert (result.metrics["emd_radius_best_of_3"] < result.metrics["emd_radius_mean_of_3"]).all()
+    _, second, *_ = eval_batches(config)
+    r = draws.sample_latents(config, 4, 4, 3, config.seed)
+    drawn = np.asarray(jax.jit(lambda r: networks.predict(config, model, params, second, r))(r))
+    assert np.abs(drawn[:, 0] - drawn[:, 1]).max() > 1e-3
+    want = reference.cross_chamfer(drawn[1], second["points"][1:2])
+    np.testing.assert_allclose([best[5], mean[5]], [want.min(), want.mean()], rtol=1e-4)
+    tmd = reference.total_mutual_difference(drawn[1])
+    np.testing.assert_allclose(result.metrics["total_mutual_difference_radius2"][5], tmd, rtol=1e-3)
+    plain = tasks.create(standin.config(model__random_size=0))
+    with refused(ConfigError, "draws=3", "model.random_size=0"):
+        plain.evaluate({}, draws=3)
+
+
+def test_distances_and_differences_of_sets(rng):
+    drawn = rng.normal(size=(4, 12, 3)).astype(np.float32)
+    truths = rng.normal(size=(3, 20, 3)).astype(np.float32)
+    cross = jax.jit(lambda a, b: draws.cross_distances(a, b, chamfer_sq_mean))(drawn, truths)
+    np.testing.assert_allclose(cross, reference.cross_chamfer(drawn, truths), rtol=1e-5)
+    assert float(draws.coverage(cross)) == pytest.approx(reference.coverage(drawn, truths))
+    found = jax.jit(draws.total_mutual_difference)(drawn)
+    np.testing.assert_allclose(found, reference.total_mutual_difference(drawn), rtol=1e-5)

@@ -8,9 +8,9 @@ import numpy as np
 from helpers.refusals import refused
 
 from psgn_jax.prediction.formats import PredictionFileError, read_prediction
-from psgn_jax.viewing import page
+from psgn_jax.viewing import viewer
 
-FIELDS = (*page.FIELDS, "image")
+FIELDS = (*viewer.FIELDS, "image")
 
 
 def arrays(**changes):
@@ -32,7 +32,7 @@ def test_a_prediction_is_read(tmp_path):
     assert (read["points"] == 1).all()
     np.savez(tmp_path / "b.npz", **arrays(spread=np.ones((2, 50), np.float32)))
     read = read_prediction(tmp_path / "b.npz", FIELDS)
-    assert page.case_of("b", read).spread.shape == (2, 50)
+    assert viewer.case_of("b", read).spread.shape == (2, 50)
 
 
 def header(count):

@@ -12,7 +12,7 @@ from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data import photo
-from psgn_jax.data.resample import box_of
+from psgn_jax.data.resample import box_of, smooth_mask
 from psgn_jax.prediction import mask_networks, masks
 
 
@@ -77,7 +77,7 @@ def given_by(squares, p=0.99):
         for each in squares["whole" if whole else "part"]:
             mask |= square(*each)
         part = mask[top:bottom, left:right]
-        return np.where(masks.enlarged(part, (320, 320)), np.float32(p), np.float32(0))
+        return np.where(smooth_mask(part, (320, 320)), np.float32(p), np.float32(0))
 
     return found
 

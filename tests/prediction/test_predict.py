@@ -9,18 +9,16 @@ import trimesh
 from helpers import standin
 from helpers.commands import psgn_each
 from helpers.refusals import all_refused, check_message, refused
-from helpers.weights import random_params
+from helpers.weights import random_params, write_run
 from PIL import Image
 
-from psgn_jax.config.experiment import ConfigError, to_dict, to_json
+from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data import camera
 from psgn_jax.prediction import mask_networks, masks
 from psgn_jax.prediction.cloud import DECONV, FC, Prediction
 from psgn_jax.prediction.files import predict_files
 from psgn_jax.prediction.formats import read_prediction
 from psgn_jax.prediction.predictor import Predictor
-from psgn_jax.weights.checkpoint import Checkpoints
-from psgn_jax.weights.leaves import named_leaves
 from psgn_jax.weights.run_folder import Trained
 
 
@@ -61,8 +59,7 @@ def test_arrays_in_arrays_out(predictor):
     assert result.points.shape == result.colours.shape == (2, n, 3)
     assert result.branch.tolist() == [FC] * 5 + [DECONV] * (n - 5)
     assert result.mask_from == "plain"
-    other = predictor(photo_of_a_box(), samples=2, seed=2)
-    assert np.abs(other.points - result.points).max() > 0
+    assert np.abs(predictor(photo_of_a_box(), samples=2, seed=2).points - result.points).max() > 0
     assert np.abs(result.points[0] - result.points[1]).max() > 0
     alpha = (photo_of_a_box()[..., :1] != 191) * np.uint8(255)
     rgba = np.concatenate([photo_of_a_box(), alpha], axis=2)
@@ -104,8 +101,7 @@ def test_an_inverted_mask_is_turned_and_that_is_said(predictor, high, wide, top)
     for right in predictor(image, mask), predictor(image, ~mask, invert_mask=True):
         assert right.warnings == turned.warnings[1:]
         np.testing.assert_array_equal(right.points, turned.points)
-    kept = predictor(image, ~mask, invert_mask=False)
-    np.testing.assert_array_equal(kept.mask, ~mask)
+    np.testing.assert_array_equal(predictor(image, ~mask, invert_mask=False).mask, ~mask)
 
 
 def test_what_a_mask_shows_of_an_object_is_told(predictor):
@@ -341,11 +337,7 @@ def test_a_mask_in_stored_orientation_is_turned(predictor, tmp_path, monkeypatch
 
 def test_the_command_goes_on_after_a_bad_file(config, params, tmp_path):
     workdir, out, folder = (tmp_path / name for name in ("run", "out", "in"))
-    workdir.mkdir()
-    (workdir / "config.json").write_text(to_json(config))
-    checkpoints = Checkpoints(workdir / "checkpoints")
-    checkpoints.save(3, named_leaves({"params": params}), {"config": to_dict(config)})
-    checkpoints.close()
+    write_run(workdir, config, {"params": params})
     save(folder / "good.png")
     Image.fromarray(photo_of_a_box()).convert("CMYK").save(folder / "cmyk.jpg")
     save(folder / "one.png", MASK[:1, :1])
@@ -360,8 +352,7 @@ def test_the_command_goes_on_after_a_bad_file(config, params, tmp_path):
     )
     assert some.returncode == 1, some.stderr
     assert {p.stem for p in out.glob("*.json")} == {"good", "cmyk"}
-    failed = [line for line in some.stderr.splitlines() if line.startswith("failed: ")]
-    assert len(failed) == 3
+    assert len([line for line in some.stderr.splitlines() if line.startswith("failed: ")]) == 3
     assert "Traceback" not in some.stderr
     assert "2 of 5 images" in some.stderr
     assert nothing.returncode == 2

@@ -40,8 +40,7 @@ def test_nearest_pixels_are_those_of_the_distance_transform(rng):
     for share in (0.001, 0.1):
         mask = rng.random((37, 53)) < share
         mask[5, 7] = True
-        index = np.asarray(jax.jit(silhouette.nearest_pixels)(mask))
-        row, column = np.divmod(index, 53)
+        row, column = np.divmod(np.asarray(jax.jit(silhouette.nearest_pixels)(mask)), 53)
         assert mask[row, column].all()
         rows, columns = np.indices(mask.shape)
         expected = ndimage.distance_transform_edt(~mask)
@@ -98,8 +97,7 @@ def test_the_camera_of_a_photo_is_found(rng, elevation):
     mask[tuple(pixels.astype(int).T[::-1])] = True
     mask = ndimage.binary_closing(mask, iterations=2)
     found = fit(points[None, :1024], mask, *VIEW, placed=True)
-    angle = np.rad2deg(np.arcsin(-found.extrinsics[2, 2]))
-    np.testing.assert_allclose(angle, elevation, atol=0.1)
+    np.testing.assert_allclose(np.rad2deg(np.arcsin(-found.extrinsics[2, 2])), elevation, atol=0.1)
     assert distances(points, mask, (VIEW[0], np.asarray(found.extrinsics)))[1].mean() < 0.7
 
 

@@ -46,8 +46,7 @@ def test_the_home_of_a_user_is_found_in_every_output(tmp_path, monkeypatch, caps
     assert capsys.readouterr().out == f"{tmp_path}/x\n"
     assert files.local_path("~/results", "out") == f"{tmp_path}/results"
     assert files.local_path("a~/b", "out") == "a~/b"
-    home = os.path.expanduser("~root")
-    assert files.local_path("~root/x", "out") == f"{home}/x"
+    assert files.local_path("~root/x", "out") == f"{os.path.expanduser('~root')}/x"
 
 
 def test_a_file_is_written_where_folders_cannot_be_flushed(tmp_path, monkeypatch):

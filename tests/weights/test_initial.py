@@ -39,8 +39,7 @@ def test_a_training_begins_with_the_trained_network(tmp_path):
     assert from_json((tmp_path / "run" / "config.json").read_text()).train.init == str(path)
     # The run resumes from its own checkpoint, even if the file no longer exists.
     path.unlink()
-    again = train(config, tmp_path / "run")
-    assert int(again.state.step) == 2
+    assert int(train(config, tmp_path / "run").state.step) == 2
     with refused(ConfigError, tmp_path / "run", "train.init="):
         train(base, tmp_path / "run")
     with refused(ConfigError, f"train.init={str(path)!r}", "the folder of a run"):
@@ -59,8 +58,7 @@ def test_layers_that_do_not_fit_are_named_and_left_out_only_when_asked():
     with refused(ConfigError, "train.init=", *layers, f"train.init_skip={flag}"):
         initial_params(config, drawn, trained)
     partial = with_init(config, "w", init_skip=tuple(layers))
-    taken = named_leaves(initial_params(partial, drawn, trained))
-    for name, leaf in taken.items():
+    for name, leaf in named_leaves(initial_params(partial, drawn, trained)).items():
         source = drawn if name.rpartition(".")[0] in layers else trained
         np.testing.assert_array_equal(leaf, named_leaves(source)[name], err_msg=name)
     pattern = with_init(config, "w", init_skip=("x*",))
@@ -78,8 +76,7 @@ def test_a_new_random_input_changes_little_at_first():
 
 
 def test_a_network_of_another_task_is_refused(tmp_path):
-    config = tiny.config()
-    write_weights(tmp_path / "w.safetensors", tiny.weights(config))
+    write_weights(tmp_path / "w.safetensors", tiny.weights(tiny.config()))
     volume = with_init(tiny.config(task="volume"), tmp_path / "w.safetensors")
     with refused(ConfigError, "train.init=", "'points'", "'volume'"):
         open_initial(volume)
@@ -99,8 +96,7 @@ def test_several_networks_start_as_their_mean(tmp_path):
     for name, mean in leaves[2].items():
         want = (np.asarray(leaves[0][name]) + np.asarray(leaves[1][name])) / 2
         np.testing.assert_allclose(mean, want, atol=1e-7, err_msg=name)
-    other = tiny.config(model__fc_widths=(20,))
-    write_weights(files[1], tiny.weights(other, "float32"))
+    write_weights(files[1], tiny.weights(tiny.config(model__fc_widths=(20,)), "float32"))
     all_refused(
         lambda init: open_initial(with_init(config, init)),
         ConfigError,

@@ -15,24 +15,17 @@ import psgn_jax
 from psgn_jax.commands import export
 from psgn_jax.commands import weights as command
 from psgn_jax.commands.common import network_of
-from psgn_jax.config.experiment import ConfigError, to_dict, to_json
-from psgn_jax.weights.checkpoint import Checkpoints
+from psgn_jax.config.experiment import ConfigError, to_json
 from psgn_jax.weights.file import read_weights
-from psgn_jax.weights.leaves import named_leaves
 from psgn_jax.weights.opening import DEFAULT, open_weights, weights_path
 from psgn_jax.weights.opening import shipped as shipped_files
 
 
 def write_run(folder, config, weights):
     """A run whose averaged parameters differ from the current ones."""
-    checkpoints = Checkpoints(folder / "checkpoints")
     doubled = jax.tree.map(lambda leaf: 2 * leaf, weights.params)
-    leaves = named_leaves({"params": doubled, "ema": weights.params})
-    checkpoints.save(12, leaves, {"config": to_dict(config), "seed": 3})
-    checkpoints.close()
-    checkpoints.score(12, {"cd_sq_radius2": 0.5, "emd_radius": 0.25})
-    (folder / "config.json").write_text(to_json(config))
-    return folder
+    trees = {"params": doubled, "ema": weights.params}
+    return tiny.write_run(folder, config, trees, 12, cd_sq_radius2=0.5, emd_radius=0.25)
 
 
 @pytest.fixture
@@ -119,10 +112,11 @@ def test_sources_and_licences_are_inherited(run, file, config, weights, tmp_path
     table.write_text(json.dumps([{"source": "level", "licences": {"MIT": {}}}]))
     arguments = ["export", f"--workdir={last}", f"--out={out}", f"--sources={table}"]
     assert command.main(arguments) == 0
-    again = read_weights(out).sources
-    assert again == [{"source": "level", "licences": {"MIT": {}}}, *sources[2:]]
+    assert read_weights(out).sources == [{"source": "level", "licences": {"MIT": {}}}, *sources[2:]]
     values = types.SimpleNamespace(workdir=last, weights=None, checkpoint="best", out=tmp_path)
     assert list(export.open_to_export(values).sources) == list(sources)
+    (last / "config.json").write_text(to_json(tiny.config(train__init=str(last))))  # was replaced
+    assert command.main(arguments) == 0
 
 
 def test_list_shows_figures_and_licences_and_errors_are_one_line(file, shipped, capsys, tmp_path):

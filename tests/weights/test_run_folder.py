@@ -5,9 +5,10 @@ import re
 import numpy as np
 import pytest
 from helpers.refusals import refused
+from helpers.weights import write_run
 
-from psgn_jax.config.experiment import ConfigError, parse, to_dict, to_json
-from psgn_jax.weights.checkpoint import CheckpointError, Checkpoints
+from psgn_jax.config.experiment import ConfigError, parse
+from psgn_jax.weights.checkpoint import CheckpointError
 from psgn_jax.weights.run_folder import locked, open_run
 
 
@@ -28,11 +29,7 @@ def test_a_folder_is_locked_and_cleared_of_what_killed_trainings_left(tmp_path):
 def run(tmp_path):
     """A run of one checkpoint without a network."""
     config = parse({"model": {"fc_points": 64}})
-    (tmp_path / "config.json").write_text(to_json(config))
-    checkpoints = Checkpoints(tmp_path / "checkpoints")
-    checkpoints.save(3, {"params.a.kernel": np.zeros(2)}, {"config": to_dict(config)})
-    checkpoints.close()
-    return tmp_path
+    return write_run(tmp_path, config, {"params": {"a": {"kernel": np.zeros(2)}}})
 
 
 @pytest.mark.parametrize("name", ["config.json", "checkpoints/scores.json", "metrics.jsonl"])

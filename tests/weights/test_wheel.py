@@ -105,7 +105,6 @@ def test_an_installed_wheel_predicts_converts_trains_and_evaluates(psgn, package
     fields += ["train.steps=2", "train.eval_every=0", "train.batch_size=4", "optim.warmup_steps=0"]
     fields += ["data.num_workers=2"]
     psgn("train", "--config=quickstart", *(f"--config.{field}" for field in fields))
-    table = psgn("evaluate", "--workdir=runs/quickstart", "--report=report")
-    assert "CD" in table
+    assert "CD" in psgn("evaluate", "--workdir=runs/quickstart", "--report=report")
     for page in ("view.html", "study/index.html", "report/index.html"):
         assert "<html" in (work / page).read_text()[:400]

@@ -37,17 +37,13 @@ function isFramed({ rgb, width, height }, { view_size: [viewHeight, viewWidth], 
 
 /** [top, bottom, left, right] of a mask; bottom and right are excluded. */
 function boxOf(mask, width) {
-  let top = Infinity, bottom = 0, left = Infinity, right = 0;
-  mask.forEach((on, i) => {
-    if (!on) return;
-    const x = i % width, y = (i - x) / width;
-    top = Math.min(top, y);
-    bottom = y + 1;
-    left = Math.min(left, x);
-    right = Math.max(right, x + 1);
+  const rows = [mask.indexOf(1), mask.lastIndexOf(1)].map(i => Math.floor(i / width));
+  if (rows[1] < 0) throw new PhotoError("The mask is empty: paint over the object first.");
+  const columns = Array.from({ length: width }, (_, x) => x).filter(x => {
+    for (let y = rows[0]; y <= rows[1]; y++) if (mask[y * width + x]) return true;
+    return false;
   });
-  if (!bottom) throw new PhotoError("The mask is empty: paint over the object first.");
-  return [top, bottom, left, right];
+  return [rows[0], rows[1] + 1, columns[0], columns.at(-1) + 1];
 }
 
 /** Scale and shift that place a box by the rule in an image of the rule's size: (column, row) becomes scale * (column, row) + shift. */

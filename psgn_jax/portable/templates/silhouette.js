@@ -35,13 +35,9 @@ export function fit(clouds, given, placed, { camera, image_size, fit: rule }) {
 
 /** The mask at every `stride`-th pixel, so that there are about rule.columns columns, and the nearest pixel on it. */
 function reduced(mask, [fullHeight, fullWidth], rule) {
-  const stride = Math.max(1, Math.floor(fullWidth / rule.columns)), first = Math.floor(stride / 2), kept = [];
-  let width = 0;
-  for (let y = first; y < fullHeight; y += stride) {
-    width = 0;
-    for (let x = first; x < fullWidth; x += stride, width++) kept.push(mask[y * fullWidth + x]);
-  }
-  const height = kept.length / width;
+  const stride = Math.max(1, Math.floor(fullWidth / rule.columns)), first = Math.floor(stride / 2);
+  const [rows, columns] = [fullHeight, fullWidth].map(size => [...Array(size).keys()].filter(i => i % stride === first));
+  const kept = rows.flatMap(y => columns.map(x => mask[y * fullWidth + x])), width = columns.length, height = rows.length;
   return { rule, stride, mask: kept, width, height, nearest: nearestPixels(kept, width, height) };
 }
 

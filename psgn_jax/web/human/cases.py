@@ -16,7 +16,7 @@ from psgn_jax.data.dataset import RecordReader
 from psgn_jax.data.schema import Sample
 from psgn_jax.system.files import check_folder, write_atomic
 from psgn_jax.system.untrusted import message_line, one_line, read_json
-from psgn_jax.viewing.page import document, picture_uri, to_json
+from psgn_jax.viewing.viewer import document, picture_uri, to_json
 
 STATIC = pathlib.Path(__file__).resolve().parent / "static"
 PAGE, STUDY_FILE = "index.html", "study.json"
@@ -24,7 +24,6 @@ ANSWERS_FILE = "human.json"
 """The file that the page saves."""
 
 MAX_CASES, MAX_SOLIDS = 200, 800
-_MAX_BYTES = 60_000_000
 
 Coordinate = Annotated[float, Bounds(low=-20, high=20)]
 Seconds = Annotated[float, Bounds(low=0, high=1e8)]
@@ -111,7 +110,7 @@ def build_study(
         for record, sample in zip(records, samples, strict=True)
     ]
     text = to_json({"id": study.id, "cases": shown})
-    script = (STATIC / "page.js").read_text("utf-8")
+    script = (STATIC / "app.js").read_text("utf-8")
     write_atomic(out / STUDY_FILE, json.dumps(dataclasses.asdict(study), indent=1) + "\n")
     write_atomic(out / PAGE, document(STATIC / PAGE, text, SCRIPT=script))
     return out / PAGE
@@ -129,7 +128,7 @@ def _checksum(samples: list[Sample]) -> str:
 def _read(kind: type[T], path: pathlib.Path, missing: str, damaged: str) -> T:
     shown = one_line(path)
     try:
-        return structured.build(kind, read_json(path, max_bytes=_MAX_BYTES))
+        return structured.build(kind, read_json(path))
     except FileNotFoundError:
         raise ConfigError(f"{shown}: no such file; {missing}") from None
     except (OSError, ValueError, TypeError, RecursionError) as error:

@@ -25,7 +25,7 @@ from psgn_jax.data.schema import Sample
 from psgn_jax.evaluation.clouds import evaluate_pair
 from psgn_jax.evaluation.table import markdown, title
 from psgn_jax.models import networks
-from psgn_jax.prediction import sampling
+from psgn_jax.prediction.draws import sample_latents
 from psgn_jax.prediction.predictor import require_photos
 from psgn_jax.studies import figures
 from psgn_jax.system.files import finite_or_none, write_atomic
@@ -87,7 +87,7 @@ def predict(run: Trained, samples: Sequence[Sample], records: Sequence[int]) -> 
     for sample, record in zip(samples, records, strict=True):
         image, mask = resize_image(sample.image, size), resize_mask(sample.mask, size)
         batch = {"image": image[None], "mask": mask[None]}
-        r = sampling.sample_latents(config, record, 1, 1, 0) if config.model.random_size else None
+        r = sample_latents(config, record, 1, 1, 0) if config.model.random_size else None
         clouds.append(np.asarray(network(run.params, batch, r), np.float32).reshape(-1, 3))
     return clouds
 

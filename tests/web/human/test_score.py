@@ -46,8 +46,7 @@ def test_points_are_uniform_also_where_parts_share_faces_or_are_inside_others():
     near = np.abs(np.abs(own) - LEG[0][:2]).max(axis=1) < 0.039
     assert not (near & (np.abs(points[:, 2] - 0.62) < 1e-4)).any()
     left, right = (corners((0, y, 0.5), (1, 0.6, 1)) for y in (-0.2, 0.2))
-    within = corners((0, 0, 0.5), (0.5, 0.5, 0.5))
-    points = sampled(left, right, within, left, count=30_000)
+    points = sampled(left, right, corners((0, 0, 0.5), (0.5, 0.5, 0.5)), left, count=30_000)
     assert np.isclose(np.abs(points - [0, 0, 0.5]).max(axis=1), 0.5, atol=1e-4).all()
     # The overlap is neither empty nor counted twice: y is uniform on the top.
     top = points[np.abs(points[:, 2] - 1) < 1e-5]
@@ -102,8 +101,7 @@ def answers(study, tmp_path):
 
 @pytest.mark.slow
 def test_the_table_is_scored_beside_networks(study, answers, tmp_path):
-    runs = [network("runs/cd"), network("runs/emd", model__random_size=3)]
-    networks = score.label_networks(runs)
+    networks = score.label_networks([network("runs/cd"), network("runs/emd", model__random_size=3)])
     scored = score.score(study, answers, open_cases(study), networks, num_points=40)
     text = score.write_scores(tmp_path, study, scored, networks, 40)
     numbers = json.loads((tmp_path / "scores.json").read_text())

@@ -10,7 +10,7 @@ from helpers.commands import psgn
 from helpers.refusals import all_refused, refused
 
 from psgn_jax.config.experiment import ConfigError
-from psgn_jax.web.page import browser_runtime as lib
+from psgn_jax.web.browser import runtime as lib
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 from helpers.refusals import refused
 
 from psgn_jax.system.errors import UserError
-from psgn_jax.web.page.serve import server
+from psgn_jax.web.browser.serve import server
 
 
 @pytest.fixture(scope="module")

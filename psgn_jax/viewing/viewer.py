@@ -16,17 +16,20 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from psgn_jax.system.files import write_atomic
 from psgn_jax.viewing import spheres
-from psgn_jax.viewing.surface import Surface
+from psgn_jax.viewing.surface_file import TexturedMesh
 
 _HEAD = pathlib.Path(__file__).with_name("head.html")
-_TEMPLATE = pathlib.Path(__file__).with_name("page.html")
+_TEMPLATE = pathlib.Path(__file__).with_name("viewer.html")
 _SURFACE_SCRIPT = pathlib.Path(__file__).with_name("surface.js")
 CLOUD_SCRIPT = pathlib.Path(__file__).with_name("cloud.js")
 """An ES module that draws clouds in a browser."""
+
+MAX_BYTES = 5_000_000
+"""Largest size of a page, unless a single case is larger."""
 
 _EXTENT = 2.0  # largest stored coordinate; objects extend to about 1
 _ERROR_TOP, _SPREAD_TOP = 0.2, 0.3  # distances (unit) at the end of the colour scale
@@ -47,8 +50,7 @@ class Case:
       spread: float32 [k, n], how far each point varies between draws (`prediction.draws`).
       about: a short text, such as the category.
       metrics: a short text for each sample.
-      camera: `intrinsics` and `extrinsics` of the image.
-      behind: whether to show the image behind the cloud; needs a camera.
+      camera: `intrinsics` and `extrinsics` of the image, which is then shown behind the cloud.
     """
 
     name: str
@@ -57,12 +59,11 @@ class Case:
     truth: np.ndarray | None = None
     num_fc: int = 0
     colours: np.ndarray | None = None
-    surfaces: Sequence[Surface | None] = ()
+    surfaces: Sequence[TexturedMesh | None] = ()
     spread: np.ndarray | None = None
     about: str = ""
     metrics: tuple[str, ...] = ()
     camera: tuple[np.ndarray, np.ndarray] | None = None
-    behind: bool = False
 
 
 FIELDS = (
@@ -72,7 +73,7 @@ FIELDS = (
 
 
 def case_of(
-    name: str, arrays: Mapping[str, np.ndarray], surfaces: Sequence[Surface | None] = ()
+    name: str, arrays: Mapping[str, np.ndarray], surfaces: Sequence[TexturedMesh | None] = ()
 ) -> Case:
     """The case for the arrays of a prediction's NPZ file; its image is the photo."""
     to_photo = np.linalg.inv(arrays["to_view"].astype(np.float64))
@@ -85,7 +86,6 @@ def case_of(
         surfaces=surfaces,
         spread=arrays.get("spread"),
         camera=(to_photo @ arrays["intrinsics"], arrays["extrinsics"]),
-        behind=True,
     )
 
 
@@ -107,24 +107,17 @@ def _page(title: str, cases: Sequence[str], pages: Sequence[Mapping[str, str]]) 
 
 
 def write_pages(
-    path: str | pathlib.Path,
-    cases: Iterable[Case],
-    *,
-    title: str = "psgn_jax",
-    max_bytes: int = 5_000_000,
+    path: str | pathlib.Path, cases: Iterable[Case], *, title: str = "psgn_jax"
 ) -> dict[str, pathlib.Path]:
     """Writes one page, or several that link to each other: `page.html`, `page-2.html`, ...
 
     Only one page is in memory at a time. Returns {name of a case: its page}.
 
-    Args:
-      max_bytes: largest size of a page, unless a single case is larger.
-
     Raises:
       ValueError: a name occurs twice.
     """
     path = pathlib.Path(path)
-    room = max_bytes - len(document(_TEMPLATE, "")) - 4096
+    room = MAX_BYTES - len(document(_TEMPLATE, "")) - 4096
     pages: dict[str, pathlib.Path] = {}
     texts: list[str] = []
     number = 1
@@ -170,7 +163,7 @@ def document(template: pathlib.Path, data: str, **pieces: str) -> str:
 def nearest_distances(queries: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Distance [n] of each query to the nearest point; non-finite points are far away."""
     near, far = (np.nan_to_num(a, nan=1e9, posinf=1e9, neginf=-1e9) for a in (points, queries))
-    return cKDTree(near).query(far)[0]
+    return KDTree(near).query(far)[0]
 
 
 def _encode(case: Case) -> dict[str, Any]:
@@ -202,7 +195,6 @@ def _encode(case: Case) -> dict[str, Any]:
         height, width = case.image.shape[:2]
         item["camera"] = {"k": [fx, skew, cx, fy, cy], "rows": case.camera[1].tolist()}
         item["camera"]["size"] = [width, height]
-        item["behind"] = case.behind
     return item
 
 
@@ -216,7 +208,7 @@ def _points(points: np.ndarray) -> str:
     return _base64(np.rint(clipped / _EXTENT * 32767).astype("<i2"))
 
 
-def _mesh(surface: Surface) -> dict[str, str]:
+def _mesh(surface: TexturedMesh) -> dict[str, str]:
     return {
         "vertices": _points(surface.vertices),
         "normals": _base64(np.rint(127 * np.clip(surface.normals, -1, 1)).astype(np.int8)),

@@ -8,8 +8,8 @@ import pathlib
 from psgn_jax.portable.folder import write_network
 from psgn_jax.prediction import mask_networks, masks
 from psgn_jax.system.files import write_atomic
-from psgn_jax.viewing.page import CLOUD_SCRIPT
-from psgn_jax.web.page.browser_runtime import runtime_files
+from psgn_jax.viewing.viewer import CLOUD_SCRIPT
+from psgn_jax.web.browser.runtime import runtime_files
 from psgn_jax.weights.run_folder import Trained
 
 _WASM = "runtime/ort-wasm-simd-threaded.wasm"
@@ -18,17 +18,13 @@ STATIC = pathlib.Path(__file__).resolve().parent / "static"
 
 
 def build_page(
-    run: Trained,
-    out: str | os.PathLike[str],
-    *,
-    weights: str = "float16",
-    runtime: str = "",
+    run: Trained, out: str | os.PathLike[str], *, weights: str = "float16", runtime: str = ""
 ) -> int:
     """Writes the page, or replaces an earlier one; returns its size in bytes.
 
     Args:
       weights: the stored type, see `portable.folder.write_network`.
-      runtime: see `browser_runtime.runtime_files`.
+      runtime: see `runtime.runtime_files`.
     """
     out = pathlib.Path(out)
     files = {f"runtime/{name}": content for name, content in runtime_files(runtime).items()}

@@ -1,4 +1,4 @@
-// Clouds as files, equal to those that psgn_jax.prediction.cloud writes.
+// Clouds as files, equal to those that psgn_jax.prediction.formats writes.
 
 const FRAME = "frame: right-handed, +z up, +y image right, +x to the camera; unit: bounding hemisphere";
 const rows = points => Array.from({ length: points.length / 3 }, (_, i) => [0, 1, 2].map(k => points[3 * i + k].toFixed(6)).join(" "));

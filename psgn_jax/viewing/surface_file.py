@@ -5,14 +5,11 @@ The file may come from anywhere, so its size and all its numbers are checked.
 
 import io
 import pathlib
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from PIL import Image
-from scipy import optimize
 
-from psgn_jax.data import camera
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.untrusted import brief, message_line, one_line, parse_json, size_of
 
@@ -24,7 +21,7 @@ class SurfaceFileError(UserError):
     """A file is not a surface of `psgn predict`, or is damaged."""
 
 
-class Surface(NamedTuple):
+class TexturedMesh(NamedTuple):
     """A textured mesh in the frame of the points."""
 
     vertices: np.ndarray  # float32 [v, 3]
@@ -34,11 +31,10 @@ class Surface(NamedTuple):
     texture: np.ndarray  # uint8 [h, w, 3]
 
 
-def read_surface(path: pathlib.Path, arrays: Mapping[str, np.ndarray], sample: int) -> Surface:
-    """The surface of a prediction's cloud, in its unit, though the file may be in metres.
+def read_surface(path: pathlib.Path) -> TexturedMesh:
+    """The surface of a prediction's cloud, in the cloud's unit.
 
-    Args:
-      arrays: `points`, `intrinsics` and `extrinsics` of the prediction's NPZ file.
+    A file in metres states the length of that unit (`unit` in the `extras` of its mesh).
 
     Raises:
       SurfaceFileError: the file is missing, of another kind or damaged.
@@ -46,28 +42,13 @@ def read_surface(path: pathlib.Path, arrays: Mapping[str, np.ndarray], sample: i
     try:
         if (size := size_of(path)) > _MOST_BYTES:
             raise ValueError(f"{size} bytes, expected at most {_MOST_BYTES}")
-        return _in_unit(_parse(path.read_bytes()), arrays, sample)
+        return _parse(path.read_bytes())
     except Exception as error:  # damaged files raise errors of any type
         why = brief(message_line(error))
         raise SurfaceFileError(f"{one_line(path)} cannot be read as a surface: {why}") from None
 
 
-def _in_unit(found: Surface, arrays: Mapping[str, np.ndarray], sample: int) -> Surface:
-    """The surface in the unit in which its projections are those of its texture coordinates."""
-    vertices, seen = found.vertices, (arrays["intrinsics"], arrays["extrinsics"])
-
-    def misfit(unit: float) -> float:
-        # The texture is a crop of the photo.
-        pixels, _ = camera.project(unit * vertices, *seen)
-        places = np.column_stack([pixels, np.ones(len(pixels))])
-        return float(np.linalg.lstsq(places, found.uv)[1].sum())
-
-    about = float(np.ptp(arrays["points"][sample][:, 2]) / np.ptp(vertices[:, 2]))
-    unit = optimize.minimize_scalar(misfit, bounds=(0.05 * about, 1.5 * about)).x
-    return found._replace(vertices=vertices * np.float32(unit))
-
-
-def _parse(content: bytes) -> Surface:
+def _parse(content: bytes) -> TexturedMesh:
     end = 20 + int.from_bytes(content[12:16], "little")
     marks = content[:4], content[16:20], content[end + 4 : end + 8]
     if marks != (b"glTF", b"JSON", b"BIN\0"):
@@ -83,7 +64,8 @@ def _parse(content: bytes) -> Surface:
         kind = _TYPES[accessor["componentType"]]
         return np.frombuffer(binary, kind, count * columns, start).reshape(count, columns)
 
-    part = document["meshes"][0]["primitives"][0]
+    mesh = document["meshes"][0]
+    part, unit = mesh["primitives"][0], mesh.get("extras", {}).get("unit", 1)
     vertices, normals, uv = (
         array(part["attributes"][name], columns, _MOST_VERTICES).astype(np.float32)
         for name, columns in (("POSITION", 3), ("NORMAL", 3), ("TEXCOORD_0", 2))
@@ -91,9 +73,9 @@ def _parse(content: bytes) -> Surface:
     faces = array(part["indices"], 1, 3 * _MOST_FACES).reshape(-1, 3)
     if faces.dtype.kind != "u" or not len(vertices) == len(normals) == len(uv) > faces.max():
         raise ValueError(f"face with vertex {faces.max()}, expected less than {len(vertices)}")
-    bounded = all((np.abs(a) < 1e7).all() for a in (vertices, normals, uv))
-    if not bounded or np.ptp(vertices[:, 1]) < 1e-7:
-        raise ValueError("numbers that are not finite or above 1e7, or no height")
+    if not 1e-9 < unit < 1e9 or not all((np.abs(a) < 1e7).all() for a in (vertices, normals, uv)):
+        raise ValueError("numbers that are not finite or above 1e7, or no unit")
+    vertices /= np.float32(unit)
     view = document["bufferViews"][document["images"][0]["bufferView"]]
     picture = io.BytesIO(binary[view.get("byteOffset", 0) :][: view["byteLength"]])
     with Image.open(picture, formats=("JPEG", "PNG")) as image:
@@ -101,4 +83,4 @@ def _parse(content: bytes) -> Surface:
             raise ValueError(f"texture {image.size}, expected at most {_MOST_PIXELS} pixels a side")
         texture = np.asarray(image.convert("RGB"))
     # In the file, y points up.
-    return Surface(vertices[:, [2, 0, 1]], normals[:, [2, 0, 1]], uv, faces, texture)
+    return TexturedMesh(vertices[:, [2, 0, 1]], normals[:, [2, 0, 1]], uv, faces, texture)

@@ -23,7 +23,7 @@ def site(tmp_path_factory, runtime, run):
     """Folder of the page, with float32 weights."""
     pytest.importorskip("onnx")
     pytest.importorskip("onnxruntime")
-    from psgn_jax.web.page.build import build_page
+    from psgn_jax.web.browser.build import build_page
 
     folder = tmp_path_factory.mktemp("site")
     build_page(run, folder, weights="float32", runtime=runtime)

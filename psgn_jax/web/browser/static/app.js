@@ -5,12 +5,11 @@ import { CloudView, pathThrough, ramp, save } from "./cloud.js";
 import { ranked, spread, sum } from "./draws.js";
 import { FORMATS } from "./files.js";
 import { coloursFromView, meanWithMirror, mirrored, normalForm, opaqueIn, PhotoError, place, sameProportions, findOutliers, visibleIn } from "./framing.js";
-import { objectIn } from "./levels.js";
-import { findMask } from "./mask.js";
+import { findMask, MIN_SIDE, objectIn } from "./mask.js";
 import { fit } from "./silhouette.js";
 
 const CLICK = 0.02, SAMPLES = 8, PAUSE = 120, HISTORY = 10, VEIL = "rgba(18, 24, 40, .68)", EDGE = "#ffb020";
-const RUNTIME = "runtime/ort-wasm-simd-threaded.wasm.gz", MAX_BYTES = 80e6, MAX_SIDE = 1600, MIN_SIDE = 16;
+const RUNTIME = "runtime/ort-wasm-simd-threaded.wasm.gz", MAX_BYTES = 80e6, MAX_SIDE = 1600;
 const $ = id => document.getElementById(id);
 const each = (selector, act) => document.querySelectorAll(selector).forEach(act);
 const make = (tag, fields) => Object.assign(document.createElement(tag), fields);

@@ -372,8 +372,8 @@ addEventListener("keydown", event => {
 try {
   const saved = localStorage.getItem(KEY);
   if (saved) restore(saved);
-  kept = savedModels(false);
-} catch { /* what this browser has kept is not usable */ }
+} catch { /* what this browser has kept is not usable; it stays until something is changed here */ }
+kept = savedModels(false);
 open(0);
 addEventListener("pagehide", keep);
 globalThis.human = { state, views, insert, meshesOf, model, toWorld, project };

@@ -14,9 +14,9 @@ from PIL import Image
 
 from psgn_jax.commands import view
 from psgn_jax.data import camera
-from psgn_jax.prediction.surface import Surface, glb, textured
-from psgn_jax.viewing import page as lib
-from psgn_jax.viewing.surface import SurfaceFileError, read_surface
+from psgn_jax.prediction.surface import ClosedMesh, glb, textured
+from psgn_jax.viewing import viewer as lib
+from psgn_jax.viewing.surface_file import SurfaceFileError, read_surface
 
 
 def make_case(name="chair 1", samples=3, n=300, seed=0):
@@ -55,12 +55,13 @@ def test_coordinates_come_back(tmp_path):
     np.testing.assert_allclose(errors / 255 * 0.2, np.minimum(expected, 0.2), atol=1e-3)
 
 
-def test_a_page_of_cases_is_small_and_split_at_the_limit(tmp_path):
+def test_a_page_of_cases_is_small_and_split_at_the_limit(tmp_path, monkeypatch):
     cases = [make_case(f"case {i}", samples=1, n=1024, seed=i) for i in range(16)]
     pages = lib.write_pages(tmp_path / "p.html", cases)
     assert set(pages.values()) == {tmp_path / "p.html"}
     assert (tmp_path / "p.html").stat().st_size < 16 / 64 * 5_000_000
-    pages = lib.write_pages(tmp_path / "q.html", cases, max_bytes=200_000)
+    monkeypatch.setattr(lib, "MAX_BYTES", 200_000)
+    pages = lib.write_pages(tmp_path / "q.html", cases)
     files = sorted(set(pages.values()))
     assert len(files) > 2
     assert all(file.stat().st_size < 200_000 for file in files)
@@ -85,9 +86,10 @@ def predicted(tmp_path):
     arrays |= {"intrinsics": intrinsics, "extrinsics": extrinsics}
     arrays |= {"branch": (np.arange(n) >= 75).astype(np.uint8)}
     np.savez(tmp_path / "a.npz", **arrays)
-    surface = Surface(points[0].astype(np.float32), np.array(ball.faces))
+    surface = ClosedMesh(points[0].astype(np.float32), np.array(ball.faces))
     mesh = textured(surface, image, image[..., 0] > 0, intrinsics, extrinsics)
-    mesh.apply_scale(2.5)  # metres
+    mesh.metadata["unit"] = 2.5  # metres
+    mesh.apply_scale(2.5)
     (tmp_path / "a_surface.glb").write_bytes(glb(mesh))
     return arrays
 
@@ -111,8 +113,7 @@ def opened_cases(opened, tmp_path):
     def open_page(cases, fragment=""):
         lib.write_pages(tmp_path / "page.html", cases)
         size = {"width": 1200, "height": 640}
-        address = (tmp_path / "page.html").as_uri() + fragment
-        page = opened(address, viewport=size, has_touch=True)
+        page = opened((tmp_path / "page.html").as_uri() + fragment, viewport=size, has_touch=True)
         page.wait_for_timeout(150)
         return page
 
@@ -191,8 +192,7 @@ def test_right_is_right_and_up_is_up(opened_cases):
 
 
 def test_the_photo_is_behind_the_cloud_until_it_is_turned(opened_cases):
-    own = dataclasses.replace(make_case(), camera=camera.default_camera((96, 128)), behind=True)
-    page = opened_cases([own])
+    page = opened_cases([dataclasses.replace(make_case(), camera=camera.default_camera((96, 128)))])
 
     def seen(shot=None):
         shot = pixels(page) if shot is None else shot
@@ -268,7 +268,7 @@ def test_damaged_surfaces_are_refused(predicted, tmp_path):
     path = tmp_path / "a_surface.glb"
     good = path.read_bytes()
     end = 20 + int.from_bytes(good[12:16], "little")
-    assert np.ptp(read_surface(path, predicted, 0).vertices[:, 1]) == pytest.approx(1.2, rel=1e-4)
+    assert np.ptp(read_surface(path).vertices[:, 1]) == pytest.approx(1.2, rel=1e-4)
 
     def read(content):
         if isinstance(content, tuple):
@@ -277,7 +277,7 @@ def test_damaged_surfaces_are_refused(predicted, tmp_path):
             text = json.dumps(document).encode()
             content = good[:12] + len(text).to_bytes(4, "little") + b"JSON" + text + good[end:]
         path.write_bytes(content)
-        read_surface(path, predicted, 0)
+        read_surface(path)
 
     table = [(content, path) for content in (b"", b"glTF" + bytes(99), good[: len(good) // 2])]
     table.append((bytes(17 << 20), path, 17 << 20))
@@ -286,4 +286,5 @@ def test_damaged_surfaces_are_refused(predicted, tmp_path):
     table.append((("accessors", 1, "count", 3), path, 3))  # faces with other vertices
     table.append((("accessors", 0, "componentType", 5126), path))  # floats
     table.append((("bufferViews", 2, "byteLength", 9), path))  # half of a picture
+    table += [(("meshes", 0, "extras", {"unit": unit}), path) for unit in (0, "x", 1e-40, None)]
     all_refused(read, SurfaceFileError, table)

@@ -1,10 +1,10 @@
 """Configurations: every mistake ends in one line naming field, value and what is accepted."""
 
-import pathlib
 import runpy
 
 import ml_collections
 import pytest
+from helpers.commands import ROOT
 from helpers.refusals import all_refused, check_message, refused
 
 from psgn_jax.commands import train
@@ -160,7 +160,7 @@ def test_names_of_folders_may_have_commas_and_a_home(tmp_path, monkeypatch):
 
 
 def test_every_configuration_file_is_valid_and_says_how_it_is_run():
-    for path in (pathlib.Path(__file__).resolve().parents[1] / "configs").glob("*.py"):
+    for path in (ROOT / "configs").glob("*.py"):
         module = runpy.run_path(str(path))
         config = parse(module["get_config"]())
         check_used(config, flatten(config))

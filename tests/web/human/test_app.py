@@ -81,6 +81,7 @@ def test_a_table_is_modelled_saved_and_restored(page, study_folder, tmp_path):
     np.testing.assert_allclose(found, boxes, atol=2e-4)
     page.goto("about:blank")
     untouched.goto("about:blank")  # a tab that is left last replaces nothing
+    page.wait_for_timeout(500)  # until the browser's processes have what the tabs stored
     page.goto(address)
     assert model_of(page) == model
     page.evaluate("localStorage.clear(); human.state.entries.forEach(e => { e.model.parts = []; })")

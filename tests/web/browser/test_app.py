@@ -330,10 +330,6 @@ def test_files_that_are_no_photos_end_in_a_sentence_and_the_page_goes_on(open_pa
     assert page.evaluate("psgn.page.name") == "cut"
 
 
-def answering(answer):
-    return lambda route: route.fulfill(**answer)
-
-
 def test_wrong_or_damaged_weights_are_refused(open_page, site, address, tmp_path):
     write_cut_out(tmp_path)
     weights, about = ((site / name).read_bytes() for name in ("network.onnx", "network.json"))
@@ -345,7 +341,7 @@ def test_wrong_or_damaged_weights_are_refused(open_page, site, address, tmp_path
         ("network.json", {"body": later}, "The network was made by a later version of psgn_jax"),
     ):
         page = open_page("about:blank", complain=False)
-        page.route(f"**/{file}", answering(answer))
+        page.route(f"**/{file}", lambda route, *_, answer=answer: route.fulfill(**answer))
         page.goto(address)
         wait(page, "!document.getElementById('problem').hidden")
         assert problem(page).startswith(expected)
@@ -356,7 +352,7 @@ def test_wrong_or_damaged_weights_are_refused(open_page, site, address, tmp_path
 def test_the_example_of_an_export(browser, run, runtime, serve, tmp_path, predictor):
     """The page in the folder of `psgn export`, with the runtime beside it."""
     from psgn_jax.portable.folder import write_folder
-    from psgn_jax.web.page.browser_runtime import runtime_files
+    from psgn_jax.web.browser.runtime import runtime_files
 
     write_folder(run, tmp_path, weights=("float32",))
     for name, content in runtime_files(runtime).items():
@@ -372,8 +368,7 @@ def test_the_example_of_an_export(browser, run, runtime, serve, tmp_path, predic
     Image.fromarray(np.rot90(rgba)).save(tmp_path / "glass.png", exif=turned)
     page.set_input_files("input", str(tmp_path / "glass.png"))
     page.get_by_text("points, the first at").wait_for(timeout=1000 * SECONDS)
-    text = page.text_content("output")
-    numbers = [float(v) for v in re.findall(r"at (.*)", text)[0].split(",")]
+    numbers = [float(v) for v in re.findall(r"at (.*)", page.text_content("output"))[0].split(",")]
     np.testing.assert_allclose(numbers, predictor(rgba).points[0, 0], atol=1e-3)
     page.close()
 
@@ -389,7 +384,7 @@ def test_photos_have_the_same_cloud_through_every_door(open_page, serve, runtime
     that is fitted to the cloud moves all others by some 1e-4.
     """
     pytest.importorskip("onnx")
-    from psgn_jax.web.page.build import build_page
+    from psgn_jax.web.browser.build import build_page
 
     build_page(open_weights(), tmp_path / "site", weights="float32", runtime=runtime)
     page = open_page(serve(tmp_path / "site"))
