@@ -84,7 +84,6 @@ class Model:
       uv: float32, texture coordinates of the corners; 0 if the file has none.
       face_material: int64, index into `materials`.
       materials: at least one.
-      category, model_id: see `catalogues.entry.Entry`.
       parameters: of a procedural model, or further columns of an index.
       warnings: what is missing or wrong in the file, and what we used instead; see
         `kind_of_warning`.
@@ -96,8 +95,6 @@ class Model:
     uv: Float[np.ndarray, "f 3 2"]
     face_material: Int[np.ndarray, " f"]
     materials: tuple[Material, ...]
-    category: str = ""
-    model_id: str = ""
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
@@ -137,8 +134,8 @@ def build_model(
     face_material: np.ndarray | None = None,
     normals: np.ndarray | None = None,
     uv: np.ndarray | None = None,
+    parameters: Mapping[str, Any] | None = None,
     warnings: Sequence[str] = (),
-    **names: Any,
 ) -> Model:
     """Makes a `Model` from raw arrays.
 
@@ -153,8 +150,8 @@ def build_model(
       face_material: [F], None = 0.
       normals: of corners [F, 3, 3], or None.
       uv: of corners [F, 3, 2], or None.
+      parameters: see `Model`.
       warnings: of the reader.
-      **names: `category`, `model_id` and `parameters` of the model.
 
     Raises:
       UnusableModelError: no face is left, or a vertex is not finite.
@@ -210,7 +207,7 @@ def build_model(
                 notes.append(f"corner normals missing or zero, recomputed: {int(missing.sum())}")
             normals = np.where(missing[..., None], crease_normals(vertices, faces), normals)
     normals = normals.astype(np.float32)
-    return Model(vertices, faces, normals, uv, owner, materials, warnings=tuple(notes), **names)
+    return Model(vertices, faces, normals, uv, owner, materials, parameters or {}, tuple(notes))
 
 
 def kind_of_warning(line: str) -> str:

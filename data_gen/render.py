@@ -34,7 +34,6 @@ from typing import Any
 if __package__ in (None, ""):  # run as a file: `data_gen` is in the folder above
     sys.path[0] = str(pathlib.Path(__file__).resolve().parents[1])
 
-
 from absl import logging
 
 from data_gen import cluster, job, pool, settings
@@ -68,11 +67,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags.string("source", None, "Source of the models: a folder, a file, or numbers of models.")
     flags.path("out", None, "Folder of the data set.")
     flags.string("shard", "0/1", "i/n: the i-th of n parts, i from 0, for job arrays.")
-    for name, what in (
-        ("limit", "Number of the chosen models, from the first; 0 = all."),
-        ("sample", "Number of models, spread over categories and folders; 0 = all."),
-    ):
-        flags.integer(name, 0, what, lower_bound=0)
+    flags.integer("limit", 0, "Number of chosen models, from the first; 0 = all.", lower_bound=0)
+    flags.integer(
+        "sample", 0, "Number of models, spread over categories and folders; 0 = all.", lower_bound=0
+    )
     flags.integer("seed", 0, "Seed of the choice of --sample.", lower_bound=0)
     patterns = "category, folder or name fits this pattern, such as Weather or '*flare*'."
     flags.multi_string("include", [], f"Only models whose {patterns}")
@@ -96,10 +94,10 @@ def _main(flags: Flags) -> int:
     part = int(match[1]), int(match[2])
     catalogue_options = parse_options(values.catalogue, values.option)
     source = open_catalogue(values.catalogue, values.source, **catalogue_options)
-    on_cluster = functools.partial(cluster.render_on, values.scheduler)
+    render: pool.Pool = pool.render_local
     if values.scheduler:
         logging.get_absl_handler().addFilter(cluster.is_no_traceback)
-    render = on_cluster if values.scheduler else pool.render_local
+        render = functools.partial(cluster.render_on, values.scheduler)
     choice = Choice(tuple(values.include), tuple(values.exclude), values.sample, values.seed)
     progress = job.render_catalogue(
         source, values.out, options, part=part, choice=choice, limit=values.limit, render=render

@@ -270,9 +270,7 @@ def peel(
     return result[1:-1, 1:-1, 1:-1]
 
 
-def solid_occupancy(
-    model: Model, rotation: Float[np.ndarray, "3 3"], size: int = schema.OCCUPANCY_SIZE
-) -> Bool[np.ndarray, "size size size"]:
+def solid_occupancy(model: Model, rotation: Float[np.ndarray, "3 3"]) -> Bool[np.ndarray, "n n n"]:
     """Solid voxels of a model, which need not be watertight.
 
     Indexed [x, y, z], the grid covers [-1, 1] x [-1, 1] x [0, 2] of the rotated frame.
@@ -291,12 +289,11 @@ def solid_occupancy(
     Args:
       model: the model in the project's frame. We ignore parts outside the grid.
       rotation: from there to the frame of the grid.
-      size: number of cells along an edge.
 
     Raises:
       UnusableModelError: the area is so large that this would take minutes.
     """
-    fine = size * _FINE
+    fine = schema.OCCUPANCY_SIZE * _FINE
     corners = (model.vertices @ np.asarray(rotation, np.float64).T + [1, 1, 0]) * (fine / 2)
     marked, crossed = mark_surface(corners, model.faces, model.edges, fine)
     touched = _in_cells(marked) > 0

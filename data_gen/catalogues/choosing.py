@@ -44,15 +44,6 @@ def _texts(entry: Entry) -> set[str]:
     return {entry.category, *parts, *beginnings} - {""}
 
 
-def _check_patterns(field: str, patterns: Sequence[str], entries: Sequence[Entry]) -> None:
-    for pattern in patterns:
-        if not any(matches(pattern, entry) for entry in entries):
-            known = sorted({text for entry in entries for text in _texts(entry)})
-            near = difflib.get_close_matches(pattern, known, 1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise ValueError(f"{field}={pattern}: no category and no name matches{hint}")
-
-
 def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
     """The chosen models in their order; a sample is in random order.
 
@@ -61,8 +52,13 @@ def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
     """
     if choice.sample < 0:
         raise ValueError(f"sample={choice.sample}: expected 0 or more")
-    _check_patterns("include", choice.include, entries)
-    _check_patterns("exclude", choice.exclude, entries)
+    for field, patterns in (("include", choice.include), ("exclude", choice.exclude)):
+        for pattern in patterns:
+            if not any(matches(pattern, entry) for entry in entries):
+                known = sorted({text for entry in entries for text in _texts(entry)})
+                near = difflib.get_close_matches(pattern, known, 1)
+                hint = f"; did you mean {near[0]!r}?" if near else ""
+                raise ValueError(f"{field}={pattern}: no category and no name matches{hint}")
     left = [
         entry for entry in entries
         if (not choice.include or any(matches(p, entry) for p in choice.include))

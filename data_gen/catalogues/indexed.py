@@ -80,8 +80,7 @@ def indexed(
         about = {k: v for k, v in row.items() if k not in ("file", "category") and v}
         load = functools.partial(_load, name, files, category, about)
         find = functools.partial(files.find, name)
-        split = split_of(family_of(name), fractions)
-        entries.append(Entry(name, category, split, load, find_file=find))
+        entries.append(Entry(name, category, split_of(family_of(name), fractions), load, find))
     return Catalogue("indexed", entries, fractions)
 
 
@@ -122,7 +121,7 @@ def read_index(
             if row["file"] in rows:
                 raise ValueError(f"line {reader.line_num}: {row['file']!r} is listed twice")
             rows[row["file"]] = row
-    except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
+    except (OSError, csv.Error, ValueError) as error:
         raise ValueError(f"index {str(path)!r}: {one_line(error)}") from error
     kept = [r for r in rows.values() if not licences or fits(r.get("licence", ""), licences)]
     if not kept:
@@ -138,24 +137,17 @@ def fits(licence: str, patterns: Sequence[str]) -> bool:
 
 
 def _load(name: str, files: FolderFiles, category: str, about: dict[str, str]) -> Model:
-    model = load_model(name, files, category=category, parameters=about)
-    return _clothed(model) if _is_grey(model) else model
-
-
-def _is_grey(model: Model) -> bool:
-    """Whether the whole model has the same grey, without a texture."""
-    looks = {(m.diffuse, m.texture is None) for m in model.materials}
-    return len(looks) == 1 and all(plain and np.ptp(grey) < 0.02 for grey, plain in looks)
-
-
-def _clothed(model: Model) -> Model:
-    """The model with a material that fits its category, chosen by its name."""
-    digest = hashlib.sha256(f"material {model.model_id}".encode()).digest()
+    """Reads a model; if it has a single grey and no texture, it gets a material."""
+    model = load_model(name, files, parameters=about)
+    first, *others = {(m.diffuse, m.texture is None) for m in model.materials}
+    if others or not first[1] or np.ptp(first[0]) >= 0.02:
+        return model
+    digest = hashlib.sha256(f"material {name}".encode()).digest()
     rng = np.random.default_rng(int.from_bytes(digest[:8], "big"))
-    fitting = [k for k, names in _KINDS.items() if model.category in names.split()]
+    fitting = [k for k, names in _KINDS.items() if category in names.split()]
     kind = str(rng.choice(fitting or list(_MAKERS)))
     makers = _MAKERS[kind]
     material = makers[int(rng.integers(len(makers)))](rng)
-    first, owner = np.zeros(1, np.int64), np.zeros(len(model.faces), np.int64)
-    uv = kit.texture_coordinates(model.vertices, model.faces, first, owner, [material], first)
+    zero, owner = np.zeros(1, np.int64), np.zeros(len(model.faces), np.int64)
+    uv = kit.texture_coordinates(model.vertices, model.faces, zero, owner, [material], zero)
     return dataclasses.replace(model, materials=(material,), face_material=owner, uv=uv)

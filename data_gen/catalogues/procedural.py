@@ -41,8 +41,6 @@ FAMILIES = {
 }
 """The families, in the order of the paper's table."""
 
-CATEGORIES = tuple(FAMILIES)
-
 # Largest number of models of a catalogue. A job lists all models before it renders the first.
 _LARGEST = 1_000_000
 
@@ -51,25 +49,15 @@ _PLAIN = 0.1
 
 
 def generate(category: str, seed: int) -> Model:
-    """The model `<category>-<seed>` in the project's frame.
-
-    `parameters` are the seed and the kind within the category.
-
-    Raises:
-      ValueError: the category is unknown or the seed is negative.
-    """
-    if category not in FAMILIES:
-        raise ValueError(f"category {category!r}: expected one of {list(FAMILIES)}")
-    if seed < 0:
-        raise ValueError(f"seed: got {seed}, expected 0 or more")
-    kit = Kit(np.random.default_rng([_STREAM, CATEGORIES.index(category), seed]))
+    """A model of a category; its `parameters` are the seed and the kind within the category."""
+    kit = Kit(np.random.default_rng([_STREAM, [*FAMILIES].index(category), seed]))
     build, kinds = FAMILIES[category]
     kind = kit.choose(*kinds)
     build(kit, kind)
     if kit.chance(_PLAIN):
         material = m.plain(m.grey(kit.rng), kit.uniform(0, 0.3), 30.0, "plain")
         kit.parts = [(part, material) for part, _ in kit.parts]
-    return kit.model(category, f"{category}-{seed}", {"seed": seed, "kind": kind})
+    return kit.model({"seed": seed, "kind": kind})
 
 
 def procedural(

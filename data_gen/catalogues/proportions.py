@@ -66,7 +66,7 @@ def random_proportions(
 
 
 def vary(load: Callable[[], Model], name: str, deviation: float) -> Model:
-    """The model of `load` with random proportions and the name `name`, normalised again.
+    """The model of `load` with random proportions, normalised again; `name` is the variant's.
 
     We divide normals by the mean stretch of their face along each axis.
     """
@@ -80,7 +80,7 @@ def vary(load: Callable[[], Model], name: str, deviation: float) -> Model:
     flat = span < 1e-9  # the face is perpendicular to this axis
     stretch = np.where(flat, 1.0, np.ptp(after, axis=1) / np.where(flat, 1.0, span))
     normals = unit_vectors(model.normals @ turn.T / stretch[:, None] @ turn).astype(np.float32)
-    return normalize(dataclasses.replace(model, vertices=vertices, normals=normals, model_id=name))
+    return normalize(dataclasses.replace(model, vertices=vertices, normals=normals))
 
 
 def footprint(flat: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

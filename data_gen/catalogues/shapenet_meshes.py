@@ -55,12 +55,9 @@ def shapenet(
             train = index < int(_R2N2_TRAIN * len(found))
             split = split_of(model_id, (1 - validation, validation, 0.0)) if train else "test"
             files = FolderFiles(folder)
-            load = functools.partial(
-                load_model, file, files, up="+y", front=front,
-                category=category, model_id=model_id, max_faces=max_faces,
-            )  # fmt: skip
+            load = functools.partial(load_model, file, files, front=front, max_faces=max_faces)
             find = functools.partial(files.find, file)
-            entries.append(Entry(model_id, category, split, load, find_file=find))
+            entries.append(Entry(model_id, category, split, load, find))
     if not entries:
         expected = " or ".join(f"<synset>/<model>/{file}" for file, _ in _LAYOUTS)
         raise ValueError(f"source {str(source)!r}: it contains no model, expected {expected}")

@@ -217,11 +217,8 @@ def _from_strips(corners: np.ndarray, assets: Assets) -> np.ndarray:
     first = place[:-2][(place - start)[2:] >= 2]  # of three corners of the same strip
     assets.budget.charge(faces=len(first))
     odd = (first - start[first]) % 2
-    return (
-        corners[np.stack([first + odd, first + 1 - odd, first + 2], axis=1)]
-        .ravel()
-        .astype(np.int64)
-    )
+    order = np.stack([first + odd, first + 1 - odd, first + 2], axis=1)
+    return corners[order.ravel()].astype(np.int64)
 
 
 def _colours(rows: _Rows, assets: Assets) -> np.ndarray | None:

@@ -55,7 +55,7 @@ class Kit:
         """A random material of a random kind."""
         return self.choose(*materials)(self.rng)
 
-    def model(self, category: str, model_id: str, parameters: Mapping[str, Any]) -> Model:
+    def model(self, parameters: Mapping[str, Any] | None = None) -> Model:
         """The model, normalised."""
         starts = np.cumsum([0, *(len(part.vertices) for part, _ in self.parts)])[:-1]
         vertices = np.concatenate([part.vertices for part, _ in self.parts])
@@ -67,7 +67,7 @@ class Kit:
         part_of = np.repeat(np.arange(len(starts)), [len(part.faces) for part, _ in self.parts])
         uv = texture_coordinates(vertices, faces, starts, part_of, materials, owner)
         model = build_model(vertices, faces, materials=materials, face_material=owner[part_of],
-                            uv=uv, category=category, model_id=model_id, parameters=parameters)
+                            uv=uv, parameters=parameters)
         # No warnings of triangles without area, which caps with collinear points have.
         return dataclasses.replace(normalize(model), warnings=())
 

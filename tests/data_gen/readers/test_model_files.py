@@ -28,7 +28,6 @@ def test_names_may_go_up_inside_the_root_and_need_not_be_ascii(write, tmp_path):
     write("Stühle/стул 椅子.obj", f"mtllib größe.mtl\n{CUBE}usemtl Öl\n{FACES}")
     model = load_model("Stühle/стул 椅子.obj", FolderFiles(tmp_path))
     assert model.materials[0].texture is not None
-    assert model.model_id == "Stühle/стул 椅子.obj"
 
 
 def test_links_that_lead_out_are_not_followed(write, tmp_path):
@@ -45,7 +44,7 @@ def test_links_that_lead_out_are_not_followed(write, tmp_path):
     with refused(UnusableModelError, "b.obj", "link"):
         load_model("b.obj", FolderFiles(tmp_path / "root"))
     # The file that the caller names and the root may be links.
-    assert load_model(tmp_path / "root" / "b.obj").model_id == "b.obj"
+    assert len(load_model(tmp_path / "root" / "b.obj").faces) == 12
     (tmp_path / "link").symlink_to(tmp_path / "root")
     assert load_model("a.obj", FolderFiles(tmp_path / "link")).materials[1].texture is not None
 
