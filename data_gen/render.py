@@ -98,9 +98,10 @@ def _main(flags: Flags) -> int:
     if values.scheduler:
         logging.get_absl_handler().addFilter(cluster.is_no_traceback)
         render = functools.partial(cluster.render_on, values.scheduler)
-    choice = Choice(tuple(values.include), tuple(values.exclude), values.sample, values.seed)
+    patterns = tuple(values.include), tuple(values.exclude)
+    choice = Choice(*patterns, values.sample, values.seed, values.limit)
     progress = job.render_catalogue(
-        source, values.out, options, part=part, choice=choice, limit=values.limit, render=render
+        source, values.out, options, part=part, choice=choice, render=render
     )
     sys.stdout.write(job.text_of(progress) + "\n")
     return progress.exit_code

@@ -12,7 +12,7 @@ from data_gen.catalogues.entry import Entry, hashed
 
 @dataclasses.dataclass(frozen=True)
 class Choice:
-    """A choice of models: first by `include`, then by `exclude`, then by the sample.
+    """A choice of models: first by `include`, then by `exclude`, then the sample, then the limit.
 
     Patterns are shell patterns (`*`, `?`, `[abc]`). A pattern matches a model if it matches the
     category, the name, a part of the name between slashes, or the beginning of the name up to a
@@ -24,12 +24,14 @@ class Choice:
       exclude: patterns of models that we leave out.
       sample: number of models, spread over categories and folders; 0 = all.
       seed: of the sample. A larger sample with the same seed contains the smaller samples.
+      limit: number of models, from the first; 0 = all.
     """
 
     include: tuple[str, ...] = ()
     exclude: tuple[str, ...] = ()
     sample: int = 0
     seed: int = 0
+    limit: int = 0
 
 
 def matches(pattern: str, entry: Entry) -> bool:
@@ -68,7 +70,8 @@ def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
         raise ValueError(f"include and exclude leave none of the {len(entries)} models")
     if choice.sample > len(left):
         logging.warning("sample=%d: only %d models match", choice.sample, len(left))
-    return _spread(left, choice.seed)[: choice.sample] if choice.sample else left
+    left = _spread(left, choice.seed)[: choice.sample] if choice.sample else left
+    return left[: choice.limit or None]
 
 
 def _spread(entries: Sequence[Entry], seed: int) -> list[Entry]:
