@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from data_gen import engine, lights
 from data_gen.engine import Variant
+from data_gen.lights import Map
 from psgn_jax.system import processes
 
 NUM_SUNSKY = 24
@@ -81,7 +82,7 @@ def load_map(path: str, size: tuple[int, int]) -> np.ndarray:
 
 
 @functools.lru_cache(maxsize=NUM_SUNSKY)
-def sunsky(number: int, size: tuple[int, int]) -> Float[np.ndarray, "h w 3"]:
+def sunsky(number: int, size: tuple[int, int]) -> Map:
     """One of `NUM_SUNSKY` maps of Mitsuba's model, from a clear morning to a hazy noon."""
     low, high = (2, 15, 0.15), (8, 75, 0.5)
     drawn = np.random.default_rng(0).uniform(low, high, (NUM_SUNSKY, 3))

@@ -20,7 +20,7 @@ from typing import Any
 
 from data_gen import engine
 from data_gen.catalogues.entry import Entry
-from data_gen.render_model import Context, failure, render_model
+from data_gen.render_model import Context, line_of, render_model
 from psgn_jax.data.shards import Result
 from psgn_jax.system import processes
 from psgn_jax.system.cores import num_cores
@@ -149,7 +149,7 @@ class Renderer:
         if status != "crashed" and self._process is not None:
             self._process.kill()
         code = self._discard()
-        return failure(entry, status, reason or f"exit code {code}"), []
+        return line_of(entry, status, reason or f"exit code {code}"), []
 
     def _megabytes(self) -> float:
         """Resident memory of the process; 0 = unknown."""
@@ -209,7 +209,7 @@ def _serve(connection: multiprocessing.connection.Connection) -> None:
         except Exception as error:
             # Other models may succeed.
             what = f"{type(error).__name__}: {error}".splitlines()[0][:300]
-            records, line = [], failure(entry, "error", what)
+            records, line = [], line_of(entry, "error", what)
         connection.send((line, records))
         del records
         engine.release()

@@ -18,7 +18,7 @@ from data_gen import job, settings
 from data_gen.catalogues.choosing import Choice
 from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
 from data_gen.engine import Variant
-from data_gen.render_model import Context, failure, model_seed
+from data_gen.render_model import Context, line_of, model_seed
 from psgn_jax.data import shards
 from psgn_jax.data.codec import encode
 from psgn_jax.data.dataset import RecordReader
@@ -69,7 +69,7 @@ def make(out, names, *, options=OPTIONS, stop_after=None, first=None, failing=No
             if first and not made:
                 first()
             made.append(entry.model_id)
-            line, data = failure(entry, failing.get(entry.model_id, "ok"), "its name"), []
+            line, data = line_of(entry, failing.get(entry.model_id, "ok"), "its name"), []
             if line["status"] == "ok":
                 line |= {"reason": "", "samples": 1}
                 data = [record_of(entry.model_id, entry.category)]
