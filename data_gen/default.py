@@ -11,12 +11,8 @@ from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.shards import OtherSettingsError
 
 NUM_PER_CATEGORY = 40
-
 NUM_MODELS = NUM_PER_CATEGORY * len(FAMILIES)
-
-CORE_SECONDS = 0.4 * NUM_MODELS
-"""Estimated time of rendering, in seconds of a core."""
-
+CORE_SECONDS = 0.4 * NUM_MODELS  # estimated time of rendering, in seconds of a core
 SETTINGS = settings.Settings(views=1, models_per_shard=64)
 
 

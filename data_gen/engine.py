@@ -22,7 +22,6 @@ import numpy as np
 from psgn_jax.system import processes
 
 mi: Any = None
-
 dr: Any = None
 
 # Versions of LLVM, best first. Dr.Jit refuses 14; 15 and 16 abort the process.
@@ -49,7 +48,6 @@ class Variant(NamedTuple):
     libllvm: str = ""
 
     def environment(self) -> dict[str, str]:
-        """The environment variables of a child process with this variant."""
         return processes.environment(DRJIT_LIBLLVM_PATH=self.libllvm)
 
 

@@ -99,7 +99,6 @@ class Model:
     warnings: tuple[str, ...] = ()
 
     def corners(self) -> Float[np.ndarray, "f 3 3"]:
-        """Positions of the faces' corners."""
         return self.vertices[self.faces]
 
     @functools.cached_property
@@ -222,7 +221,6 @@ def unit_vectors(v: np.ndarray) -> np.ndarray:
 
 
 def row_dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Dot products of the rows of two arrays."""
     result: np.ndarray = np.einsum("nd,nd->n", a, b)
     return result
 
@@ -240,7 +238,6 @@ def face_normals(
 def face_areas(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
 ) -> Float[np.ndarray, " f"]:
-    """Areas of the faces."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 

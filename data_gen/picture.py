@@ -58,7 +58,6 @@ class ModelArrays:
 
 
 def flatten(model: Model) -> ModelArrays:
-    """The arrays of a model."""
     # The white texel, and each texture once: materials may share a texture.
     textures = {id(m.texture): m.texture for m in model.materials if m.texture is not None}
     parts = [np.full((1, 4), 255, np.uint8), *(t.reshape(-1, 4) for t in textures.values())]

@@ -91,7 +91,6 @@ class Renderer:
         return line, records
 
     def end(self) -> None:
-        """Ends the process."""
         if self._process is not None:
             with contextlib.suppress(OSError):
                 self._connection.send(None)
@@ -104,7 +103,6 @@ class Renderer:
             process.kill()
 
     def _start(self) -> None:
-        why = ""
         for _ in range(_FAILED_STARTS):
             if self._killed:
                 raise RuntimeError("the renderer was ended")
@@ -119,17 +117,18 @@ class Renderer:
                 )
             if self._killed:
                 self._process.kill()
-            self._connection, self._done, why = ours, 0, ""
-            with contextlib.suppress(EOFError, OSError):
+            self._connection, self._done = ours, 0
+            try:
                 ours.send(self._context)
                 if ours.poll(_SECONDS_TO_START):
                     ours.recv()
                     return
                 self._process.kill()
+                self._discard()
                 why = f"were not ready after {_SECONDS_TO_START:g} s; is the machine busy?"
-            code = self._discard()
-            ended = f"ended before they were ready (exit code {code})"
-            why = why or f"{ended}; job.variant='scalar' needs no LLVM"
+            except (EOFError, OSError):
+                why = f"ended before they were ready (exit code {self._discard()})"
+                why += "; job.variant='scalar' needs no LLVM"
         raise RuntimeError(f"{_FAILED_STARTS} worker processes {why}")
 
     def _discard(self) -> int | None:

@@ -59,7 +59,6 @@ def path_of(value: str) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command and returns its exit code."""
     usage = "psgn render --catalogue=NAME --source=PATH --out=FOLDER"
     flags = Flags(usage, __doc__, lambda: "\n".join(_details()))
     flags.config(settings.Settings(), path_of, str(_DEFAULT))

@@ -64,9 +64,6 @@ def _line_hits(
     Yields:
       The cell of the line along each of the next two axes (in cyclic order), and the position on
       the line.
-
-    Raises:
-      UnusableModelError: there are more than `_MAX_POINTS` intersections.
     """
     u, v, w = (np.ascontiguousarray(corners[:, (axis + k) % 3]) for k in (1, 2, 0))
     first, rows = _centres_between(*_bounds(v, faces), size)
@@ -150,9 +147,6 @@ def mark_surface(
     Returns:
       The marked cells; and for each axis, whether the surface is between the centres of a cell and
       of the next cell.
-
-    Raises:
-      UnusableModelError: there are too many intersections.
     """
     marked = np.zeros((size, size, size), bool)
     crossed = []

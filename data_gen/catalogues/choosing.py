@@ -35,7 +35,6 @@ class Choice:
 
 
 def matches(pattern: str, entry: Entry) -> bool:
-    """Whether a pattern of a `Choice` matches a model."""
     texts = _texts(entry)
     return pattern in texts or any(fnmatch.fnmatchcase(text, pattern) for text in texts)
 

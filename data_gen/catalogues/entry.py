@@ -13,7 +13,6 @@ from data_gen.mesh import Model
 from psgn_jax.system.untrusted import one_line
 
 SPLITS = ("train", "validation", "test")
-
 FRACTIONS = (0.8, 0.1, 0.1)
 """Default fractions of the splits, in the order of `SPLITS`."""
 

@@ -20,7 +20,6 @@ from data_gen.readers.model_files import FolderFiles, as_utf8
 from psgn_jax.system.untrusted import one_line
 
 INDEX = "index.csv"
-
 _MAX_INDEX_BYTES = 64 << 20
 
 _MAKERS: dict[str, tuple[Callable[[np.random.Generator], Material], ...]] = {
@@ -132,7 +131,6 @@ def read_index(
 
 
 def fits(licence: str, patterns: Sequence[str]) -> bool:
-    """Whether a licence fits a pattern."""
     return any(fnmatch.fnmatchcase(licence, pattern) for pattern in patterns)
 
 

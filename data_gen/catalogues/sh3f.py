@@ -21,7 +21,6 @@ from data_gen.readers.model_files import ZipFiles, open_archive
 from data_gen.readers.obj import floats
 
 PROPERTIES = "PluginFurnitureCatalog.properties"
-
 _MAX_PROPERTIES_BYTES = 16 << 20
 
 

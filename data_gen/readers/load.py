@@ -106,7 +106,6 @@ def _read(name: str, data: bytes, assets: Assets) -> dict[str, Any]:
 
 
 def _unpacked(data: bytes) -> bytes:
-    """The content of a gzip file."""
     stream = zlib.decompressobj(31)
     try:
         content = stream.decompress(data, MAX_FILE_BYTES + 1)

@@ -35,7 +35,6 @@ class Look:
 
 
 PLAIN = Look(Material())
-
 WHITE = Look(Material(diffuse=(1.0, 1.0, 1.0), name="colours"))
 
 

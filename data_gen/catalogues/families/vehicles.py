@@ -57,7 +57,6 @@ def _engine(kit: Kit, skin: Material, x: float, y: float, z: float, radius: floa
 
 
 def _propeller(kit: Kit, x: float, y: float, z: float, radius: float) -> None:
-    """A propeller and its hub."""
     hub = lathe([(0.13, -0.13), (0.12, 0), (0.07, 0.12), (0, 0.17)], 14).turned("y", 90)
     kit.add(kit.choose(m.BLACK, m.CHROME), hub.scaled(radius, radius, radius).at(x, y, z))
     blade = prism([(-0.03, 0), (0.03, 0), (0.07, 0.5), (0.03, 1), (-0.02, 1), (-0.05, 0.5)], 0.03)
