@@ -22,27 +22,20 @@ from psgn_jax.system.untrusted import one_line
 INDEX = "index.csv"
 _MAX_INDEX_BYTES = 64 << 20
 
-_MAKERS: dict[str, tuple[Callable[[np.random.Generator], Material], ...]] = {
-    "wood": (materials.wood,),
-    "metal": (materials.metal,),
-    "plastic": (materials.plastic, materials.paint),
-    "cloth": (materials.fabric, materials.fabric, materials.leather),
-    "stone": (materials.stone,),
-    "colour": (materials.lacquer, materials.paint),
-}
-
-_KINDS = {
-    "wood": "bed bench box cabinet chair frame instrument shelf table toy",
-    "metal": "airplane bicycle bus can car cart cookware cutlery helicopter kettle lamp rifle "
-    "tank tool train truck weapon wheel",
-    "plastic": "appliance bathroom bottle box camera computer display drone headphones medical "
-    "speaker sport stationery telephone toy",
-    "cloth": "bag bed clothing pillow sofa tent",
-    "stone": "bathroom bowl mug planet plate rock vase",
-    "colour": "airplane animal book bottle bowl candle car chair clock figure food lamp mug other "
-    "plant plate sign spaceship table toy tool vase watercraft weapon",
-}
-"""For each kind of material, the categories of objects made of it."""
+_KINDS: dict[str, tuple[str, Sequence[Callable[[np.random.Generator], Material]]]] = {
+    "wood": ("bed bench box cabinet chair frame instrument shelf table toy", (materials.wood,)),
+    "metal": ("airplane bicycle bus can car cart cookware cutlery helicopter kettle lamp rifle "
+              "tank tool train truck weapon wheel", (materials.metal,)),
+    "plastic": ("appliance bathroom bottle box camera computer display drone headphones medical "
+                "speaker sport stationery telephone toy", (materials.plastic, materials.paint)),
+    "cloth": ("bag bed clothing pillow sofa tent",
+              (materials.fabric, materials.fabric, materials.leather)),
+    "stone": ("bathroom bowl mug planet plate rock vase", (materials.stone,)),
+    "colour": ("airplane animal book bottle bowl candle car chair clock figure food lamp mug other "
+               "plant plate sign spaceship table toy tool vase watercraft weapon",
+               (materials.lacquer, materials.paint)),
+}  # fmt: skip
+"""For each kind of material, the categories of objects made of it, and functions that draw one."""
 
 
 def indexed(
@@ -142,9 +135,8 @@ def _load(name: str, files: FolderFiles, category: str, about: dict[str, str]) -
         return model
     digest = hashlib.sha256(f"material {name}".encode()).digest()
     rng = np.random.default_rng(int.from_bytes(digest[:8], "big"))
-    fitting = [k for k, names in _KINDS.items() if category in names.split()]
-    kind = str(rng.choice(fitting or list(_MAKERS)))
-    makers = _MAKERS[kind]
+    fitting = [k for k, (names, _) in _KINDS.items() if category in names.split()]
+    _, makers = _KINDS[str(rng.choice(fitting or list(_KINDS)))]
     material = makers[int(rng.integers(len(makers)))](rng)
     zero, owner = np.zeros(1, np.int64), np.zeros(len(model.faces), np.int64)
     uv = kit.texture_coordinates(model.vertices, model.faces, zero, owner, [material], zero)

@@ -23,15 +23,12 @@ DEVIATION = 0.25
 _PIECES = 3  # linear pieces of each function
 
 
-Change = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, "n 3"]]
-"""Moves points: the lowest point to z = 0; the middle of the footprint stays."""
-
-
 def random_proportions(
     points: Float[np.ndarray, "n 3"], name: str, deviation: float
-) -> tuple[Change, Float[np.ndarray, "2 2"]]:
+) -> tuple[Callable[[np.ndarray], np.ndarray], Float[np.ndarray, "2 2"]]:
     """A random change of proportions, and unit vectors along the sides of the footprint.
 
+    The change maps points [n, 3], the lowest one to z = 0; the middle of the footprint stays.
     The slope of a piece is exp(a + b), with a random `a` for each axis and a random `b` for each
     piece, from a normal distribution with standard deviation `deviation`, clipped at twice this
     value. The inner knots are uniform in the middle 80 % of each axis. The seed is a hash of
