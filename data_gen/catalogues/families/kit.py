@@ -173,8 +173,8 @@ def fronts(kit: Kit, front: Material, knob: Material, x: float, y: tuple[float, 
            z: tuple[float, float], columns: int, rows: int) -> None:
     """Drawers or doors with handles, on a face perpendicular to x."""
     wide, high = (y[1] - y[0]) / columns, (z[1] - z[0]) / rows
-    style, inset = kit.choose("ball", "bar", "upright", "none"), kit.chance(0.4) and min(wide,
-        high) > 0.2
+    style = kit.choose("ball", "bar", "upright", "none")
+    inset = kit.chance(0.4) and min(wide, high) > 0.2
     for place in range(columns * rows):
         row, side = divmod(place, columns)
         at = x + 0.025, y[0] + (side + 0.5) * wide, z[0] + (row + 0.5) * high
