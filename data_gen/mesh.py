@@ -220,11 +220,6 @@ def unit_vectors(v: np.ndarray) -> np.ndarray:
     return np.where(length > 1e-12, v / np.maximum(length, 1e-30), 0)
 
 
-def row_dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    result: np.ndarray = np.einsum("nd,nd->n", a, b)
-    return result
-
-
 def face_normals(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
 ) -> Float[np.ndarray, "f 3"]:

@@ -7,7 +7,7 @@ import scipy.ndimage
 import scipy.sparse
 from jaxtyping import Bool, Float, Int
 
-from data_gen.mesh import Model, UnusableModelError, row_dots
+from data_gen.mesh import Model, UnusableModelError
 from psgn_jax.data import schema
 
 # Number of small cells along the edge of a cell. As it is odd, a cell counts as half full if the
@@ -113,7 +113,7 @@ def _line_hits(
 def _edge_points(corners: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Points [n, 3] on edges [E, 2], at most `_SPACING` apart, and all corners."""
     along = corners[edges[:, 1]] - corners[edges[:, 0]]
-    steps = np.ceil(np.sqrt(row_dots(along, along)) / _SPACING).astype(np.int64)
+    steps = np.ceil(np.sqrt(np.einsum("nd,nd->n", along, along)) / _SPACING).astype(np.int64)
     inner = np.flatnonzero(steps > 1)
     owner, number = repeat_numbers(steps[inner] - 1)
     owner = inner[owner]
