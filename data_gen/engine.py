@@ -169,15 +169,11 @@ def choose_variant(wanted: str = "auto") -> tuple[Variant, str]:
     return Variant("scalar_rgb"), "" if wanted == "scalar" else NO_LLVM
 
 
-def _smoke_test(variant: str) -> None:
-    start(variant)
-    triangle = np.array([[[-1, -1, 0], [1, -1, 0], [0, 1, 0]]])
-    scene = mi.load_dict({"type": "scene", "triangle": mesh(triangle, triangle[..., :2])})
-    hit = scene.ray_intersect(mi.Ray3f(mi.Point3f(0, 0, 2), mi.Vector3f(0, 0, -1)))
-    distance = np.array(hit.t, np.float64).item()
-    if abs(distance - 2) > 1e-5:
-        raise SystemExit(f"wrong distance: {distance}, expected 2")
-
-
-if __name__ == "__main__":
-    _smoke_test(sys.argv[1])
+if __name__ == "__main__":  # the process of `_smoke`
+    start(sys.argv[1])
+    _triangle = np.array([[[-1, -1, 0], [1, -1, 0], [0, 1, 0]]])
+    _scene = mi.load_dict({"type": "scene", "triangle": mesh(_triangle, _triangle[..., :2])})
+    _hit = _scene.ray_intersect(mi.Ray3f(mi.Point3f(0, 0, 2), mi.Vector3f(0, 0, -1)))
+    _distance = np.array(_hit.t, np.float64).item()
+    if abs(_distance - 2) > 1e-5:
+        raise SystemExit(f"wrong distance: {_distance}, expected 2")

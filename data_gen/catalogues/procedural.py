@@ -36,9 +36,6 @@ paper's table."""
 # Largest number of models of a catalogue. A job lists all models before it renders the first.
 _LARGEST = 1_000_000
 
-# Fraction of models without colours, such as many models of ShapeNet.
-_PLAIN = 0.1
-
 
 def generate(category: str, seed: int) -> Model:
     """A model of a category; its `parameters` are the seed and the kind within the category."""
@@ -46,7 +43,7 @@ def generate(category: str, seed: int) -> Model:
     build, kinds = FAMILIES[category]
     kind = kit.choose(*kinds)
     build(kit, kind)
-    if kit.chance(_PLAIN):
+    if kit.chance(0.1):  # without colours, such as many models of ShapeNet
         material = m.plain(m.grey(kit.rng), kit.uniform(0, 0.3), 30.0, "plain")
         kit.parts = [(part, material) for part, _ in kit.parts]
     return kit.model({"seed": seed, "kind": kind})
