@@ -11,6 +11,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Bool, Float
 
+from data_gen.mesh import UnusableModelError
 from psgn_jax.config.structured import Bounds, Fraction, Within
 
 _MARGIN_PIXELS = 1.0  # the object may not touch this border of the image
@@ -140,7 +141,7 @@ def draw(
     `rng` does not depend on the settings: `off_centre` uses a child generator.
 
     Raises:
-      ValueError: the object does not fit into the image at any distance up to 1000.
+      UnusableModelError: the object does not fit into the image at any distance up to 1000.
     """
     names = ("azimuth", "elevation", "distance", "focal", "roll", "aim")
     parameters = {}
@@ -155,7 +156,7 @@ def draw(
     while not in_frame(turned, camera).all():
         camera = dataclasses.replace(camera, distance=camera.distance * _STEP)
         if camera.distance > 1000:
-            raise ValueError("camera: expected the object to fit into the image, at most 1000 away")
+            raise UnusableModelError("camera.focal: the object is larger than the image, 1000 away")
     if settings.off_centre > 0:
         return _moved(rng.spawn(1)[0], settings.off_centre, turned, camera)
     return camera
