@@ -138,9 +138,8 @@ case("missing texture", colours=[W, W], warns=("textures missing",))(
 
 
 BOX = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], "f4") - np.float32(0.5)
-SIDE_CORNERS = ("0132", "4675", "0451", "2376", "0264", "1573")
-SIDES = np.array([[int(c) for c in side] for side in SIDE_CORNERS])
-BOX_FACES = SIDES[:, [0, 1, 2, 0, 2, 3]].astype("u2")
+SIDES = ("0132", "4675", "0451", "2376", "0264", "1573")
+BOX_FACES = np.array([[int(side[k]) for k in (0, 1, 2, 0, 2, 3)] for side in SIDES], "u2")
 
 
 def box(g, **attributes):
