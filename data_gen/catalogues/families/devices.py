@@ -111,7 +111,7 @@ def _cone(kit: Kit, ring: Material, radius: float, x: float, y: float, z: float)
 def speaker(kit: Kit, kind: str) -> None:
     """Loudspeakers: boxes, towers, bars, cylinders, on stands, in pairs."""
     case, ring = kit.draw(m.wood, m.wood, m.plastic, m.lacquer), kit.draw(m.metal, m.plastic)
-    cloth = kit.choose(m.BLACK, m.mesh(kit.rng), m.fabric(kit.rng))
+    cloth = kit.choose(m.BLACK, m.perforated(kit.rng), m.fabric(kit.rng))
     if kind == "round":
         radius, high, turn = kit.uniform(0.04, 0.1), kit.uniform(0.08, 0.45), kit.choose(*"zzx")
         end = radius * kit.uniform(0.8, 1.1)

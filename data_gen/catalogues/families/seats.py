@@ -174,7 +174,7 @@ def chair(kit: Kit, kind: str) -> None:
     frame = kit.draw(m.wood, m.wood, m.lacquer) if wooden else kit.draw(m.metal, m.metal, m.lacquer)
     soft = frame
     if wide or kind == "office" or kit.chance(0.6):
-        soft = kit.draw(m.fabric, m.fabric, m.leather, m.plastic, m.mesh)
+        soft = kit.draw(m.fabric, m.fabric, m.leather, m.plastic, m.perforated)
     seat = _Seat(depth, width, top, frame, soft)
     thick = kit.uniform(0.015, 0.05) if style == "slab" else kit.uniform(0.03, 0.08)
     if style == "cushion":
