@@ -3,6 +3,7 @@
 import os
 import pathlib
 import posixpath
+import zlib
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -12,7 +13,14 @@ from data_gen.frame import normalize, orient
 from data_gen.mesh import MAX_FACES, Model, UnreadableModelError, UnusableModelError, build_model
 from data_gen.readers.collada import read_collada, read_zae
 from data_gen.readers.gltf import read_gltf
-from data_gen.readers.model_files import DamagedError, Files, FolderFiles, reason, unpacked
+from data_gen.readers.model_files import (
+    MAX_FILE_BYTES,
+    DamagedError,
+    Files,
+    FolderFiles,
+    check_size,
+    reason,
+)
 from data_gen.readers.obj import read_obj
 from data_gen.readers.off import read_off
 from data_gen.readers.parts import Part, joined
@@ -80,7 +88,7 @@ def _read(name: str, data: bytes, assets: Assets) -> dict[str, Any]:
     stem, ending = posixpath.splitext(name.lower())
     if ending == ".gz":
         ending = posixpath.splitext(stem)[1]
-        data = unpacked(data)
+        data = _unpacked(data)
     kind = ending.lstrip(".")
     if kind not in READERS:
         raise UnusableModelError(f"format {kind!r}: expected one of {sorted(READERS)}")
@@ -95,3 +103,16 @@ def _read(name: str, data: bytes, assets: Assets) -> dict[str, Any]:
     except Exception as error:  # others come from parsers that met unexpected damage
         why = one_line(error) if isinstance(error, DamagedError) else "the file is damaged"
         raise UnusableModelError(f"not readable as {title}: {why}"[:200]) from error
+
+
+def _unpacked(data: bytes) -> bytes:
+    """The content of a gzip file."""
+    stream = zlib.decompressobj(31)
+    try:
+        content = stream.decompress(data, MAX_FILE_BYTES + 1)
+    except zlib.error as error:
+        raise UnusableModelError("not readable as gzip: the file is damaged") from error
+    check_size("the content of the gzip file", len(content), MAX_FILE_BYTES)
+    if not stream.eof:
+        raise UnusableModelError("the file is cut off: its compression does not end")
+    return content

@@ -92,19 +92,6 @@ def whole_lines(text: bytes) -> bytes:
     return re.sub(rb"(?<![\x80-\xff])\\\n", b" ", text) if b"\\\n" in text else text
 
 
-def unpacked(data: bytes) -> bytes:
-    """The content of a gzip file."""
-    stream = zlib.decompressobj(31)
-    try:
-        content = stream.decompress(data, MAX_FILE_BYTES + 1)
-    except zlib.error as error:
-        raise UnusableModelError("not readable as gzip: the file is damaged") from error
-    check_size("the content of the gzip file", len(content), MAX_FILE_BYTES)
-    if not stream.eof:
-        raise UnusableModelError("the file is cut off: its compression does not end")
-    return content
-
-
 def reason(data: bytes) -> str | None:
     """Why the content contradicts the name of a file; None if it need not."""
     if not data.lstrip(b"\0"):

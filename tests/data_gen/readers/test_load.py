@@ -12,7 +12,7 @@ from helpers.refusals import all_refused
 from helpers.xml_models import dae, primitive
 
 from data_gen.mesh import UnusableModelError
-from data_gen.readers import model_files
+from data_gen.readers import load
 from data_gen.readers.load import READERS, load_model
 
 OBJ = CUBE + FACES
@@ -47,7 +47,7 @@ def test_other_suffixes_are_named(write):
 
 
 def test_reasons_of_compressed_files(write, monkeypatch):
-    monkeypatch.setattr(model_files, "MAX_FILE_BYTES", 10_000)
+    monkeypatch.setattr(load, "MAX_FILE_BYTES", 10_000)
     assert len(load_model(write("a.obj.gz", gzip.compress(OBJ.encode()))).faces) == 12
     table = (
         (gzip.compress(OBJ.encode())[:-20], "cut off"),
