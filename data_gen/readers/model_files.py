@@ -224,7 +224,11 @@ class ZipFiles(Files):
             raise ValueError(f"{len(members)} members are more than the limit of {_MAX_MEMBERS}")
         self._members = {m.filename.replace("\\", "/"): m for m in members if not m.is_dir()}
         self._folded = {name.casefold(): name for name in self._members}
-        self.names = list(self._members)
+
+    @property
+    def names(self) -> list[str]:
+        """The names of all members."""
+        return list(self._members)
 
     def find(self, name: str) -> str | None:
         return name if name in self._members else self._folded.get(name.casefold())
