@@ -10,6 +10,20 @@ from data_gen.frame import axis_vector, normalize, orient, recentre
 from data_gen.mesh import Material, UnusableModelError, build_model
 from data_gen.surface import sample_surface
 
+SHEET = shapes.Solid(
+    np.array([[-2, 0, -1], [2, 0, -1], [2, 0, 3], [-2, 0, 3.0]]), np.array([[0, 1, 2], [0, 2, 3]])
+)
+
+
+def with_sheet(texture):
+    """A cube and, as the last two faces, a sheet under a texture."""
+    vertices, faces = joined(cube(0.5), SHEET)
+    uv = np.zeros((14, 3, 2))
+    uv[-2:] = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])[SHEET.faces]
+    materials = [Material(), Material(texture=texture)]
+    owner = np.repeat([0, 1], [12, 2])
+    return build_model(vertices, faces, uv=uv, face_material=owner, materials=materials)
+
 
 @pytest.mark.parametrize(("up", "front"), [("+y", "+z"), ("+z", "-y"), ("-x", "+y"), ("+y", "-z")])
 def test_orient_turns_up_to_z_and_front_to_x(up, front):
@@ -26,13 +40,7 @@ def test_normalize_counts_only_what_is_drawn():
     texture = np.full((*size, 4), 255, np.uint8)
     texture[..., 3] = 255 * (u**2 + v[:, None] ** 2 < 0.49)
     texture[: size[0] // 2, : size[1] // 2, 3] = 0  # v > 1/2, u < 1/2
-    corners = np.array([[-2, 0, -1], [2, 0, -1], [2, 0, 3], [-2, 0, 3.0]])
-    sheet = shapes.Solid(corners, np.array([[0, 1, 2], [0, 2, 3]]))
-    uv = np.zeros((14, 3, 2))
-    uv[-2:] = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])[sheet.faces]
-    looks = {"materials": [Material(), Material(texture=texture)], "uv": uv}
-    owner = np.repeat([0, 1], [12, 2])
-    model = build_model(*joined(cube(0.5), sheet), face_material=owner, **looks)
+    model = with_sheet(texture)
     exists = texture[..., 3] > 0
     sample = sample_surface(model, 50_000, 0)
     low, high = sample.min(axis=0), sample.max(axis=0)
