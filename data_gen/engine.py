@@ -147,10 +147,7 @@ def _smoke(variant: Variant) -> bool:
 
 
 def choose_variant(wanted: str = "auto") -> tuple[Variant, str]:
-    """The variant for rendering, and a message or "".
-
-    Args:
-      wanted: "llvm", "scalar", or "auto" = LLVM if it works.
+    """The "llvm" or "scalar" variant, "auto" = LLVM if it works; and a message or "".
 
     Raises:
       RuntimeError: Mitsuba is not installed or does not run, or "llvm" does not work.

@@ -138,11 +138,8 @@ def mark_surface(
     touches the border of another triangle, if it enters a closed surface.) Both cells would be
     unmarked only if rounding moved the intersection by half a cell.
 
-    Args:
-      corners: positions in units of a cell; the grid spans [0, size] on each axis.
-      faces: indices into `corners`.
-      edges: edges of the faces, indices into `corners`.
-      size: number of cells along an edge of the grid.
+    The grid spans [0, size] on each axis, in units of a cell. `faces` and their `edges` are indices
+    of `corners`.
 
     Returns:
       The marked cells; and for each axis, whether the surface is between the centres of a cell and

@@ -24,7 +24,7 @@ class _Coincident:
 
     def __init__(self, model: Model) -> None:
         self._model = model
-        self._has_alpha = len(mesh.faces_with_alpha(model)) > 0
+        self.has_alpha = len(mesh.faces_with_alpha(model)) > 0
         corners = model.corners()
         # For each face, affine functions of a point: distance from the plane of the face, and the
         # second and third barycentric coordinates.
@@ -85,7 +85,7 @@ class _Coincident:
             cosine = np.einsum("nd,nd->n", self._forms[other, 0], own)
             here = (np.abs(away) <= self._tolerance) & (np.minimum(s, t) >= 0) & (s + t <= 1)
             here &= np.abs(cosine) > _PARALLEL
-            if self._has_alpha:
+            if self.has_alpha:
                 weights = np.stack([1 - s - t, s, t], axis=1)
                 here[here] = mesh.opacity_at(self._model, other[here], weights[here]) >= EXISTS
             result[owner[here]] = True
@@ -107,7 +107,6 @@ def sample_surface(model: Model, n: int, seed: int) -> Float[np.ndarray, "n 3"]:
     """
     rng = np.random.default_rng(seed)
     cumulated = np.cumsum(mesh.face_areas(model.vertices, model.faces))
-    has_alpha = len(mesh.faces_with_alpha(model)) > 0
     coincident = _Coincident(model)
     found, missing = [], n
     for _ in range(200):
@@ -116,7 +115,7 @@ def sample_surface(model: Model, n: int, seed: int) -> Float[np.ndarray, "n 3"]:
         # The square root makes the points uniform in the triangle.
         root, other = np.sqrt(rng.random(missing)), rng.random(missing)
         weight = np.stack([1 - root, root * (1 - other), root * other], axis=1)
-        if has_alpha:
+        if coincident.has_alpha:
             exists = mesh.opacity_at(model, face, weight) >= EXISTS
             face, weight = face[exists], weight[exists]
         points = np.einsum("nk,nkd->nd", weight, model.vertices[model.faces[face]])
