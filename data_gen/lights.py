@@ -135,10 +135,10 @@ def procedural_sky(rng: np.random.Generator) -> Map:
     return result
 
 
-@functools.lru_cache(maxsize=2)
-def _neighbours(size: tuple[int, int]) -> Float[np.ndarray, "n n"]:
-    """1 for pairs of pixels of a map within 35 degrees of each other, else 0."""
-    toward = directions_of(size).reshape(-1, 3)
+@functools.cache
+def _neighbours() -> Float[np.ndarray, "n n"]:
+    """1 for pairs of pixels of a small map within 35 degrees of each other, else 0."""
+    toward = directions_of(MAP_SIZE).reshape(-1, 3)
     return (toward @ toward.T > np.cos(np.deg2rad(35.0))).astype(np.float32)
 
 
@@ -151,13 +151,12 @@ def reduce(radiance: Map, settings: LightSettings, ambient: float, exposure: flo
     the brightest orientation visible from above or from the front has the brightness `exposure`,
     with a fraction `ambient` from ambient light.
     """
-    size = (radiance.shape[0], radiance.shape[1])
-    toward = directions_of(size).reshape(-1, 3)
-    energy = (radiance * solid_angles(size)[..., None]).reshape(-1, 3)
+    toward = directions_of(MAP_SIZE).reshape(-1, 3)
+    energy = (radiance * solid_angles(MAP_SIZE)[..., None]).reshape(-1, 3)
     # The light that each direction would collect. Light from below is rare and counts 0.3 times.
     weight = np.where(toward[:, 2] < 0, 0.3, 1.0)
     left = energy * weight[:, None]
-    close = _neighbours(size)
+    close = _neighbours()
     directions, colours = [], []
     for _ in range(settings.count):
         gathered = close @ left.sum(axis=1).astype(np.float32)

@@ -20,16 +20,12 @@ from psgn_jax.data import schema
 BACKGROUND = schema.BACKGROUND_GREY / 255
 """Grey of the background, as in the authors' images."""
 
-
 _MAX_LAYERS = 8  # largest number of surfaces that a ray passes (holes and glass)
 _OPAQUE = 0.98  # a ray ends at this accumulated opacity
 _BEHIND = 2e-4  # a ray continues at this distance behind a hit
 
 # A sample is on another surface if the cosine between its normal and the centre's is smaller.
 _SAME_SURFACE = float(np.cos(np.deg2rad(30.0)))
-
-Window = tuple[slice, slice]
-"""Rows and columns of a part of the image."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -150,8 +146,8 @@ class Scene:
     lights: Lights
 
 
-def window_of(arrays: ModelArrays, camera: Camera) -> Window:
-    """The window of all vertices and a border of a pixel."""
+def window_of(arrays: ModelArrays, camera: Camera) -> tuple[slice, slice]:
+    """The rows and columns of all vertices and a border of a pixel."""
     pixels, _ = cameras.project(arrays.vertices @ camera.rotation.T, camera)
     height, width = camera.image_size
     low = np.floor(np.nanmin(pixels, axis=0)).astype(int) - 1
@@ -163,7 +159,7 @@ def window_of(arrays: ModelArrays, camera: Camera) -> Window:
 
 
 def sample_rays(
-    camera: Camera, window: Window, side: int, chosen: np.ndarray | slice = slice(None)
+    camera: Camera, window: tuple[slice, slice], side: int, chosen: np.ndarray | slice = slice(None)
 ) -> Float[np.ndarray, "n 3"]:
     """Rays through `side` x `side` points of each chosen pixel of a window, pixel after pixel.
 

@@ -14,7 +14,6 @@ from data_gen.environment_maps import NUM_SUNSKY, sunsky
 from data_gen.lights import LightSettings, Map
 
 GROUNDS = ("paper", "wood", "tiles", "cloth", "concrete", "grass")
-"""Kinds of ground."""
 
 TEXELS = 512
 
