@@ -6,7 +6,7 @@ minus the azimuth, into the view-aligned frame: the camera looks at it from +x.
 
 import dataclasses
 import functools
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -144,7 +144,7 @@ def draw(
       UnusableModelError: the object does not fit into the image at any distance up to 1000.
     """
     names = ("azimuth", "elevation", "distance", "focal", "roll", "aim")
-    parameters = {}
+    parameters: dict[str, Any] = {}
     for name, share in zip(names, rng.random(6), strict=True):
         low, high = getattr(settings, name)
         parameters[name] = float(low + (high - low) * share)
