@@ -1,9 +1,4 @@
-"""A format of meshes: RAW, a line of nine numbers for each triangle.
-
-In the package: a function in `data_gen/readers/` from bytes to `readers.parts.Part`s; its suffix in
-`READERS` of `data_gen/readers/load.py`, then catalogues find such files; what we read of it in
-`docs/rendering.md`
-"""
+"""A format of meshes: RAW, a line of nine numbers for each triangle."""
 
 import numpy as np
 
