@@ -5,12 +5,13 @@ minus the azimuth, into the view-aligned frame: the camera looks at it from +x.
 """
 
 import dataclasses
-from collections.abc import Mapping
+import functools
 from typing import Annotated, Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from data_gen.mesh import UnusableModelError
 from psgn_jax.config.structured import Bounds, Fraction, Within
 
 _MARGIN_PIXELS = 1.0  # the object may not touch this border of the image
@@ -55,23 +56,52 @@ class CameraSettings:
     off_centre: Fraction = 0.0
 
 
+def turn_about_vertical(degrees: float) -> Float[np.ndarray, "3 3"]:
+    """The rotation by `degrees` about +z, from +x toward +y."""
+    cosine, sine = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    return np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Camera:
-    """The matrices of a camera, and their parameters, as in `CameraSettings`.
+    """A camera with parameters as in `CameraSettings`.
 
-    `extrinsics` maps the view-aligned frame to the camera's frame (OpenCV), `rotation` the model's
-    frame to the view-aligned frame.
+    `pan` are rotations of the camera in radians. They move the object right and down in the image.
     """
 
-    intrinsics: Float[np.ndarray, "3 3"]
-    extrinsics: Float[np.ndarray, "3 4"]
-    rotation: Float[np.ndarray, "3 3"]
     image_size: tuple[int, int]
     azimuth: float
     elevation: float
     distance: float
     focal: float
     roll: float
+    aim: float
+    pan: tuple[float, float] = (0.0, 0.0)
+
+    @functools.cached_property
+    def intrinsics(self) -> Float[np.ndarray, "3 3"]:
+        height, width = self.image_size
+        pixels = self.focal * height / 192
+        return np.array([[pixels, 0, width / 2], [0, pixels, height / 2], [0, 0, 1]])
+
+    @functools.cached_property
+    def extrinsics(self) -> Float[np.ndarray, "3 4"]:
+        """Maps the view-aligned frame to the camera's frame (OpenCV)."""
+        sine, cosine = np.sin(np.deg2rad(self.elevation)), np.cos(np.deg2rad(self.elevation))
+        rows = [[0, 1, 0, 0], [sine, 0, -cosine, self.aim * cosine]]
+        upright = np.array([*rows, [-cosine, 0, -sine, self.distance]])
+        if self.pan != (0.0, 0.0):
+            (right, right_part), (down, down_part) = ((np.cos(a), np.sin(a)) for a in self.pan)
+            across = np.array([[right, 0, right_part], [0, 1, 0], [-right_part, 0, right]])
+            along = np.array([[1, 0, 0], [0, down, down_part], [0, -down_part, down]])
+            upright = along @ across @ upright
+        # Clockwise in the image, because y points down in camera coordinates.
+        return turn_about_vertical(self.roll) @ upright
+
+    @functools.cached_property
+    def rotation(self) -> Float[np.ndarray, "3 3"]:
+        """Maps the model's frame to the view-aligned frame."""
+        return turn_about_vertical(-self.azimuth)
 
     @property
     def position(self) -> Float[np.ndarray, " 3"]:
@@ -82,47 +112,6 @@ class Camera:
         """The parameters for the record of a sample."""
         names = ("azimuth", "elevation", "distance", "focal", "roll")
         return {name: round(float(getattr(self, name)), 6) for name in names}
-
-
-def turn_about_vertical(degrees: float) -> Float[np.ndarray, "3 3"]:
-    """The rotation by `degrees` about +z, from +x toward +y."""
-    cosine, sine = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
-    return np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
-
-
-def make(
-    *,
-    image_size: tuple[int, int],
-    azimuth: float,
-    elevation: float,
-    distance: float,
-    focal: float,
-    roll: float,
-    aim: float,
-    pan: tuple[float, float] = (0.0, 0.0),
-) -> Camera:
-    """The camera with parameters of `CameraSettings`.
-
-    `pan` are rotations of the camera in radians. They move the object right and down in the image.
-    """
-    sine, cosine = np.sin(np.deg2rad(elevation)), np.cos(np.deg2rad(elevation))
-    rows = [[0, 1, 0, 0], [sine, 0, -cosine, aim * cosine], [-cosine, 0, -sine, distance]]
-    upright = np.array(rows)
-    if pan != (0.0, 0.0):
-        (right, right_part), (down, down_part) = ((np.cos(a), np.sin(a)) for a in pan)
-        across = np.array([[right, 0, right_part], [0, 1, 0], [-right_part, 0, right]])
-        along = np.array([[1, 0, 0], [0, down, down_part], [0, -down_part, down]])
-        upright = along @ across @ upright
-    height, width = image_size
-    pixels = focal * height / 192
-    return Camera(
-        intrinsics=np.array([[pixels, 0, width / 2], [0, pixels, height / 2], [0, 0, 1]]),
-        # Clockwise in the image, because y points down in camera coordinates.
-        extrinsics=turn_about_vertical(roll) @ upright,
-        rotation=turn_about_vertical(-azimuth),
-        image_size=image_size, azimuth=azimuth, elevation=elevation, distance=distance,
-        focal=focal, roll=roll,
-    )  # fmt: skip
 
 
 def project(
@@ -152,7 +141,7 @@ def draw(
     `rng` does not depend on the settings: `off_centre` uses a child generator.
 
     Raises:
-      ValueError: the object does not fit into the image at any distance up to 1000.
+      UnusableModelError: the object does not fit into the image at any distance up to 1000.
     """
     names = ("azimuth", "elevation", "distance", "focal", "roll", "aim")
     parameters: dict[str, Any] = {}
@@ -162,37 +151,31 @@ def draw(
     parameters["azimuth"] %= 360.0
     if settings.keep_size:
         parameters["distance"] = max(parameters["distance"] * parameters["focal"] / 400, 1.05)
-    turned = vertices @ turn_about_vertical(-parameters["azimuth"]).T
-    while True:
-        camera = make(image_size=settings.image_size, **parameters)
-        if in_frame(turned, camera).all():
-            if settings.off_centre > 0:
-                return _moved(rng.spawn(1)[0], settings, turned, camera, parameters)
-            return camera
-        parameters["distance"] *= _STEP
-        if parameters["distance"] > 1000:
-            raise ValueError("camera: expected the object to fit into the image, at most 1000 away")
+    camera = Camera(settings.image_size, **parameters)
+    turned = vertices @ camera.rotation.T
+    while not in_frame(turned, camera).all():
+        camera = dataclasses.replace(camera, distance=camera.distance * _STEP)
+        if camera.distance > 1000:
+            raise UnusableModelError("camera.focal: the object is larger than the image, 1000 away")
+    if settings.off_centre > 0:
+        return _moved(rng.spawn(1)[0], settings.off_centre, turned, camera)
+    return camera
 
 
 def _moved(
-    rng: np.random.Generator,
-    settings: CameraSettings,
-    turned: Float[np.ndarray, "n 3"],
-    camera: Camera,
-    parameters: Mapping[str, Any],
+    rng: np.random.Generator, most: float, turned: Float[np.ndarray, "n 3"], camera: Camera
 ) -> Camera:
     """The camera, rotated so that the object is at a random position in the image."""
     pixels, _ = project(turned, camera)
     low, high = pixels.min(axis=0), pixels.max(axis=0)
-    size = np.array(settings.image_size[::-1], float)
-    want = rng.uniform(-settings.off_centre, settings.off_centre, 2)
+    size = np.array(camera.image_size[::-1], float)
+    want = rng.uniform(-most, most, 2)
     # Shifts in pixels, rotated by minus the roll, because the pan precedes the roll.
     room = np.where(want > 0, size - _MARGIN_PIXELS - high, low - _MARGIN_PIXELS)
     shift = turn_about_vertical(-camera.roll)[:2, :2] @ (want * np.maximum(room, 0))
     for _ in range(12):
-        pan = np.arctan(shift / camera.intrinsics[0, 0])
-        both = float(pan[0]), float(pan[1])
-        moved = make(image_size=settings.image_size, pan=both, **parameters)
+        right, down = np.arctan(shift / camera.intrinsics[0, 0]).tolist()
+        moved = dataclasses.replace(camera, pan=(right, down))
         if in_frame(turned, moved).all():
             return moved
         shift = shift * 0.8

@@ -21,7 +21,7 @@ from typing import Any
 from data_gen import pool
 from data_gen.catalogues.entry import Entry
 from data_gen.engine import choose_variant
-from data_gen.render_model import Context, failure
+from data_gen.render_model import Context, line_of
 from psgn_jax.data.shards import Result
 
 _SECONDS_TO_WAIT = 600  # for the first worker
@@ -96,7 +96,7 @@ def render_on(
                 try:
                     result = future.result()
                 except KilledWorker as error:
-                    line = failure(entry, "crashed", f"its Dask workers died: {error}")
+                    line = line_of(entry, "crashed", f"its Dask workers died: {error}")
                     result = Result(number, line, {})
                 except Exception as error:
                     if future.cancelled():

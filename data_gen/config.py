@@ -13,7 +13,6 @@ from psgn_jax.config import structured
 
 
 def get_config(preset: str = "authors") -> ml_collections.ConfigDict:
-    """The settings of a preset."""
     if preset not in settings.PRESETS:
         raise ValueError(f"preset {preset!r}: expected one of {sorted(settings.PRESETS)}")
     config = ml_collections.ConfigDict(structured.to_dict(settings.Settings()))

@@ -11,21 +11,12 @@ from psgn_jax.data.manifest import load_manifest
 from psgn_jax.data.shards import OtherSettingsError
 
 NUM_PER_CATEGORY = 40
-
 NUM_MODELS = NUM_PER_CATEGORY * len(FAMILIES)
-
-CORE_SECONDS = 0.4 * NUM_MODELS
-"""Estimated time of rendering, in seconds of a core."""
-
+CORE_SECONDS = 0.4 * NUM_MODELS  # estimated time of rendering, in seconds of a core
 SETTINGS = settings.Settings(views=1, models_per_shard=64)
 
 
-def build(
-    folder: str | os.PathLike[str],
-    *,
-    models_per_category: int = NUM_PER_CATEGORY,
-    options: settings.Settings = SETTINGS,
-) -> str:
+def build(folder: str | os.PathLike[str], options: settings.Settings = SETTINGS) -> str:
     """Renders or completes the default data set, and returns its folder.
 
     A complete data set changes only if models that failed now succeed.
@@ -35,7 +26,7 @@ def build(
       ValueError: the folder contains another complete data set.
     """
     folder = pathlib.Path(folder)
-    source = open_catalogue("procedural", str(models_per_category))
+    source = open_catalogue("procedural", str(NUM_PER_CATEGORY))
     try:
         progress = job.render_catalogue(source, folder, options)
     except OtherSettingsError:

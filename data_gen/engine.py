@@ -22,7 +22,6 @@ import numpy as np
 from psgn_jax.system import processes
 
 mi: Any = None
-
 dr: Any = None
 
 # Versions of LLVM, best first. Dr.Jit refuses 14; 15 and 16 abort the process.
@@ -49,7 +48,6 @@ class Variant(NamedTuple):
     libllvm: str = ""
 
     def environment(self) -> dict[str, str]:
-        """The environment variables of a child process with this variant."""
         return processes.environment(DRJIT_LIBLLVM_PATH=self.libllvm)
 
 
@@ -149,10 +147,7 @@ def _smoke(variant: Variant) -> bool:
 
 
 def choose_variant(wanted: str = "auto") -> tuple[Variant, str]:
-    """The variant for rendering, and a message or "".
-
-    Args:
-      wanted: "llvm", "scalar", or "auto" = LLVM if it works.
+    """The "llvm" or "scalar" variant, "auto" = LLVM if it works; and a message or "".
 
     Raises:
       RuntimeError: Mitsuba is not installed or does not run, or "llvm" does not work.
@@ -171,15 +166,11 @@ def choose_variant(wanted: str = "auto") -> tuple[Variant, str]:
     return Variant("scalar_rgb"), "" if wanted == "scalar" else NO_LLVM
 
 
-def _smoke_test(variant: str) -> None:
-    start(variant)
-    triangle = np.array([[[-1, -1, 0], [1, -1, 0], [0, 1, 0]]])
-    scene = mi.load_dict({"type": "scene", "triangle": mesh(triangle, triangle[..., :2])})
-    hit = scene.ray_intersect(mi.Ray3f(mi.Point3f(0, 0, 2), mi.Vector3f(0, 0, -1)))
-    distance = np.array(hit.t, np.float64).item()
-    if abs(distance - 2) > 1e-5:
-        raise SystemExit(f"wrong distance: {distance}, expected 2")
-
-
-if __name__ == "__main__":
-    _smoke_test(sys.argv[1])
+if __name__ == "__main__":  # the process of `_smoke`
+    start(sys.argv[1])
+    _triangle = np.array([[[-1, -1, 0], [1, -1, 0], [0, 1, 0]]])
+    _scene = mi.load_dict({"type": "scene", "triangle": mesh(_triangle, _triangle[..., :2])})
+    _hit = _scene.ray_intersect(mi.Ray3f(mi.Point3f(0, 0, 2), mi.Vector3f(0, 0, -1)))
+    _distance = np.array(_hit.t, np.float64).item()
+    if abs(_distance - 2) > 1e-5:
+        raise SystemExit(f"wrong distance: {_distance}, expected 2")

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from data_gen import engine, lights
 from data_gen.engine import Variant
+from data_gen.lights import Map
 from psgn_jax.system import processes
 
 NUM_SUNSKY = 24
@@ -56,13 +57,6 @@ def _kind(size: tuple[int, int]) -> type:
     return np.float64 if tuple(size) == lights.MAP_SIZE else np.float32
 
 
-def _write_maps() -> None:
-    variant, names, size = json.loads(sys.stdin.read())
-    engine.start(variant, shrink_threads=False)
-    maps = np.stack([load_map(name, size) for name in names])
-    sys.stdout.buffer.write(maps.astype(_kind(size)).tobytes())
-
-
 def load_map(path: str, size: tuple[int, int]) -> np.ndarray:
     """An environment map [h, w, 3] from an .hdr or .exr file, reduced to `size`."""
     try:
@@ -81,7 +75,7 @@ def load_map(path: str, size: tuple[int, int]) -> np.ndarray:
 
 
 @functools.lru_cache(maxsize=NUM_SUNSKY)
-def sunsky(number: int, size: tuple[int, int]) -> Float[np.ndarray, "h w 3"]:
+def sunsky(number: int, size: tuple[int, int]) -> Map:
     """One of `NUM_SUNSKY` maps of Mitsuba's model, from a clear morning to a hazy noon."""
     low, high = (2, 15, 0.15), (8, 75, 0.5)
     drawn = np.random.default_rng(0).uniform(low, high, (NUM_SUNSKY, 3))
@@ -119,5 +113,8 @@ def sunsky(number: int, size: tuple[int, int]) -> Float[np.ndarray, "h w 3"]:
     return grid.repeat(coarse, axis=0).repeat(coarse, axis=1).astype(_kind(size))
 
 
-if __name__ == "__main__":
-    _write_maps()
+if __name__ == "__main__":  # the process of `load_maps`
+    _variant, _names, _size = json.loads(sys.stdin.read())
+    engine.start(_variant, shrink_threads=False)
+    _maps = np.stack([load_map(name, _size) for name in _names])
+    sys.stdout.buffer.write(_maps.astype(_kind(_size)).tobytes())

@@ -35,16 +35,14 @@ _RETRIED = ("crashed", "error", "memory", "timeout", "unreadable")
 """Statuses that may depend on the machine or the limits. If a data set is complete, a call for the
 whole set tries models with these statuses again."""
 
-FEW_MODELS = 20
-"""A warning names smaller sets."""
-
+_FEW = 20  # a warning names smaller sets
 _SHOWN = 40  # largest number of logged warnings of a kind, and of refusals in a summary
 
 
 def _warn_of_few(lines: Sequence[shards.Line], wanted: Sequence[str]) -> None:
     made = {original_name(x["model_id"]): x["split"] for x in lines if x["samples"]}
     counts = Counter(made.values())
-    if counts.total() < FEW_MODELS:
+    if counts.total() < _FEW:
         logging.warning(
             "a small set (models with samples: %s): a network overfits on it, and its figures say "
             "little; the catalogue's option fractions=0.6,0.2,0.2 sets the fractions of the splits",
@@ -94,7 +92,6 @@ def render_catalogue(
     *,
     part: tuple[int, int] = (0, 1),
     choice: Choice | None = None,
-    limit: int = 0,
     render: pool.Pool = pool.render_local,
 ) -> shards.Progress:
     """Renders a catalogue to a data set, or continues a data set.
@@ -108,7 +105,6 @@ def render_catalogue(
       options: all settings.
       part: (i, n): the i-th of n parts of the work, i from 0.
       choice: chooses models of the catalogue; None = all.
-      limit: number of the chosen models, from the first; 0 = all.
       render: `pool.render_local`, or `cluster.render_on` with an address.
 
     Raises:
@@ -118,7 +114,7 @@ def render_catalogue(
     """
     out = pathlib.Path(out)
     choice = choice or Choice()
-    entries = choosing.choose(catalogue.models, choice)[: limit or None]
+    entries = choosing.choose(catalogue.models, choice)
     if not entries:
         raise ValueError(f"catalogue {catalogue.name!r}: it has no models")
     variant, message = choose_variant(options.job.variant)
@@ -136,7 +132,7 @@ def render_catalogue(
     statement = {
         "format": _FORMAT, "source": catalogue.name, "settings": values, "variant": variant.name,
     }  # fmt: skip
-    about = {"choice": {**dataclasses.asdict(choice), "limit": limit}}
+    about = {"choice": dataclasses.asdict(choice)}
     inputs = [(shards.Tag(e.model_id, e.category, e.split), e) for e in entries]
     finders = {e.model_id: e.find_file for e in entries}
     checksum_now = functools.cache(checksum)

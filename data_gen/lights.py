@@ -1,8 +1,7 @@
 """Environment maps, and directional lights that approximate them.
 
-An environment map is a float array [H, W, 3] of radiance: the first row is the zenith, the last row
-the nadir, and the columns go around the horizon. For local shading, `reduce` computes directional
-lights and ambient light from a map. Path tracing uses the map.
+For local shading, `reduce` computes directional lights and ambient light from a map. Path tracing
+uses the map.
 """
 
 import dataclasses
@@ -14,6 +13,10 @@ from jaxtyping import Float
 
 from data_gen.cameras import Range
 from psgn_jax.config.structured import Bounds, Fraction, Within
+
+Map = Float[np.ndarray, "h w 3"]
+"""An environment map, radiance: the first row is the zenith, the last row the nadir, and the
+columns go around the horizon."""
 
 MAP_SIZE = (32, 64)
 """Size of maps for `reduce`."""
@@ -88,7 +91,7 @@ def solid_angles(size: tuple[int, int]) -> Float[np.ndarray, "h w"]:
     return np.repeat(-np.diff(edges)[:, None], size[1], axis=1) * 2 * np.pi / size[1]
 
 
-def shrink(radiance: np.ndarray, size: tuple[int, int] = MAP_SIZE) -> Float[np.ndarray, "h w 3"]:
+def shrink(radiance: np.ndarray, size: tuple[int, int] = MAP_SIZE) -> Map:
     """A smaller map of mean values; values that are negative or not finite count as 0."""
     full = np.asarray(radiance, np.float64)[..., :3]
     full = np.clip(np.nan_to_num(full, nan=0.0, posinf=1e6, neginf=0.0), 0, 1e6)
@@ -103,15 +106,13 @@ def shrink(radiance: np.ndarray, size: tuple[int, int] = MAP_SIZE) -> Float[np.n
     return full
 
 
-def turned(
-    rng: np.random.Generator, radiance: Float[np.ndarray, "h w 3"]
-) -> Float[np.ndarray, "h w 3"]:
+def turned(rng: np.random.Generator, radiance: Map) -> Map:
     """A map, rotated by a random angle."""
     radiance = np.asarray(radiance, np.float64)
     return np.roll(radiance, round(float(rng.random()) * radiance.shape[1]), axis=1)
 
 
-def procedural_sky(rng: np.random.Generator) -> Float[np.ndarray, "h w 3"]:
+def procedural_sky(rng: np.random.Generator) -> Map:
     """A random map: a sky that is brighter near the horizon, ground, sun and windows."""
     toward = directions_of(MAP_SIZE)
     height = toward[..., 2]
@@ -134,16 +135,14 @@ def procedural_sky(rng: np.random.Generator) -> Float[np.ndarray, "h w 3"]:
     return result
 
 
-@functools.lru_cache(maxsize=2)
-def _neighbours(size: tuple[int, int]) -> Float[np.ndarray, "n n"]:
-    """1 for pairs of pixels of a map within 35 degrees of each other, else 0."""
-    toward = directions_of(size).reshape(-1, 3)
+@functools.cache
+def _neighbours() -> Float[np.ndarray, "n n"]:
+    """1 for pairs of pixels of a small map within 35 degrees of each other, else 0."""
+    toward = directions_of(MAP_SIZE).reshape(-1, 3)
     return (toward @ toward.T > np.cos(np.deg2rad(35.0))).astype(np.float32)
 
 
-def reduce(
-    radiance: Float[np.ndarray, "h w 3"], settings: LightSettings, ambient: float, exposure: float
-) -> Lights:
+def reduce(radiance: Map, settings: LightSettings, ambient: float, exposure: float) -> Lights:
     """Directional lights and ambient light that approximate a map of size `MAP_SIZE`.
 
     We choose the brightest direction, which collects the light within 35 degrees, then the
@@ -152,13 +151,12 @@ def reduce(
     the brightest orientation visible from above or from the front has the brightness `exposure`,
     with a fraction `ambient` from ambient light.
     """
-    size = (radiance.shape[0], radiance.shape[1])
-    toward = directions_of(size).reshape(-1, 3)
-    energy = (radiance * solid_angles(size)[..., None]).reshape(-1, 3)
+    toward = directions_of(MAP_SIZE).reshape(-1, 3)
+    energy = (radiance * solid_angles(MAP_SIZE)[..., None]).reshape(-1, 3)
     # The light that each direction would collect. Light from below is rare and counts 0.3 times.
     weight = np.where(toward[:, 2] < 0, 0.3, 1.0)
     left = energy * weight[:, None]
-    close = _neighbours(size)
+    close = _neighbours()
     directions, colours = [], []
     for _ in range(settings.count):
         gathered = close @ left.sum(axis=1).astype(np.float32)
@@ -192,9 +190,7 @@ def reduce(
     return Lights(lamp, colour, above, below, settings.specular, settings.darkest)
 
 
-def draw(
-    rng: np.random.Generator, settings: LightSettings, radiance: Float[np.ndarray, "h w 3"]
-) -> Lights:
+def draw(rng: np.random.Generator, settings: LightSettings, radiance: Map) -> Lights:
     """Draws the ambient fraction and the exposure, and reduces a map to lights."""
     ambient, exposure = (float(rng.uniform(*r)) for r in (settings.ambient, settings.exposure))
     small = radiance if radiance.shape[:2] == MAP_SIZE else shrink(radiance)

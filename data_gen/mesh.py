@@ -84,7 +84,6 @@ class Model:
       uv: float32, texture coordinates of the corners; 0 if the file has none.
       face_material: int64, index into `materials`.
       materials: at least one.
-      category, model_id: see `catalogues.entry.Entry`.
       parameters: of a procedural model, or further columns of an index.
       warnings: what is missing or wrong in the file, and what we used instead; see
         `kind_of_warning`.
@@ -96,13 +95,10 @@ class Model:
     uv: Float[np.ndarray, "f 3 2"]
     face_material: Int[np.ndarray, " f"]
     materials: tuple[Material, ...]
-    category: str = ""
-    model_id: str = ""
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
     def corners(self) -> Float[np.ndarray, "f 3 3"]:
-        """Positions of the faces' corners."""
         return self.vertices[self.faces]
 
     @functools.cached_property
@@ -137,8 +133,8 @@ def build_model(
     face_material: np.ndarray | None = None,
     normals: np.ndarray | None = None,
     uv: np.ndarray | None = None,
+    parameters: Mapping[str, Any] | None = None,
     warnings: Sequence[str] = (),
-    **names: Any,
 ) -> Model:
     """Makes a `Model` from raw arrays.
 
@@ -153,8 +149,8 @@ def build_model(
       face_material: [F], None = 0.
       normals: of corners [F, 3, 3], or None.
       uv: of corners [F, 3, 2], or None.
+      parameters: see `Model`.
       warnings: of the reader.
-      **names: `category`, `model_id` and `parameters` of the model.
 
     Raises:
       UnusableModelError: no face is left, or a vertex is not finite.
@@ -210,7 +206,7 @@ def build_model(
                 notes.append(f"corner normals missing or zero, recomputed: {int(missing.sum())}")
             normals = np.where(missing[..., None], crease_normals(vertices, faces), normals)
     normals = normals.astype(np.float32)
-    return Model(vertices, faces, normals, uv, owner, materials, warnings=tuple(notes), **names)
+    return Model(vertices, faces, normals, uv, owner, materials, parameters or {}, tuple(notes))
 
 
 def kind_of_warning(line: str) -> str:
@@ -222,12 +218,6 @@ def unit_vectors(v: np.ndarray) -> np.ndarray:
     """The vectors scaled to length 1; zero vectors stay zero."""
     length = np.linalg.norm(v, axis=-1, keepdims=True)
     return np.where(length > 1e-12, v / np.maximum(length, 1e-30), 0)
-
-
-def row_dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Dot products of the rows of two arrays."""
-    result: np.ndarray = np.einsum("nd,nd->n", a, b)
-    return result
 
 
 def face_normals(
@@ -243,7 +233,6 @@ def face_normals(
 def face_areas(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
 ) -> Float[np.ndarray, " f"]:
-    """Areas of the faces."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 

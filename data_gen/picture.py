@@ -20,16 +20,12 @@ from psgn_jax.data import schema
 BACKGROUND = schema.BACKGROUND_GREY / 255
 """Grey of the background, as in the authors' images."""
 
-
 _MAX_LAYERS = 8  # largest number of surfaces that a ray passes (holes and glass)
 _OPAQUE = 0.98  # a ray ends at this accumulated opacity
 _BEHIND = 2e-4  # a ray continues at this distance behind a hit
 
 # A sample is on another surface if the cosine between its normal and the centre's is smaller.
 _SAME_SURFACE = float(np.cos(np.deg2rad(30.0)))
-
-Window = tuple[slice, slice]
-"""Rows and columns of a part of the image."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -58,7 +54,6 @@ class ModelArrays:
 
 
 def flatten(model: Model) -> ModelArrays:
-    """The arrays of a model."""
     # The white texel, and each texture once: materials may share a texture.
     textures = {id(m.texture): m.texture for m in model.materials if m.texture is not None}
     parts = [np.full((1, 4), 255, np.uint8), *(t.reshape(-1, 4) for t in textures.values())]
@@ -93,6 +88,9 @@ class RayHits(NamedTuple):
     face: Int[np.ndarray, " n"]
     weights: Float[np.ndarray, "n 3"]
     t: Float[np.ndarray, " n"]
+
+    def rows(self, index: Int[np.ndarray, " m"]) -> "RayHits":
+        return RayHits(*(values[index] for values in self))
 
 
 class Mesh:
@@ -141,15 +139,15 @@ class Mesh:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scene:
-    """The input of local shading."""
+    """What both renderers show. Only local shading uses the lights."""
 
     mesh: Mesh
     camera: Camera
     lights: Lights
 
 
-def window_of(arrays: ModelArrays, camera: Camera) -> Window:
-    """The window of all vertices and a border of a pixel."""
+def window_of(arrays: ModelArrays, camera: Camera) -> tuple[slice, slice]:
+    """The rows and columns of all vertices and a border of a pixel."""
     pixels, _ = cameras.project(arrays.vertices @ camera.rotation.T, camera)
     height, width = camera.image_size
     low = np.floor(np.nanmin(pixels, axis=0)).astype(int) - 1
@@ -161,7 +159,7 @@ def window_of(arrays: ModelArrays, camera: Camera) -> Window:
 
 
 def sample_rays(
-    camera: Camera, window: Window, side: int, chosen: np.ndarray | slice = slice(None)
+    camera: Camera, window: tuple[slice, slice], side: int, chosen: np.ndarray | slice = slice(None)
 ) -> Float[np.ndarray, "n 3"]:
     """Rays through `side` x `side` points of each chosen pixel of a window, pixel after pixel.
 
@@ -179,19 +177,19 @@ def sample_rays(
 
 
 def look_up(
-    arrays: ModelArrays, face: Int[np.ndarray, " n"], weights: Float[np.ndarray, "n 3"]
+    arrays: ModelArrays, hits: RayHits
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
-    """Diffuse colour and opacity at points of faces; opacities below `EXISTS` become 0.
+    """Diffuse colour and opacity at hits; opacities below `EXISTS` become 0.
 
     We read the nearest texel, because samples within a pixel antialias textures.
     """
-    owner = arrays.material[face]
+    owner = arrays.material[hits.face]
     colour = arrays.diffuse[owner]
     opacity = arrays.opacity[owner]
     textured = np.flatnonzero(arrays.texture_start[owner])
     if len(textured):
         which = owner[textured]
-        uv = np.einsum("nk,nkd->nd", weights[textured], arrays.uv[face[textured]])
+        uv = np.einsum("nk,nkd->nd", hits.weights[textured], arrays.uv[hits.face[textured]])
         uv -= np.floor(uv)
         height, width = arrays.texture_size[which].T
         column = np.minimum((uv[:, 0] * width).astype(np.int64), width - 1)
@@ -204,19 +202,12 @@ def look_up(
 
 
 def shading_normals(
-    arrays: ModelArrays,
-    face: Int[np.ndarray, " n"],
-    weights: Float[np.ndarray, "n 3"],
-    rotation: Float[np.ndarray, "3 3"],
-    rays: Float[np.ndarray, "n 3"],
+    scene: Scene, hits: RayHits, rays: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, "n 3"]:
-    """Unit normals of hits on the viewer's side, in the view-aligned frame.
-
-    `rotation` maps the model's frame to the view-aligned frame. `rays` point away from the camera.
-    """
-    turn = rotation.astype(np.float32).T
-    normal = np.einsum("nk,nkd->nd", weights, arrays.normals[face]) @ turn
-    flat = arrays.face_normals[face] @ turn
+    """Unit normals of hits on the viewer's side, in the view-aligned frame, as the rays."""
+    arrays, turn = scene.mesh.arrays, scene.camera.rotation.astype(np.float32).T
+    normal = np.einsum("nk,nkd->nd", hits.weights, arrays.normals[hits.face]) @ turn
+    flat = arrays.face_normals[hits.face] @ turn
     # We shade both sides of a face, with the normal of the visible side.
     away = np.einsum("nd,nd->n", flat, rays) > 0
     normal = np.where(away[:, None], -normal, normal)
@@ -287,36 +278,35 @@ def _follow_rays(scene: Scene, rays: np.ndarray) -> _Samples:
     hit, owner = np.zeros(count, np.bool_), np.full(count, -1, np.int64)
     turn = camera.rotation.astype(np.float32)
     start = np.broadcast_to((camera.position @ camera.rotation).astype(np.float32), rays.shape)
-    first = mesh.cast(start, rays @ turn)
+    hits = mesh.cast(start, rays @ turn)
     origin = camera.position.astype(np.float32) @ turn
-    index = np.flatnonzero(first.face >= 0)
-    face, weights, t = first.face[index], first.weights[index], first.t[index]
+    index = np.flatnonzero(hits.face >= 0)
+    hits = hits.rows(index)
     for layer in range(_MAX_LAYERS):
         if not len(index):
             break
         ray = rays[index]
-        diffuse, opacity = look_up(arrays, face, weights)
+        diffuse, opacity = look_up(arrays, hits)
         exists = np.flatnonzero(opacity > 0)
-        at, one = index[exists], face[exists]
-        normal = shading_normals(arrays, one, weights[exists], camera.rotation, ray[exists])
+        at, seen = index[exists], hits.rows(exists)
+        of_seen = arrays.material[seen.face]
+        normal = shading_normals(scene, seen, ray[exists])
         view = -ray[exists] / np.linalg.norm(ray[exists], axis=1, keepdims=True)
-        fresh = ~hit[at]
-        lit = blinn_phong(arrays, scene.lights, arrays.material[one], diffuse[exists], normal, view)
+        lit = blinn_phong(arrays, scene.lights, of_seen, diffuse[exists], normal, view)
         colour[at] += (through[at] * opacity[exists])[:, None] * lit
-        hit[at[fresh]] = True
-        owner[at[fresh]] = arrays.material[one[fresh]]
-        normals[at[fresh]] = normal[fresh]
-        z[at[fresh]] = t[exists[fresh]]
+        fresh = ~hit[at]
+        first = at[fresh]
+        hit[first], owner[first], normals[first] = True, of_seen[fresh], normal[fresh]
+        z[first] = seen.t[fresh]
         through[index] *= 1 - opacity
         if arrays.opaque or layer == _MAX_LAYERS - 1:
             break
         on = np.flatnonzero(through[index] > 1 - _OPAQUE)
-        index, t = index[on], t[on] + _BEHIND
+        index, t = index[on], hits.t[on] + _BEHIND
         start = origin + t[:, None] * (rays[index] @ turn)
         following = mesh.cast(start, rays[index] @ turn)
         met = np.flatnonzero(following.face >= 0)
-        index, face, weights = index[met], following.face[met], following.weights[met]
-        t = t[met] + following.t[met]
+        index, hits = index[met], following._replace(t=t + following.t).rows(met)
     if arrays.opaque:
         through[hit] = 0
     return _Samples(colour, through, hit, owner, normals, z)

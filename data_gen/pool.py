@@ -20,7 +20,7 @@ from typing import Any
 
 from data_gen import engine
 from data_gen.catalogues.entry import Entry
-from data_gen.render_model import Context, failure, render_model
+from data_gen.render_model import Context, line_of, render_model
 from psgn_jax.data.shards import Result
 from psgn_jax.system import processes
 from psgn_jax.system.cores import num_cores
@@ -91,7 +91,6 @@ class Renderer:
         return line, records
 
     def end(self) -> None:
-        """Ends the process."""
         if self._process is not None:
             with contextlib.suppress(OSError):
                 self._connection.send(None)
@@ -104,7 +103,6 @@ class Renderer:
             process.kill()
 
     def _start(self) -> None:
-        why = ""
         for _ in range(_FAILED_STARTS):
             if self._killed:
                 raise RuntimeError("the renderer was ended")
@@ -119,17 +117,18 @@ class Renderer:
                 )
             if self._killed:
                 self._process.kill()
-            self._connection, self._done, why = ours, 0, ""
-            with contextlib.suppress(EOFError, OSError):
+            self._connection, self._done = ours, 0
+            try:
                 ours.send(self._context)
                 if ours.poll(_SECONDS_TO_START):
                     ours.recv()
                     return
                 self._process.kill()
+                self._discard()
                 why = f"were not ready after {_SECONDS_TO_START:g} s; is the machine busy?"
-            code = self._discard()
-            ended = f"ended before they were ready (exit code {code})"
-            why = why or f"{ended}; job.variant='scalar' needs no LLVM"
+            except (EOFError, OSError):
+                why = f"ended before they were ready (exit code {self._discard()})"
+                why += "; job.variant='scalar' needs no LLVM"
         raise RuntimeError(f"{_FAILED_STARTS} worker processes {why}")
 
     def _discard(self) -> int | None:
@@ -149,7 +148,7 @@ class Renderer:
         if status != "crashed" and self._process is not None:
             self._process.kill()
         code = self._discard()
-        return failure(entry, status, reason or f"exit code {code}"), []
+        return line_of(entry, status, reason or f"exit code {code}"), []
 
     def _megabytes(self) -> float:
         """Resident memory of the process; 0 = unknown."""
@@ -209,7 +208,7 @@ def _serve(connection: multiprocessing.connection.Connection) -> None:
         except Exception as error:
             # Other models may succeed.
             what = f"{type(error).__name__}: {error}".splitlines()[0][:300]
-            records, line = [], failure(entry, "error", what)
+            records, line = [], line_of(entry, "error", what)
         connection.send((line, records))
         del records
         engine.release()

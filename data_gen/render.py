@@ -34,18 +34,11 @@ from typing import Any
 if __package__ in (None, ""):  # run as a file: `data_gen` is in the folder above
     sys.path[0] = str(pathlib.Path(__file__).resolve().parents[1])
 
-
 from absl import logging
 
 from data_gen import cluster, job, pool, settings
+from data_gen.catalogues import open_catalogue as catalogues
 from data_gen.catalogues.choosing import Choice
-from data_gen.catalogues.open_catalogue import (
-    CATALOGUES,
-    open_catalogue,
-    option_types,
-    parse_options,
-    variants_of,
-)
 from psgn_jax.config import structured
 from psgn_jax.config.command_line import Flags, named_file
 from psgn_jax.system.signals import exit_on_signals
@@ -60,19 +53,17 @@ def path_of(value: str) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command and returns its exit code."""
     usage = "psgn render --catalogue=NAME --source=PATH --out=FOLDER"
     flags = Flags(usage, __doc__, lambda: "\n".join(_details()))
     flags.config(settings.Settings(), path_of, str(_DEFAULT))
-    flags.enum("catalogue", None, sorted(CATALOGUES), "Kind of the source of models.")
+    flags.enum("catalogue", None, sorted(catalogues.CATALOGUES), "Kind of the source of models.")
     flags.string("source", None, "Source of the models: a folder, a file, or numbers of models.")
     flags.path("out", None, "Folder of the data set.")
     flags.string("shard", "0/1", "i/n: the i-th of n parts, i from 0, for job arrays.")
-    for name, what in (
-        ("limit", "Number of the chosen models, from the first; 0 = all."),
-        ("sample", "Number of models, spread over categories and folders; 0 = all."),
-    ):
-        flags.integer(name, 0, what, lower_bound=0)
+    flags.integer("limit", 0, "Number of chosen models, from the first; 0 = all.", lower_bound=0)
+    flags.integer(
+        "sample", 0, "Number of models, spread over categories and folders; 0 = all.", lower_bound=0
+    )
     flags.integer("seed", 0, "Seed of the choice of --sample.", lower_bound=0)
     patterns = "category, folder or name fits this pattern, such as Weather or '*flare*'."
     flags.multi_string("include", [], f"Only models whose {patterns}")
@@ -94,15 +85,16 @@ def _main(flags: Flags) -> int:
     if not match or not int(match[1]) < int(match[2]):
         raise ValueError(f"shard={values.shard}: expected i/n with i from 0 to n - 1")
     part = int(match[1]), int(match[2])
-    catalogue_options = parse_options(values.catalogue, values.option)
-    source = open_catalogue(values.catalogue, values.source, **catalogue_options)
-    on_cluster = functools.partial(cluster.render_on, values.scheduler)
+    catalogue_options = catalogues.parse_options(values.catalogue, values.option)
+    source = catalogues.open_catalogue(values.catalogue, values.source, **catalogue_options)
+    render: pool.Pool = pool.render_local
     if values.scheduler:
         logging.get_absl_handler().addFilter(cluster.is_no_traceback)
-    render = on_cluster if values.scheduler else pool.render_local
-    choice = Choice(tuple(values.include), tuple(values.exclude), values.sample, values.seed)
+        render = functools.partial(cluster.render_on, values.scheduler)
+    patterns = tuple(values.include), tuple(values.exclude)
+    choice = Choice(*patterns, values.sample, values.seed, values.limit)
     progress = job.render_catalogue(
-        source, values.out, options, part=part, choice=choice, limit=values.limit, render=render
+        source, values.out, options, part=part, choice=choice, render=render
     )
     sys.stdout.write(job.text_of(progress) + "\n")
     return progress.exit_code
@@ -118,16 +110,16 @@ def _details() -> Iterator[str]:
         "--config=FILE: a Python file whose `get_config` returns the settings, such as a copy of\n"
         f"  {_DEFAULT}"
     )
-    for name in sorted(CATALOGUES):
-        yield from _documented(f"--catalogue={name}", CATALOGUES[name])
-        values = inspect.signature(CATALOGUES[name]).parameters
-        for key in option_types(name):
+    for name, function in sorted(catalogues.CATALOGUES.items()):
+        yield from _documented(f"--catalogue={name}", function)
+        values = inspect.signature(function).parameters
+        for key in catalogues.option_types(name):
             if key in values:
                 value = values[key].default
                 shown = ",".join(map(str, value)) if isinstance(value, tuple) else value
                 yield f"  --option={key}={shown}"
     yield from _documented(
-        "Every catalogue: --option=variants=0 --option=deviation=0.25", variants_of
+        "Every catalogue: --option=variants=0 --option=deviation=0.25", catalogues.variants_of
     )
     yield from _documented("Settings", settings.Settings)
     for name, section in structured.to_dict(settings.Settings()).items():

@@ -28,8 +28,7 @@ from psgn_jax.data import schema
 from psgn_jax.data.codec import encode
 from psgn_jax.system.files import file_crc32
 
-COVERAGE = 0.0003
-"""Limit of `checks.coverage` for a model with missing faces."""
+_COVERAGE = 0.0003  # `checks.coverage` of a model with missing faces
 
 # Makes the random numbers of missing faces independent of the other random numbers of a seed.
 _STREAM = zlib.crc32(b"missing faces")
@@ -43,8 +42,8 @@ def model_seed(seed: int, source: str, model_id: str) -> int:
     return int.from_bytes(hashlib.sha256(text).digest()[:8], "big") >> 1
 
 
-def failure(entry: Entry, status: str, reason: str) -> dict[str, Any]:
-    """The line of `models.jsonl` for a model without samples."""
+def line_of(entry: Entry, status: str, reason: str) -> dict[str, Any]:
+    """The line of `models.jsonl` of a model, so far without samples."""
     names = {"model_id": entry.model_id, "category": entry.category, "split": entry.split}
     crc = checksum(entry.find_file) if status == "refused" else None
     stated = {} if crc is None else {"file_crc32": crc}
@@ -79,7 +78,7 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
     settings = context.settings
     seed = model_seed(settings.seed, context.source, entry.model_id)
     started = time.perf_counter()
-    line = {**failure(entry, "ok", ""), "seed": seed}
+    line = {**line_of(entry, "ok", ""), "seed": seed}
     done: list[bytes] = []
     views = []
     try:
@@ -126,9 +125,9 @@ def render_model(entry: Entry, context: Context) -> tuple[list[bytes], dict[str,
             )  # fmt: skip
             done.append(encode(sample, point_bits=settings.point_bits))
     except UnusableModelError as error:
-        line, done = line | failure(entry, error.status, str(error)), []
+        line, done = line | line_of(entry, error.status, str(error)), []
     except MemoryError:
-        line, done = line | failure(entry, "memory", "it needs more memory than is available"), []
+        line, done = line | line_of(entry, "memory", "it needs more memory than is available"), []
     seconds = round(time.perf_counter() - started, 3)
     return done, line | {"samples": len(done), "views": views, "seconds": seconds}
 
@@ -166,7 +165,7 @@ def without_faces(model: Model, settings: Settings, seed: int) -> tuple[Model, S
     fields = ("faces", "normals", "uv", "face_material")
     part = dataclasses.replace(model, **{name: getattr(model, name)[kept] for name in fields})
     checks = dataclasses.replace(
-        settings.checks, inside=0.0, coverage=min(COVERAGE, settings.checks.coverage)
+        settings.checks, inside=0.0, coverage=min(_COVERAGE, settings.checks.coverage)
     )
     return part, dataclasses.replace(settings, checks=checks)
 

@@ -7,7 +7,7 @@ import scipy.ndimage
 import scipy.sparse
 from jaxtyping import Bool, Float, Int
 
-from data_gen.mesh import Model, UnusableModelError, row_dots
+from data_gen.mesh import Model, UnusableModelError
 from psgn_jax.data import schema
 
 # Number of small cells along the edge of a cell. As it is odd, a cell counts as half full if the
@@ -64,9 +64,6 @@ def _line_hits(
     Yields:
       The cell of the line along each of the next two axes (in cyclic order), and the position on
       the line.
-
-    Raises:
-      UnusableModelError: there are more than `_MAX_POINTS` intersections.
     """
     u, v, w = (np.ascontiguousarray(corners[:, (axis + k) % 3]) for k in (1, 2, 0))
     first, rows = _centres_between(*_bounds(v, faces), size)
@@ -116,7 +113,7 @@ def _line_hits(
 def _edge_points(corners: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Points [n, 3] on edges [E, 2], at most `_SPACING` apart, and all corners."""
     along = corners[edges[:, 1]] - corners[edges[:, 0]]
-    steps = np.ceil(np.sqrt(row_dots(along, along)) / _SPACING).astype(np.int64)
+    steps = np.ceil(np.sqrt(np.einsum("nd,nd->n", along, along)) / _SPACING).astype(np.int64)
     inner = np.flatnonzero(steps > 1)
     owner, number = repeat_numbers(steps[inner] - 1)
     owner = inner[owner]
@@ -141,18 +138,12 @@ def mark_surface(
     touches the border of another triangle, if it enters a closed surface.) Both cells would be
     unmarked only if rounding moved the intersection by half a cell.
 
-    Args:
-      corners: positions in units of a cell; the grid spans [0, size] on each axis.
-      faces: indices into `corners`.
-      edges: edges of the faces, indices into `corners`.
-      size: number of cells along an edge of the grid.
+    The grid spans [0, size] on each axis, in units of a cell. `faces` and their `edges` are indices
+    of `corners`.
 
     Returns:
       The marked cells; and for each axis, whether the surface is between the centres of a cell and
       of the next cell.
-
-    Raises:
-      UnusableModelError: there are too many intersections.
     """
     marked = np.zeros((size, size, size), bool)
     crossed = []
@@ -270,9 +261,7 @@ def peel(
     return result[1:-1, 1:-1, 1:-1]
 
 
-def solid_occupancy(
-    model: Model, rotation: Float[np.ndarray, "3 3"], size: int = schema.OCCUPANCY_SIZE
-) -> Bool[np.ndarray, "size size size"]:
+def solid_occupancy(model: Model, rotation: Float[np.ndarray, "3 3"]) -> Bool[np.ndarray, "n n n"]:
     """Solid voxels of a model, which need not be watertight.
 
     Indexed [x, y, z], the grid covers [-1, 1] x [-1, 1] x [0, 2] of the rotated frame.
@@ -291,12 +280,11 @@ def solid_occupancy(
     Args:
       model: the model in the project's frame. We ignore parts outside the grid.
       rotation: from there to the frame of the grid.
-      size: number of cells along an edge.
 
     Raises:
       UnusableModelError: the area is so large that this would take minutes.
     """
-    fine = size * _FINE
+    fine = schema.OCCUPANCY_SIZE * _FINE
     corners = (model.vertices @ np.asarray(rotation, np.float64).T + [1, 1, 0]) * (fine / 2)
     marked, crossed = mark_surface(corners, model.faces, model.edges, fine)
     touched = _in_cells(marked) > 0

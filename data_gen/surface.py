@@ -3,15 +3,8 @@
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from data_gen.mesh import (
-    EXISTS,
-    Model,
-    UnusableModelError,
-    face_areas,
-    faces_with_alpha,
-    opacity_at,
-    row_dots,
-)
+from data_gen import mesh
+from data_gen.mesh import EXISTS, Model, UnusableModelError
 from data_gen.solid import in_parts, repeat_numbers
 
 # Parallel surfaces nearer than this fraction of the extent coincide.
@@ -31,14 +24,14 @@ class _Coincident:
 
     def __init__(self, model: Model) -> None:
         self._model = model
-        self._has_alpha = len(faces_with_alpha(model)) > 0
+        self.has_alpha = len(mesh.faces_with_alpha(model)) > 0
         corners = model.corners()
         # For each face, affine functions of a point: distance from the plane of the face, and the
         # second and third barycentric coordinates.
         origin, one, two = np.moveaxis(corners, 1, 0)
         one, two = one - origin, two - origin
         cross = np.cross(one, two)
-        square = np.maximum(row_dots(cross, cross), 1e-300)[:, None]
+        square = np.maximum(np.einsum("nd,nd->n", cross, cross), 1e-300)[:, None]
         normal = cross / np.sqrt(square)
         self._forms = np.stack(
             [normal, np.cross(two, cross) / square, np.cross(cross, one) / square], axis=1
@@ -88,12 +81,13 @@ class _Coincident:
                 np.einsum("nij,nj->in", self._forms[other], points[owner], optimize=False)
                 + self._offsets[other].T
             )
-            cosine = row_dots(self._forms[other, 0], self._forms[face[owner], 0])
+            own = self._forms[face[owner], 0]
+            cosine = np.einsum("nd,nd->n", self._forms[other, 0], own)
             here = (np.abs(away) <= self._tolerance) & (np.minimum(s, t) >= 0) & (s + t <= 1)
             here &= np.abs(cosine) > _PARALLEL
-            if self._has_alpha:
+            if self.has_alpha:
                 weights = np.stack([1 - s - t, s, t], axis=1)
-                here[here] = opacity_at(self._model, other[here], weights[here]) >= EXISTS
+                here[here] = mesh.opacity_at(self._model, other[here], weights[here]) >= EXISTS
             result[owner[here]] = True
         return result
 
@@ -112,8 +106,7 @@ def sample_surface(model: Model, n: int, seed: int) -> Float[np.ndarray, "n 3"]:
       UnusableModelError: almost no surface is visible.
     """
     rng = np.random.default_rng(seed)
-    cumulated = np.cumsum(face_areas(model.vertices, model.faces))
-    has_alpha = len(faces_with_alpha(model)) > 0
+    cumulated = np.cumsum(mesh.face_areas(model.vertices, model.faces))
     coincident = _Coincident(model)
     found, missing = [], n
     for _ in range(200):
@@ -122,8 +115,8 @@ def sample_surface(model: Model, n: int, seed: int) -> Float[np.ndarray, "n 3"]:
         # The square root makes the points uniform in the triangle.
         root, other = np.sqrt(rng.random(missing)), rng.random(missing)
         weight = np.stack([1 - root, root * (1 - other), root * other], axis=1)
-        if has_alpha:
-            exists = opacity_at(model, face, weight) >= EXISTS
+        if coincident.has_alpha:
+            exists = mesh.opacity_at(model, face, weight) >= EXISTS
             face, weight = face[exists], weight[exists]
         points = np.einsum("nk,nkd->nd", weight, model.vertices[model.faces[face]])
         found.append(points[~coincident.covered(points, face)])

@@ -11,10 +11,9 @@ from jaxtyping import Float
 from data_gen import lights
 from data_gen.cameras import Camera, turn_about_vertical
 from data_gen.environment_maps import NUM_SUNSKY, sunsky
-from data_gen.lights import LightSettings
+from data_gen.lights import LightSettings, Map
 
 GROUNDS = ("paper", "wood", "tiles", "cloth", "concrete", "grass")
-"""Kinds of ground."""
 
 TEXELS = 512
 
@@ -30,7 +29,7 @@ _FITTING = {
 class Surroundings:
     """An environment map (`data_gen.lights`), its kind, and half sides and turn of the ground."""
 
-    radiance: Float[np.ndarray, "h w 3"]
+    radiance: Map
     kind: str = "map"
     half: tuple[float, float] = (200.0, 200.0)
     turn: float = 0.0
@@ -100,7 +99,7 @@ def _direction(rng: np.random.Generator, low: float, high: float) -> np.ndarray:
     return lights.direction(*np.deg2rad([rng.uniform(0, 360), rng.uniform(low, high)]))
 
 
-def outdoors(rng: np.random.Generator, sky: Float[np.ndarray, "h w 3"]) -> Surroundings:
+def outdoors(rng: np.random.Generator, sky: Map) -> Surroundings:
     """A clear sky with clouds and sun, or an overcast sky, above trees or houses."""
     size = lights.DETAIL
     degrees = np.rad2deg(np.arcsin(lights.directions_of(size)[..., 2:]))

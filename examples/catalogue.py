@@ -31,7 +31,7 @@ def box(seed: int, flatness: float) -> Model:
     """The box of a seed, normalised to the frame of the project."""
     sides = np.random.default_rng(seed).uniform(0.5, 1, 3) * (1, 1, flatness)
     faces = [three for a, b, c, d in SIDES for three in ((a, b, c), (a, c, d))]
-    return normalize(build_model(CORNERS * sides, np.array(faces), model_id=f"box-{seed}"))
+    return normalize(build_model(CORNERS * sides, np.array(faces)))
 
 
 CATALOGUES["boxes"] = boxes

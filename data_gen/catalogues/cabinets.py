@@ -34,7 +34,7 @@ _VISIBLE, _HIDDEN = 0x646F7562, 0x646F7568
 
 
 def generate(kind: str, seed: int, hidden_seed: int) -> Model:
-    """A normalised cabinet, named `<kind>-<seed>-h<hidden_seed>`.
+    """A normalised cabinet.
 
     `parameters["hidden"]["depth"]` is the hidden depth, within `DEPTH`. `parameters["scale"]` is
     the factor from lengths before normalisation to units of the frame.
@@ -63,26 +63,19 @@ def generate(kind: str, seed: int, hidden_seed: int) -> Model:
             # bounding box.
             kit.add(front, box(0.01, w - 0.04, h - 0.04).at(face + 0.004, y, z))
             kit.add(knob, ball(0.02, 0.05, 0.05, 8).at(end - 0.0101, y, z))
-    seeds = {"seed": seed, "hidden_seed": hidden_seed}
-    model = kit.model(kind, f"{kind}-{seed}-h{hidden_seed}", {})
+    model = kit.model()
     scale = float(np.ptp(model.vertices[:, 0])) / LENGTH
+    seeds = {"seed": seed, "hidden_seed": hidden_seed}
     about = {**seeds, "hidden": {"depth": share}, "scale": scale}
     turn = turn_about_vertical(0.0 if kind == "front" else TURN)
     return dataclasses.replace(model.transformed(turn), parameters=about)
 
 
-def cabinets(seeds: tuple[int, int] = (160, 16), draws: tuple[int, int] = (4, 8)) -> Catalogue:
-    """For each seed, cabinets of both kinds with all hidden depths.
-
-    Args:
-      seeds: number of seeds for (train, validation). A seed belongs to a single split.
-      draws: number of hidden depths per seed for (train, validation).
-    """
-    # The offset is larger than any number of training seeds.
-    splits = zip(("train", "validation"), (0, 1_000_000), seeds, draws, strict=True)
+def cabinets() -> Catalogue:
+    """For each seed, cabinets of both kinds with several hidden depths."""
     entries = [
         Entry(f"{kind}-{s}-h{draw}", kind, split, functools.partial(generate, kind, s, draw))
-        for split, first, count, depths in splits
+        for split, first, count, depths in (("train", 0, 80, 4), ("validation", 1_000_000, 8, 8))
         for s in range(first, first + count)
         for kind in KINDS
         for draw in range(depths)

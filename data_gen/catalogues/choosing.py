@@ -12,7 +12,7 @@ from data_gen.catalogues.entry import Entry, hashed
 
 @dataclasses.dataclass(frozen=True)
 class Choice:
-    """A choice of models: first by `include`, then by `exclude`, then by the sample.
+    """A choice of models: first by `include`, then by `exclude`, then the sample, then the limit.
 
     Patterns are shell patterns (`*`, `?`, `[abc]`). A pattern matches a model if it matches the
     category, the name, a part of the name between slashes, or the beginning of the name up to a
@@ -24,16 +24,17 @@ class Choice:
       exclude: patterns of models that we leave out.
       sample: number of models, spread over categories and folders; 0 = all.
       seed: of the sample. A larger sample with the same seed contains the smaller samples.
+      limit: number of models, from the first; 0 = all.
     """
 
     include: tuple[str, ...] = ()
     exclude: tuple[str, ...] = ()
     sample: int = 0
     seed: int = 0
+    limit: int = 0
 
 
 def matches(pattern: str, entry: Entry) -> bool:
-    """Whether a pattern of a `Choice` matches a model."""
     texts = _texts(entry)
     return pattern in texts or any(fnmatch.fnmatchcase(text, pattern) for text in texts)
 
@@ -44,15 +45,6 @@ def _texts(entry: Entry) -> set[str]:
     return {entry.category, *parts, *beginnings} - {""}
 
 
-def _check_patterns(field: str, patterns: Sequence[str], entries: Sequence[Entry]) -> None:
-    for pattern in patterns:
-        if not any(matches(pattern, entry) for entry in entries):
-            known = sorted({text for entry in entries for text in _texts(entry)})
-            near = difflib.get_close_matches(pattern, known, 1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise ValueError(f"{field}={pattern}: no category and no name matches{hint}")
-
-
 def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
     """The chosen models in their order; a sample is in random order.
 
@@ -61,8 +53,13 @@ def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
     """
     if choice.sample < 0:
         raise ValueError(f"sample={choice.sample}: expected 0 or more")
-    _check_patterns("include", choice.include, entries)
-    _check_patterns("exclude", choice.exclude, entries)
+    for field, patterns in (("include", choice.include), ("exclude", choice.exclude)):
+        for pattern in patterns:
+            if not any(matches(pattern, entry) for entry in entries):
+                known = sorted({text for entry in entries for text in _texts(entry)})
+                near = difflib.get_close_matches(pattern, known, 1)
+                hint = f"; did you mean {near[0]!r}?" if near else ""
+                raise ValueError(f"{field}={pattern}: no category and no name matches{hint}")
     left = [
         entry for entry in entries
         if (not choice.include or any(matches(p, entry) for p in choice.include))
@@ -72,7 +69,8 @@ def choose(entries: Sequence[Entry], choice: Choice) -> list[Entry]:
         raise ValueError(f"include and exclude leave none of the {len(entries)} models")
     if choice.sample > len(left):
         logging.warning("sample=%d: only %d models match", choice.sample, len(left))
-    return _spread(left, choice.seed)[: choice.sample] if choice.sample else left
+    left = _spread(left, choice.seed)[: choice.sample] if choice.sample else left
+    return left[: choice.limit or None]
 
 
 def _spread(entries: Sequence[Entry], seed: int) -> list[Entry]:

@@ -13,7 +13,6 @@ from data_gen.mesh import Model
 from psgn_jax.system.untrusted import one_line
 
 SPLITS = ("train", "validation", "test")
-
 FRACTIONS = (0.8, 0.1, 0.1)
 """Default fractions of the splits, in the order of `SPLITS`."""
 
@@ -31,7 +30,7 @@ class Entry:
       model_id: unique in the catalogue.
       category: "" if unknown.
       split: in `SPLITS`.
-      load: reads the model, with this name and category, and normalises it to the project's frame.
+      load: reads the model and normalises it to the project's frame.
         `mesh.UnusableModelError` if no sample can be made from the model.
       find_file: returns the path of the mesh file. If the file changes, we try a refused model
         again.
@@ -55,7 +54,7 @@ class Entry:
         """
         name = f"{self.model_id}{_VARIANT}{number}"
         load = functools.partial(vary, self.load, name, deviation)
-        return Entry(name, self.category, self.split, load, find_file=self.find_file)
+        return Entry(name, self.category, self.split, load, self.find_file)
 
 
 _VARIANT = " variant "
@@ -150,15 +149,3 @@ def moved_to_empty_splits(splits: Mapping[str, str], wanted: Sequence[str]) -> d
             giver = max(givers, key=lambda s: counts[s])
             moved[min((name for name in now if now[name] == giver), key=hashed)] = empty
     return moved
-
-
-def unique_names(names: list[str]) -> list[str]:
-    """The names, with `-2`, `-3` ... appended to repeated names."""
-    given, result = set(names), dict[str, None]()
-    for name in names:
-        fresh, number = name, 1
-        while fresh in result or (number > 1 and fresh in given):
-            number += 1
-            fresh = f"{name}-{number}"
-        result[fresh] = None
-    return list(result)

@@ -20,30 +20,22 @@ from data_gen.readers.model_files import FolderFiles, as_utf8
 from psgn_jax.system.untrusted import one_line
 
 INDEX = "index.csv"
-
 _MAX_INDEX_BYTES = 64 << 20
 
-_MAKERS: dict[str, tuple[Callable[[np.random.Generator], Material], ...]] = {
-    "wood": (materials.wood,),
-    "metal": (materials.metal,),
-    "plastic": (materials.plastic, materials.paint),
-    "cloth": (materials.fabric, materials.fabric, materials.leather),
-    "stone": (materials.stone,),
-    "colour": (materials.lacquer, materials.paint),
-}
-
-_KINDS = {
-    "wood": "bed bench box cabinet chair frame instrument shelf table toy",
-    "metal": "airplane bicycle bus can car cart cookware cutlery helicopter kettle lamp rifle "
-    "tank tool train truck weapon wheel",
-    "plastic": "appliance bathroom bottle box camera computer display drone headphones medical "
-    "speaker sport stationery telephone toy",
-    "cloth": "bag bed clothing pillow sofa tent",
-    "stone": "bathroom bowl mug planet plate rock vase",
-    "colour": "airplane animal book bottle bowl candle car chair clock figure food lamp mug other "
-    "plant plate sign spaceship table toy tool vase watercraft weapon",
-}
-"""For each kind of material, the categories of objects made of it."""
+_KINDS: dict[str, tuple[str, Sequence[Callable[[np.random.Generator], Material]]]] = {
+    "wood": ("bed bench box cabinet chair frame instrument shelf table toy", (materials.wood,)),
+    "metal": ("airplane bicycle bus can car cart cookware cutlery helicopter kettle lamp rifle "
+              "tank tool train truck weapon wheel", (materials.metal,)),
+    "plastic": ("appliance bathroom bottle box camera computer display drone headphones medical "
+                "speaker sport stationery telephone toy", (materials.plastic, materials.paint)),
+    "cloth": ("bag bed clothing pillow sofa tent",
+              (materials.fabric, materials.fabric, materials.leather)),
+    "stone": ("bathroom bowl mug planet plate rock vase", (materials.stone,)),
+    "colour": ("airplane animal book bottle bowl candle car chair clock figure food lamp mug other "
+               "plant plate sign spaceship table toy tool vase watercraft weapon",
+               (materials.lacquer, materials.paint)),
+}  # fmt: skip
+"""For each kind of material, the categories of objects made of it, and functions that draw one."""
 
 
 def indexed(
@@ -80,8 +72,7 @@ def indexed(
         about = {k: v for k, v in row.items() if k not in ("file", "category") and v}
         load = functools.partial(_load, name, files, category, about)
         find = functools.partial(files.find, name)
-        split = split_of(family_of(name), fractions)
-        entries.append(Entry(name, category, split, load, find_file=find))
+        entries.append(Entry(name, category, split_of(family_of(name), fractions), load, find))
     return Catalogue("indexed", entries, fractions)
 
 
@@ -122,7 +113,7 @@ def read_index(
             if row["file"] in rows:
                 raise ValueError(f"line {reader.line_num}: {row['file']!r} is listed twice")
             rows[row["file"]] = row
-    except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
+    except (OSError, csv.Error, ValueError) as error:
         raise ValueError(f"index {str(path)!r}: {one_line(error)}") from error
     kept = [r for r in rows.values() if not licences or fits(r.get("licence", ""), licences)]
     if not kept:
@@ -133,29 +124,20 @@ def read_index(
 
 
 def fits(licence: str, patterns: Sequence[str]) -> bool:
-    """Whether a licence fits a pattern."""
     return any(fnmatch.fnmatchcase(licence, pattern) for pattern in patterns)
 
 
 def _load(name: str, files: FolderFiles, category: str, about: dict[str, str]) -> Model:
-    model = load_model(name, files, category=category, parameters=about)
-    return _clothed(model) if _is_grey(model) else model
-
-
-def _is_grey(model: Model) -> bool:
-    """Whether the whole model has the same grey, without a texture."""
-    looks = {(m.diffuse, m.texture is None) for m in model.materials}
-    return len(looks) == 1 and all(plain and np.ptp(grey) < 0.02 for grey, plain in looks)
-
-
-def _clothed(model: Model) -> Model:
-    """The model with a material that fits its category, chosen by its name."""
-    digest = hashlib.sha256(f"material {model.model_id}".encode()).digest()
+    """Reads a model; if it has a single grey and no texture, it gets a material."""
+    model = load_model(name, files, parameters=about)
+    first, *others = {(m.diffuse, m.texture is None) for m in model.materials}
+    if others or not first[1] or np.ptp(first[0]) >= 0.02:
+        return model
+    digest = hashlib.sha256(f"material {name}".encode()).digest()
     rng = np.random.default_rng(int.from_bytes(digest[:8], "big"))
-    fitting = [k for k, names in _KINDS.items() if model.category in names.split()]
-    kind = str(rng.choice(fitting or list(_MAKERS)))
-    makers = _MAKERS[kind]
+    fitting = [k for k, (names, _) in _KINDS.items() if category in names.split()]
+    _, makers = _KINDS[str(rng.choice(fitting or list(_KINDS)))]
     material = makers[int(rng.integers(len(makers)))](rng)
-    first, owner = np.zeros(1, np.int64), np.zeros(len(model.faces), np.int64)
-    uv = kit.texture_coordinates(model.vertices, model.faces, first, owner, [material], first)
+    zero, owner = np.zeros(1, np.int64), np.zeros(len(model.faces), np.int64)
+    uv = kit.texture_coordinates(model.vertices, model.faces, zero, owner, [material], zero)
     return dataclasses.replace(model, materials=(material,), face_material=owner, uv=uv)

@@ -118,8 +118,8 @@ def folder(
         here = ("+z" if z_up else "+y") if up == "auto" else up
         toward = ("-y" if here[1] == "z" else "+z") if front == "auto" else front
         load = functools.partial(
-            load_model, file, files, up=here, front=toward, category=category, max_faces=max_faces,
-        )  # fmt: skip
+            load_model, file, files, up=here, front=toward, max_faces=max_faces
+        )
         find = functools.partial(files.find, file)
-        entries.append(Entry(file, category, split_of(file, fractions), load, find_file=find))
+        entries.append(Entry(file, category, split_of(file, fractions), load, find))
     return Catalogue("folder", entries, fractions)

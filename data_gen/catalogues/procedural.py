@@ -3,7 +3,6 @@
 import functools
 import os
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,60 +15,38 @@ from data_gen.mesh import Model
 # Makes these random numbers independent of the other random numbers of a seed.
 _STREAM = 0x70736776
 
-
-class Family(NamedTuple):
-    """A category: `build` adds the parts of a model of a kind in `kinds` to a kit."""
-
-    build: Callable[[Kit, str], None]
-    kinds: tuple[str, ...]
-
-
-FAMILIES = {
-    "plane": Family(vehicles.plane, vehicles.PLANES),
-    "bench": Family(seats.bench, seats.BENCHES),
-    "cabinet": Family(furniture.cabinet, furniture.CABINETS),
-    "car": Family(vehicles.car, vehicles.CARS),
-    "chair": Family(seats.chair, tuple(seats.CHAIRS)),
-    "monitor": Family(devices.monitor, devices.MONITORS),
-    "lamp": Family(furniture.lamp, furniture.LAMPS),
-    "speaker": Family(devices.speaker, devices.SPEAKERS),
-    "firearm": Family(devices.firearm, devices.FIREARMS),
-    "couch": Family(seats.couch, seats.COUCHES),
-    "table": Family(furniture.table, furniture.TABLES),
-    "cellphone": Family(devices.cellphone, devices.CELLPHONES),
-    "watercraft": Family(vehicles.watercraft, vehicles.WATERCRAFT),
+FAMILIES: dict[str, tuple[Callable[[Kit, str], None], tuple[str, ...]]] = {
+    "plane": (vehicles.plane, vehicles.PLANES),
+    "bench": (seats.bench, seats.BENCHES),
+    "cabinet": (furniture.cabinet, furniture.CABINETS),
+    "car": (vehicles.car, vehicles.CARS),
+    "chair": (seats.chair, tuple(seats.CHAIRS)),
+    "monitor": (devices.monitor, devices.MONITORS),
+    "lamp": (furniture.lamp, furniture.LAMPS),
+    "speaker": (devices.speaker, devices.SPEAKERS),
+    "firearm": (devices.firearm, devices.FIREARMS),
+    "couch": (seats.couch, seats.COUCHES),
+    "table": (furniture.table, furniture.TABLES),
+    "cellphone": (devices.cellphone, devices.CELLPHONES),
+    "watercraft": (vehicles.watercraft, vehicles.WATERCRAFT),
 }
-"""The families, in the order of the paper's table."""
-
-CATEGORIES = tuple(FAMILIES)
+"""Functions that add the parts of a model of a kind to a kit, and the kinds, in the order of the
+paper's table."""
 
 # Largest number of models of a catalogue. A job lists all models before it renders the first.
 _LARGEST = 1_000_000
 
-# Fraction of models without colours, such as many models of ShapeNet.
-_PLAIN = 0.1
-
 
 def generate(category: str, seed: int) -> Model:
-    """The model `<category>-<seed>` in the project's frame.
-
-    `parameters` are the seed and the kind within the category.
-
-    Raises:
-      ValueError: the category is unknown or the seed is negative.
-    """
-    if category not in FAMILIES:
-        raise ValueError(f"category {category!r}: expected one of {list(FAMILIES)}")
-    if seed < 0:
-        raise ValueError(f"seed: got {seed}, expected 0 or more")
-    kit = Kit(np.random.default_rng([_STREAM, CATEGORIES.index(category), seed]))
+    """A model of a category; its `parameters` are the seed and the kind within the category."""
+    kit = Kit(np.random.default_rng([_STREAM, [*FAMILIES].index(category), seed]))
     build, kinds = FAMILIES[category]
     kind = kit.choose(*kinds)
     build(kit, kind)
-    if kit.chance(_PLAIN):
+    if kit.chance(0.1):  # without colours, such as many models of ShapeNet
         material = m.plain(m.grey(kit.rng), kit.uniform(0, 0.3), 30.0, "plain")
         kit.parts = [(part, material) for part, _ in kit.parts]
-    return kit.model(category, f"{category}-{seed}", {"seed": seed, "kind": kind})
+    return kit.model({"seed": seed, "kind": kind})
 
 
 def procedural(

@@ -23,15 +23,12 @@ DEVIATION = 0.25
 _PIECES = 3  # linear pieces of each function
 
 
-Change = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, "n 3"]]
-"""Moves points: the lowest point to z = 0; the middle of the footprint stays."""
-
-
 def random_proportions(
     points: Float[np.ndarray, "n 3"], name: str, deviation: float
-) -> tuple[Change, Float[np.ndarray, "2 2"]]:
+) -> tuple[Callable[[np.ndarray], np.ndarray], Float[np.ndarray, "2 2"]]:
     """A random change of proportions, and unit vectors along the sides of the footprint.
 
+    The change maps points [n, 3], the lowest one to z = 0; the middle of the footprint stays.
     The slope of a piece is exp(a + b), with a random `a` for each axis and a random `b` for each
     piece, from a normal distribution with standard deviation `deviation`, clipped at twice this
     value. The inner knots are uniform in the middle 80 % of each axis. The seed is a hash of
@@ -66,7 +63,7 @@ def random_proportions(
 
 
 def vary(load: Callable[[], Model], name: str, deviation: float) -> Model:
-    """The model of `load` with random proportions and the name `name`, normalised again.
+    """The model of `load` with random proportions, normalised again; `name` is the variant's.
 
     We divide normals by the mean stretch of their face along each axis.
     """
@@ -80,7 +77,7 @@ def vary(load: Callable[[], Model], name: str, deviation: float) -> Model:
     flat = span < 1e-9  # the face is perpendicular to this axis
     stretch = np.where(flat, 1.0, np.ptp(after, axis=1) / np.where(flat, 1.0, span))
     normals = unit_vectors(model.normals @ turn.T / stretch[:, None] @ turn).astype(np.float32)
-    return normalize(dataclasses.replace(model, vertices=vertices, normals=normals, model_id=name))
+    return normalize(dataclasses.replace(model, vertices=vertices, normals=normals))
 
 
 def footprint(flat: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -14,14 +14,13 @@ import zipfile
 import numpy as np
 from absl import logging
 
-from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of, unique_names
+from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
 from data_gen.mesh import Model, UnreadableModelError
 from data_gen.readers.load import load_model
 from data_gen.readers.model_files import ZipFiles, open_archive
 from data_gen.readers.obj import floats
 
 PROPERTIES = "PluginFurnitureCatalog.properties"
-
 _MAX_PROPERTIES_BYTES = 16 << 20
 
 
@@ -115,10 +114,21 @@ def _load(path: str, piece: Furniture) -> Model:
     except (zipfile.BadZipFile, OSError, ValueError) as error:
         raise UnreadableModelError(f"library {path!r} cannot be read: {error}"[:200]) from error
     return load_model(
-        piece.file, files, category=piece.category, model_id=piece.model_id,
-        parameters={"name": piece.name, "size_cm": piece.size},
+        piece.file, files, parameters={"name": piece.name, "size_cm": piece.size},
         turn=functools.partial(_place, rotation=piece.rotation, size=piece.size),
     )  # fmt: skip
+
+
+def _unique(names: list[str]) -> list[str]:
+    """The names, with `-2`, `-3` ... appended to repeated names."""
+    given, result = set(names), dict[str, None]()
+    for name in names:
+        fresh, number = name, 1
+        while fresh in result or (number > 1 and fresh in given):
+            number += 1
+            fresh = f"{name}-{number}"
+        result[fresh] = None
+    return list(result)
 
 
 def sweet_home(
@@ -150,9 +160,9 @@ def sweet_home(
         raise ValueError("; ".join(problems))
     for problem in problems:
         logging.warning("left out: %s", problem)
-    names = unique_names([piece.model_id for _, piece in pieces])
+    names = _unique([piece.model_id for _, piece in pieces])
     entries = []
     for (library, piece), name in zip(pieces, names, strict=True):
-        load = functools.partial(_load, str(library), dataclasses.replace(piece, model_id=name))
+        load = functools.partial(_load, str(library), piece)
         entries.append(Entry(name, piece.category, split_of(name, fractions), load))
     return Catalogue("sh3f", entries, fractions)

@@ -16,9 +16,6 @@ from psgn_jax.data import synsets
 
 _LAYOUTS = (("models/model_normalized.obj", "-z"), ("model.obj", "+x"))
 
-# Fraction of each category in the training set of 3D-R2N2: the first models by name.
-_R2N2_TRAIN = 0.8
-
 
 def shapenet(
     source: str | os.PathLike[str], *, validation: float = 0.0, max_faces: int = MAX_FACES
@@ -52,15 +49,12 @@ def shapenet(
         ]
         for index, (folder, (file, front)) in enumerate(found):
             model_id = f"{synset}/{folder.name}"
-            train = index < int(_R2N2_TRAIN * len(found))
+            train = index < int(0.8 * len(found))
             split = split_of(model_id, (1 - validation, validation, 0.0)) if train else "test"
             files = FolderFiles(folder)
-            load = functools.partial(
-                load_model, file, files, up="+y", front=front,
-                category=category, model_id=model_id, max_faces=max_faces,
-            )  # fmt: skip
+            load = functools.partial(load_model, file, files, front=front, max_faces=max_faces)
             find = functools.partial(files.find, file)
-            entries.append(Entry(model_id, category, split, load, find_file=find))
+            entries.append(Entry(model_id, category, split, load, find))
     if not entries:
         expected = " or ".join(f"<synset>/<model>/{file}" for file, _ in _LAYOUTS)
         raise ValueError(f"source {str(source)!r}: it contains no model, expected {expected}")

@@ -21,7 +21,6 @@ class Solid(NamedTuple):
     faces: np.ndarray
 
     def at(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Solid":
-        """The translated part."""
         return Solid(self.vertices + np.array([x, y, z]), self.faces)
 
     def turned(self, axis: str, degrees: float) -> "Solid":
@@ -171,7 +170,6 @@ def cylinder(radius: float, height: float, sides: int = 20, bevel: float = 0.0) 
 
 
 def rod(start: ArrayLike, end: ArrayLike, radius: float, sides: int = 8) -> Solid:
-    """A straight round bar."""
     return tube(np.array([start, end]), radius, sides)
 
 

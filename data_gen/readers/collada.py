@@ -31,13 +31,9 @@ _TURNS = {
 }
 
 _SHADERS = ("phong", "blinn", "lambert", "constant")
-
 _WRAPS = {"MIRROR": "mirror", "CLAMP": "clamp", "BORDER": "clamp", "NONE": "clamp"}
-
 _SHOWN = ("node", "geometry", "instance_node", "instance_geometry", "instance_controller")
-
 _BLACK = (0.0, 0.0, 0.0)
-
 _PLACED = ("repeatU", "repeatV", "offsetU", "offsetV", "rotateUV", "rotateFrame")  # of Maya
 
 
@@ -234,7 +230,6 @@ class _Document:
         raise DamagedError("controllers of controllers")
 
     def instance(self, geometry: Element, element: Element, matrix: np.ndarray) -> list[Part]:
-        """The polygons of an instance of a geometry."""
         self.visit(geometry)
         mesh = geometry.find("mesh")
         if mesh is None:

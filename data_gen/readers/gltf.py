@@ -26,7 +26,6 @@ _READ = {
 
 # Without these extensions, the surface is right and the colours are plainer.
 _APPEARANCE = re.compile(r"KHR_materials_|[A-Z]+_texture_")
-
 _POSE = {"translation": [0.0, 0, 0], "rotation": [0.0, 0, 0, 1], "scale": [1.0, 1, 1]}
 
 _UNREAD = ("normalTexture", "occlusionTexture", "emissiveTexture", "emissiveFactor",
@@ -36,7 +35,6 @@ _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 
 
 def read_gltf(data: bytes, assets: Assets) -> list[Part]:
-    """The meshes of the scene of a glTF or GLB file."""
     return list(_Scene(Document(data, assets)).parts())
 
 

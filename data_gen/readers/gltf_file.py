@@ -15,13 +15,10 @@ from data_gen.readers.textures import Assets
 from psgn_jax.system.untrusted import parse_json
 
 DRACO = "KHR_draco_mesh_compression"
-
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-
 _EXPECTED = {int: "a whole number from 0", float: "a number", str: "a text", list: "a list"}
 
 
@@ -181,7 +178,6 @@ class Document:
         return _by_meshopt(packed, data[start:stop])
 
     def image(self, fields: Object) -> bytes:
-        """The content of an image file."""
         if "bufferView" in fields:
             return bytes(self.view(fields.get("bufferView", int)))
         return self._contents(fields.get("uri", str))

@@ -4,7 +4,7 @@ import os
 import pathlib
 import posixpath
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -44,10 +44,9 @@ def load_model(
     *,
     up: str = "+y",
     front: str = "+z",
-    model_id: str = "",
     max_faces: int = MAX_FACES,
     turn: Callable[[Model], Model] = lambda model: model,
-    **about: Any,
+    parameters: Mapping[str, Any] | None = None,
 ) -> Model:
     """Reads a model from a file and normalises it to the project's frame.
 
@@ -55,10 +54,9 @@ def load_model(
       name: path of the file; with `files`, its name in them.
       files: contain the file and the files that it refers to; None = the folder of `name`.
       up, front: axes of the file, see `frame.orient`.
-      model_id: name of the model; "" = the name of the file.
       max_faces: largest accepted number of faces.
       turn: transforms the model in the axes of the file.
-      **about: `category` and `parameters` of the model.
+      parameters: of the model.
 
     Raises:
       UnusableModelError: the file is missing, damaged, empty or too large; the message says which.
@@ -66,7 +64,6 @@ def load_model(
     name = os.fspath(name)
     if files is None:
         path = pathlib.Path(name)
-        model_id = model_id or path.name
         if path.is_symlink():  # the caller has named it, so it may lead anywhere
             path = path.resolve()
         files, name = FolderFiles(path.parent), path.name
@@ -74,11 +71,10 @@ def load_model(
     if place is None:
         raise files.refusal(f"file {name!r} {files.why_not(name)}")
     assets = Assets(files, name.removesuffix(".gz"), max_faces)
-    about["model_id"] = model_id or name
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # `normalize` refuses infinite values
             arrays = _read(name, files.read(place), assets)
-            model = build_model(**arrays, **about, warnings=assets.warnings)
+            model = build_model(**arrays, parameters=parameters, warnings=assets.warnings)
             return normalize(orient(turn(model), up, front))
     except FileNotFoundError as error:
         raise files.refusal(f"its file {str(error)[:100]!r} is missing") from None

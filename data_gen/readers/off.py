@@ -18,7 +18,6 @@ def _count(word: str) -> int:
 
 
 def read_off(data: bytes, assets: Assets) -> list[Part]:
-    """The polygons of an OFF file."""
     text = as_utf8(data).decode("utf-8", "replace")
     lines = [words for line in text.split("\n") if (words := line.split("#")[0].split())]
     first = lines[0][0] if lines else ""

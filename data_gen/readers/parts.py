@@ -35,7 +35,6 @@ class Look:
 
 
 PLAIN = Look(Material())
-
 WHITE = Look(Material(diffuse=(1.0, 1.0, 1.0), name="colours"))
 
 
@@ -197,8 +196,8 @@ def _dressed(
         variants = [material]
         if material.texture is None and (colour != 1).any():
             levels = (255 * np.nan_to_num(colour).clip(0, 1)).round().astype(np.uint8)
-            painted, uv[own] = palette(levels)
-            variants = [dataclasses.replace(material, texture=painted.texture)]
+            texture, uv[own] = palette(levels)
+            variants = [dataclasses.replace(material, texture=texture)]
         elif look.tinted and (colour != 1).any():
             steps, groups = np.unique(np.round(15 * colour), axis=0, return_inverse=True)
             variants = []
@@ -239,8 +238,8 @@ def rgba(colours: np.ndarray, assets: Assets, white: float = 0) -> np.ndarray:
     return np.where(np.isnan(colours), (*GREY, 1.0), colours)
 
 
-def palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:
-    """A material and uv [F, 3, 2] with the colours uint8 [F, 4] of faces, rounded to 5 bits."""
+def palette(colours: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A texture and uv [F, 3, 2] with the colours uint8 [F, 4] of faces, rounded to 5 bits."""
     key = (colours.astype(np.int64) >> 3) @ np.array([1 << 15, 1 << 10, 1 << 5, 1])
     distinct, first, index = np.unique(key, return_index=True, return_inverse=True)
     width = int(np.ceil(np.sqrt(len(distinct))))
@@ -248,5 +247,4 @@ def palette(colours: np.ndarray) -> tuple[Material, np.ndarray]:
     texture = np.pad(colours[first], ((0, width * width - len(distinct)), (0, 0)), mode="edge")
     column, row = index % width, index // width
     uv = np.stack([(column + 0.5) / width, 1 - (row + 0.5) / width], axis=1)
-    material = dataclasses.replace(WHITE.material, texture=texture.reshape(width, width, 4))
-    return material, np.repeat(uv[:, None], 3, axis=1)
+    return texture.reshape(width, width, 4), np.repeat(uv[:, None], 3, axis=1)

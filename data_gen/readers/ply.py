@@ -13,7 +13,6 @@ from data_gen.readers.parts import Look, Part, picked, rgba
 from data_gen.readers.textures import TRAILING, TWO_COLOURS, Assets
 
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-
 _TYPES = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
           "float": "f4", "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
           "int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8"}  # fmt: skip
@@ -34,7 +33,6 @@ _Property = tuple[str, str, str]  # name, type of the numbers, type of a list's 
 
 
 def read_ply(data: bytes, assets: Assets) -> list[Part]:
-    """The polygons and strips of a PLY file."""
     elements, images = _elements(data, assets)
     for name in elements.keys() - {"vertex", "face", "tristrips", *_UNUSED}:
         assets.warn("elements of PLY not read", repr(name))
@@ -217,11 +215,8 @@ def _from_strips(corners: np.ndarray, assets: Assets) -> np.ndarray:
     first = place[:-2][(place - start)[2:] >= 2]  # of three corners of the same strip
     assets.budget.charge(faces=len(first))
     odd = (first - start[first]) % 2
-    return (
-        corners[np.stack([first + odd, first + 1 - odd, first + 2], axis=1)]
-        .ravel()
-        .astype(np.int64)
-    )
+    order = np.stack([first + odd, first + 1 - odd, first + 2], axis=1)
+    return corners[order.ravel()].astype(np.int64)
 
 
 def _colours(rows: _Rows, assets: Assets) -> np.ndarray | None:

@@ -20,7 +20,6 @@ _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("word", "<
 
 
 def read_stl(data: bytes, assets: Assets) -> list[Part]:
-    """The triangles of an STL file."""
     # Both kinds may begin with "solid", but text has no zero bytes.
     count = int.from_bytes(data[80:_HEAD], "little")
     exact = len(data) == _HEAD + _FACET.itemsize * count

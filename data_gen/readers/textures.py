@@ -20,20 +20,15 @@ MAX_DECODED_PIXELS = 40_000_000
 TEXTURE_SIDE = 1024
 """Largest number of pixels along a side of a texture; we reduce larger images."""
 
+# Warnings of several readers.
 TRAILING = "lines or bytes after the data not read"
-
 TWO_COLOURS = "colours of faces beside colours of vertices not read"
-
-_MAX_TEXELS = 1 << 24  # of all textures of a model, 64 MB
-
 NO_COORDINATES = "texture coordinates missing, 0 is used"
-
 MISSING_TEXTURE = "textures missing, the plain colour is used"
-
 BROKEN_TEXTURE = "textures not readable, the plain colour is used"
 
+_MAX_TEXELS = 1 << 24  # of all textures of a model, 64 MB
 _MOST_DETAILS = 1000  # for each kind of warning
-
 _MOST_TILES = 4  # repeats of a texture that is clamped; we clip coordinates to them
 _MOST_TEXELS_ALONG = 4096  # of a clamped texture
 

@@ -84,7 +84,6 @@ def _model(data: bytes, assets: Assets) -> Element:
 
 
 def _mesh(shape: Element) -> Part:
-    """The triangles of an object."""
     rows = [[v.get(k) for k in "xyz"] for v in shape.iterfind("mesh/vertices/vertex")]
     found = shape.iterfind("mesh/triangles/triangle")
     index = numbers([[t.get(k) for k in ("v1", "v2", "v3")] for t in found], np.int64)

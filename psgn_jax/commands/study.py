@@ -45,18 +45,17 @@ def _cabinets(workdir: str) -> str:
         image_size=(64, 64), azimuth=(0.0, 0.0), elevation=(0.0, 0.0), aim=(0.45, 0.45)
     )
     options = settings.Settings(views=1, num_points=4096, models_per_shard=64, camera=camera)
-    job.render_catalogue(cabinets.cabinets((80, 8), (4, 8)), folder, options)
+    job.render_catalogue(cabinets.cabinets(), folder, options)
     return str(folder)
 
 
 def _views(_: str) -> str:
-    """Five views each of 40 procedural models per category, rendered into the cache folder."""
+    """Five views of each model of the default data set, rendered into the cache folder."""
     from data_gen import default, settings
     from psgn_jax.config.data import DEFAULT_DATA
 
     folder = cache_folder() / f"{DEFAULT_DATA}-views-5"
-    options = settings.Settings(views=5, models_per_shard=64)
-    return default.build(folder, models_per_category=40, options=options)
+    return default.build(folder, settings.Settings(views=5, models_per_shard=64))
 
 
 STUDIES: dict[str, tuple[str, Callable[[str], str]]] = {

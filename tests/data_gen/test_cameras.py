@@ -2,10 +2,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from helpers.refusals import refused
 from helpers.solid_models import view
 
 from data_gen import cameras
 from data_gen.cameras import CameraSettings
+from data_gen.mesh import UnusableModelError
 from psgn_jax.data import camera as project_camera
 
 
@@ -44,6 +46,8 @@ def test_the_camera_moves_back_until_the_object_fits(rng):
     drawn = cameras.draw(rng, dataclasses.replace(near, elevation=(0, 50), roll=(-45, 45)), points)
     assert drawn.distance > 5
     assert cameras.in_frame(points @ drawn.rotation.T, drawn).all()
+    with refused(UnusableModelError, "camera.focal"):
+        cameras.draw(rng, dataclasses.replace(near, focal=(1e5, 1e5)), points)
 
 
 def test_size_in_the_image_is_kept_whatever_the_focal_length(rng):

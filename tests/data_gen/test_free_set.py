@@ -115,14 +115,6 @@ def test_an_index_as_windows_programs_write_it(tmp_path, encoding, mark):
     assert (second.model_id, second.category) == ("b; c.obj", "mug")
 
 
-def test_files_outside_of_an_indexed_folder_are_not_looked_at(meshes):
-    rows = "B/Rock.OBJ\n../secret\n/etc/hostname\nnone.obj\n"
-    (meshes / "meshes/index.csv").write_text(f"file\n{rows}")
-    (meshes / "secret").touch()
-    files = [e.find_file() for e in open_catalogue("indexed", meshes / "meshes").models]
-    assert files == [meshes / "meshes/b/rock.obj", None, None, None]
-
-
 def test_a_share_of_the_views_goes_to_another_preset(caplog):
     chosen = [small(views=8), small("more", views=3)]
     both = {"photo": 0.25, "angles": 0.5}

@@ -222,10 +222,7 @@ def test_a_wrong_light_marks_no_folder_and_a_wrong_library_is_no_variant(tmp_pat
         choose_variant("llvm")
 
 
-HAS_LLVM = (sys.platform, platform.machine()) == ("linux", "x86_64")
-
-
-@pytest.mark.skipif(not HAS_LLVM, reason="no wheel with LLVM")
+@pytest.mark.skipif((sys.platform, platform.machine()) != ("linux", "x86_64"), reason="no wheel")
 def test_llvm_comes_with_the_extra_render_without_a_variable(monkeypatch):
     monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
     monkeypatch.setattr(engine, "_LLVM_FOLDERS", ())

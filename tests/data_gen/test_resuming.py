@@ -15,9 +15,10 @@ from helpers.refusals import refused
 from helpers.small_renders import contents
 
 from data_gen import job, settings
+from data_gen.catalogues.choosing import Choice
 from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
 from data_gen.engine import Variant
-from data_gen.render_model import Context, failure, model_seed
+from data_gen.render_model import Context, line_of, model_seed
 from psgn_jax.data import shards
 from psgn_jax.data.codec import encode
 from psgn_jax.data.dataset import RecordReader
@@ -68,7 +69,7 @@ def make(out, names, *, options=OPTIONS, stop_after=None, first=None, failing=No
             if first and not made:
                 first()
             made.append(entry.model_id)
-            line, data = failure(entry, failing.get(entry.model_id, "ok"), "its name"), []
+            line, data = line_of(entry, failing.get(entry.model_id, "ok"), "its name"), []
             if line["status"] == "ok":
                 line |= {"reason": "", "samples": 1}
                 data = [record_of(entry.model_id, entry.category)]
@@ -261,7 +262,7 @@ def test_what_has_changed_is_named(tmp_path, monkeypatch):
             with refused(shards.OtherSettingsError, folder, *names):
                 make(tmp_path / folder, models, options=options)
     with refused(shards.OtherSettingsError, "limit", "0 before", "2 now"):
-        make(tmp_path / "out", TEN, limit=2, **one)
+        make(tmp_path / "out", TEN, choice=Choice(limit=2), **one)
     assert make(tmp_path / "out", six, options=lit[1])[1] == []  # the same map elsewhere
     assert models_of(tmp_path / "out") == six
 

@@ -1,15 +1,7 @@
 from helpers.refusals import all_refused
 
-from data_gen import config, settings
-from data_gen.settings import Settings
-from psgn_jax.config import structured
+from data_gen import settings
 from psgn_jax.config.structured import ConfigError
-
-
-def test_defaults_go_there_and_back():
-    assert settings.parse(config.get_config()) == Settings()
-    assert settings.parse(structured.to_dict(Settings())) == Settings()
-    assert settings.parse(config.get_config("r2n2")).camera.image_size == (137, 137)
 
 
 def test_wrong_values_and_settings_without_effect_are_refused():

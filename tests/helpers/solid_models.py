@@ -37,7 +37,7 @@ def view(azimuth=0.0, elevation=20.0, size=(48, 64), **changes):
     """The authors' camera, apart from what is given, for a small picture."""
     usual = {"distance": 3.6, "focal": 400.0, "roll": 0.0, "aim": 0.268}
     chosen = usual | changes
-    return cameras.make(image_size=size, azimuth=azimuth, elevation=elevation, **chosen)
+    return cameras.Camera(size, azimuth, elevation, **chosen)
 
 
 def joined(*solids_):

@@ -52,12 +52,12 @@ def monitor(kit: Kit, kind: str) -> None:
         high, depth = wide * kit.uniform(0.75, 0.95), wide * kit.uniform(0.75, 1.1)
         shape, foot = rounded(high, wide, 0.02), kit.choose(0.0, kit.uniform(0.02, 0.08))
         levels = [(0.6, 0), (0.6, 0.3), (0.97, 0.7), (1, 0.8), (1, 1)]
-        body = stack([(shape * kit.uniform(0.7, 1.1) ** (s < 0.9) * s, a * depth) for s,
-                      a in levels])
-        kit.add(case, Solid(body.vertices[:, [2, 1, 0]], body.faces[:, ::-1]).at(-depth, 0,
-            high / 2 + foot))
-        kit.add(m.screen(kit.rng), pillow(0.03, 0.84 * wide, 0.8 * high, 0.012).at(-0.008, 0,
-            0.54 * high + foot))
+        body = stack([(shape * kit.uniform(0.7, 1.1) ** (s < 0.9) * s, a * depth)
+                      for s, a in levels])
+        kit.add(case, Solid(body.vertices[:, [2, 1, 0]], body.faces[:, ::-1])
+                .at(-depth, 0, high / 2 + foot))
+        kit.add(m.screen(kit.rng), pillow(0.03, 0.84 * wide, 0.8 * high, 0.012)
+                .at(-0.008, 0, 0.54 * high + foot))
         if foot:
             kit.add(case, lathe([(0.3, 0), (0.28, 0.02), (0.12, 0.03),
                                  (0.16, foot + 0.03)]).scaled(wide, wide, 1).at(-depth / 2))
@@ -83,8 +83,8 @@ def monitor(kit: Kit, kind: str) -> None:
     reach = kit.uniform(0.16, 0.26)
     style = kit.choose("disc", "rect", "vee")
     if style == "disc":
-        kit.add(stand, lathe([(1, 0), (1, 0.008), (0.3, 0.018)], 32).scaled(reach * 0.6,
-            foot * 0.75, 1).at(-0.05))
+        kit.add(stand, lathe([(1, 0), (1, 0.008), (0.3, 0.018)], 32)
+                .scaled(reach * 0.6, foot * 0.75, 1).at(-0.05))
     elif style == "rect":
         kit.add(stand, box(reach, foot, 0.016, 0.005).at(-0.05, 0, 0.008))
     else:
@@ -111,7 +111,7 @@ def _cone(kit: Kit, ring: Material, radius: float, x: float, y: float, z: float)
 def speaker(kit: Kit, kind: str) -> None:
     """Loudspeakers: boxes, towers, bars, cylinders, on stands, in pairs."""
     case, ring = kit.draw(m.wood, m.wood, m.plastic, m.lacquer), kit.draw(m.metal, m.plastic)
-    cloth = kit.choose(m.BLACK, m.mesh(kit.rng), m.fabric(kit.rng))
+    cloth = kit.choose(m.BLACK, m.perforated(kit.rng), m.fabric(kit.rng))
     if kind == "round":
         radius, high, turn = kit.uniform(0.04, 0.1), kit.uniform(0.08, 0.45), kit.choose(*"zzx")
         end = radius * kit.uniform(0.8, 1.1)
@@ -131,8 +131,8 @@ def speaker(kit: Kit, kind: str) -> None:
         depth = wide * kit.uniform(0.8, 1.1)
     elif kind == "soundbar":
         wide, high, depth = kit.uniform(0.4, 1.2), kit.uniform(0.06, 0.2), kit.uniform(0.07, 0.16)
-    shape, rear = rounded(high, wide, kit.choose(0.004, 0.016, 0.06)), kit.choose(1.0, 1.0, 1.0,
-        kit.uniform(0.55, 0.9))
+    shape = rounded(high, wide, kit.choose(0.004, 0.016, 0.06))
+    rear = kit.choose(1.0, 1.0, 1.0, kit.uniform(0.55, 0.9))
     body = stack([(shape * [1, rear], -depth), (shape, -0.35 * depth), (shape, 0.0)])
     kit.add(case, Solid(body.vertices[:, [2, 1, 0]], body.faces[:, ::-1]).at(z=high / 2))
     if kit.chance(0.3):
@@ -159,8 +159,8 @@ def speaker(kit: Kit, kind: str) -> None:
                 block((-depth, 0.02), (-0.6 * wide, 0.6 * wide), (0, 0.025)))
     elif kind == "pair":
         gap = wide * kit.uniform(0.55, 1.3)
-        kit.parts = [(part.at(y=s * gap), material) for s in (-1, 1) for part,
-                     material in kit.parts]
+        kit.parts = [(part.at(y=s * gap), material)
+                     for s in (-1, 1) for part, material in kit.parts]
 
 
 CELLPHONES = ("slab", "slab", "slab", "bar", "bar", "flip", "slider", "brick", "keyboard")
@@ -173,14 +173,15 @@ def cellphone(kit: Kit, kind: str) -> None:
         case = m.plain(m.lively(kit.rng), 0.3)
     keys = kit.choose(m.BLACK, m.WHITE, kit.draw(m.plastic))
     slab = kind == "slab"
-    high = kit.uniform(0.12, 0.165) if slab else kit.uniform(0.09,
-        0.135) * (1.4 if kind == "brick" else 1)
-    wide = high * (kit.uniform(0.46, 0.55) if slab else kit.uniform(0.36,
-        0.5) + 0.15 * (kind == "keyboard"))
-    thick = kit.uniform(0.006, 0.011) if slab else kit.uniform(0.012,
-        0.022) * (1.8 if kind == "brick" else 1)
-    radius, border, picture = kit.uniform(0.05, 0.25) * wide, kit.uniform(0.02,
-        0.08) * wide, m.screen(kit.rng)
+    if slab:
+        high = kit.uniform(0.12, 0.165)
+        wide, thick = high * kit.uniform(0.46, 0.55), kit.uniform(0.006, 0.011)
+    else:
+        high = kit.uniform(0.09, 0.135) * (1.4 if kind == "brick" else 1)
+        wide = high * (kit.uniform(0.36, 0.5) + 0.15 * (kind == "keyboard"))
+        thick = kit.uniform(0.012, 0.022) * (1.8 if kind == "brick" else 1)
+    radius, border = kit.uniform(0.05, 0.25) * wide, kit.uniform(0.02, 0.08) * wide
+    picture = m.screen(kit.rng)
 
     def body(tall: float, back: float, front: float) -> None:
         kit.add(case, upright(rounded(tall, wide, radius, 4), back, front, 0.2 * (front - back)))
@@ -202,8 +203,8 @@ def cellphone(kit: Kit, kind: str) -> None:
         end = kit.uniform(0.03, 0.14) * high
         face(end - high / 2, high / 2 - kit.choose(end, border), thick / 2)
         for y in kit.choose((0.0,), (-0.3,), (-0.25, 0.25)):
-            kit.add(m.BLACK, cylinder(0.1 * wide, 0.004, 18).turned("y", 90).at(-thick / 2,
-                y * wide, 0.36 * high))
+            kit.add(m.BLACK, cylinder(0.1 * wide, 0.004, 18).turned("y", 90)
+                    .at(-thick / 2, y * wide, 0.36 * high))
     elif kind in ("flip", "slider"):
         part = high * (0.55 if kind == "flip" else 0.85)
         body(part, -thick / 2, 0)
@@ -215,10 +216,10 @@ def cellphone(kit: Kit, kind: str) -> None:
         if kind == "slider":
             kit.change(start, lambda p: p.at(z=shift))
         else:
-            kit.change(start, lambda p: p.at(-thick / 2, 0, part / 2).turned("y", bend).at(0, 0,
-                part / 2))
-            kit.add(case, cylinder(0.55 * thick, 0.9 * wide, 14).turned("x", 90).at(-0.1 * thick, 0,
-                part / 2))
+            kit.change(start, lambda p: p.at(-thick / 2, 0, part / 2).turned("y", bend)
+                       .at(0, 0, part / 2))
+            kit.add(case, cylinder(0.55 * thick, 0.9 * wide, 14).turned("x", 90)
+                    .at(-0.1 * thick, 0, part / 2))
     else:
         body(high, -thick / 2, thick / 2)
         split = kit.uniform(-0.1, 0.12) * high
@@ -297,8 +298,8 @@ def firearm(kit: Kit, kind: str) -> None:
     rear, front, stock = -kit.uniform(0.08, 0.16), kit.uniform(0.08, 0.16), kit.uniform(0.2, 0.32)
     end = front + kit.uniform(*length.get(kind, (0.35, 0.6)))
     high, thick = (0.042, 0.036) if wooden else (kit.uniform(0.05, 0.075), kit.uniform(0.03, 0.042))
-    top, axis, radius, drop = high / 2, kit.uniform(0.0, 0.3) * high, kit.uniform(0.008,
-        0.013), kit.uniform(0.0, 0.06)
+    top, axis = high / 2, kit.uniform(0.0, 0.3) * high
+    radius, drop = kit.uniform(0.008, 0.013), kit.uniform(0.0, 0.06)
     kit.add(steel, block((rear, front), (-thick / 2, thick / 2), (-top, top), 0.006),
             _pipe((front - 0.02, end), axis, radius))
     if kind == "shotgun":
@@ -335,16 +336,16 @@ def firearm(kit: Kit, kind: str) -> None:
     _guard(kit, steel, place + 0.05, -top)
     if kind in ("assault", "submachine", "machinegun", "sniper"):
         x, deep = front - 0.03, kit.uniform(0.05, 0.2)
-        t, bend, half = np.linspace(0, 1, 6), kit.choose(0.0, 0.0,
-            kit.uniform(0.02, 0.08)), kit.uniform(0.012, 0.03)
+        t, bend = np.linspace(0, 1, 6), kit.choose(0.0, 0.0, kit.uniform(0.02, 0.08))
+        half = kit.uniform(0.012, 0.03)
         curve = np.stack([x + bend * t**2, 0.005 - top - deep * t], axis=1)
         kit.add(steel, prism(np.concatenate([curve - [half, 0], curve[::-1] + [half, 0]]),
                              0.6 * thick))
     scope = kit.uniform(0.15, 0.32)
     if kind == "sniper" or kit.chance(0.25):
         profile = [(0.022, 0), (0.014, 0.25), (0.014, 0.65), (0.025, 0.85), (0.025, 1)]
-        kit.add(steel, lathe([(r, z * scope) for r, z in profile], 18).turned("y",
-            90).at(-scope / 2, 0, top + 0.04),
+        kit.add(steel, lathe([(r, z * scope) for r, z in profile], 18).turned("y", 90)
+                .at(-scope / 2, 0, top + 0.04),
                 *(block((s * 0.2 * scope - 0.01, s * 0.2 * scope + 0.01), (-0.008, 0.008),
                         (top - 0.005, top + 0.035)) for s in (-1, 1)))
     elif kind == "assault" and kit.chance(0.5):

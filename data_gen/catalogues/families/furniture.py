@@ -27,10 +27,10 @@ TABLES = ("dining", "dining", "coffee", "coffee", "desk", "desk", "round", "pede
 _TABLES = {
     # Ranges of depth, width / depth, height.
     "coffee": ((0.5, 0.9), (1.0, 2.2), (0.3, 0.5)), "side": ((0.35, 0.6), (0.8, 1.3), (0.4, 0.75)),
-    "cube": ((0.35, 0.6), (0.9, 1.6), (0.3, 0.7)), "console": ((0.25, 0.45), (2.2, 4.5),
-        (0.75, 0.95)),
-    "round": ((0.6, 1.5), (1.0, 1.0), (0.68, 0.8)), "pedestal": ((0.5, 1.5), (0.8, 1.5),
-        (0.65, 1.05)),
+    "cube": ((0.35, 0.6), (0.9, 1.6), (0.3, 0.7)),
+    "console": ((0.25, 0.45), (2.2, 4.5), (0.75, 0.95)),
+    "round": ((0.6, 1.5), (1.0, 1.0), (0.68, 0.8)),
+    "pedestal": ((0.5, 1.5), (0.8, 1.5), (0.65, 1.05)),
     "conference": ((1.0, 1.6), (2.0, 3.0), (0.7, 0.8)),
 }
 
@@ -56,8 +56,8 @@ def table(kit: Kit, kind: str) -> None:
     lip = kit.choose(1.0, 1.0, 0.95, 0.85)
     kit.add(top, stack([(flat * lip, high - thick), (flat, high - 0.5 * thick), (flat, high)]))
     under = high - thick + 0.004
-    x, y = np.array([depth, width]) / 2 * kit.uniform(0.75,
-        0.95) * (0.95 if shape == "rect" else 0.74)
+    inward = kit.uniform(0.75, 0.95)
+    x, y = np.array([depth, width]) / 2 * inward * (0.95 if shape == "rect" else 0.74)
     if kind in ("round", "pedestal", "conference") and kit.chance(0.8):
         style, size = kit.choose("disc", "star", "drum", "feet"), min(depth, width)
         start = len(kit.parts)
@@ -119,15 +119,15 @@ def table(kit: Kit, kind: str) -> None:
 
 _CABINETS = {
     # Ranges of depth, width, height.
-    "drawers": ((0.35, 0.55), (0.5, 1.3), (0.6, 1.4)), "nightstand": ((0.35, 0.5), (0.35, 0.6),
-        (0.4, 0.75)),
+    "drawers": ((0.35, 0.55), (0.5, 1.3), (0.6, 1.4)),
+    "nightstand": ((0.35, 0.5), (0.35, 0.6), (0.4, 0.75)),
     "sideboard": ((0.35, 0.55), (1.1, 2.2), (0.55, 0.95)),
     "wardrobe": ((0.5, 0.7), (0.8, 2.4), (1.7, 2.3)),
     "bookcase": ((0.22, 0.4), (0.5, 2.0), (0.9, 2.2)),
     "shelves": ((0.25, 0.4), (0.6, 1.8), (0.8, 2.1)),
     "glass": ((0.3, 0.5), (0.6, 1.4), (1.4, 2.1)), "hutch": ((0.4, 0.55), (0.8, 1.6), (1.6, 2.2)),
-    "filing": ((0.45, 0.7), (0.38, 0.5), (0.6, 1.4)), "kitchen": ((0.5, 0.65), (0.6, 2.4),
-        (0.8, 0.95)),
+    "filing": ((0.45, 0.7), (0.38, 0.5), (0.6, 1.4)),
+    "kitchen": ((0.5, 0.65), (0.6, 2.4), (0.8, 0.95)),
     "tv": ((0.35, 0.5), (1.1, 2.2), (0.35, 0.65)), "locker": ((0.4, 0.55), (0.3, 1.2), (1.6, 2.0)),
 }
 CABINETS = tuple(_CABINETS)
@@ -147,16 +147,16 @@ def cabinet(kit: Kit, kind: str) -> None:
     """Cabinets, chests of drawers, wardrobes, bookcases: a body with fronts, shelves or both."""
     depth, width, high = (kit.uniform(*span) for span in _CABINETS[kind])
     iron = kind in ("filing", "locker")
-    body, knob = kit.draw(m.metal, m.lacquer) if iron else kit.draw(m.wood, m.wood,
-        m.lacquer), kit.draw(m.metal)
+    body = kit.draw(m.metal, m.lacquer) if iron else kit.draw(m.wood, m.wood, m.lacquer)
+    knob = kit.draw(m.metal)
     front = body if kit.chance(0.55) else kit.draw(m.wood, m.lacquer)
-    x, y, low = depth / 2, width / 2, kit.choose(0.0, 0.0, 0.06,
-        kit.uniform(0.08, 0.25)) * (not iron)
+    x, y = depth / 2, width / 2
+    low = kit.choose(0.0, 0.0, 0.06, kit.uniform(0.08, 0.25)) * (not iron)
     if low > 0.07:
         four_legs(kit, kit.choose(body, knob), x - 0.05, y - 0.05, low + 0.01, 0.05)
     elif low:
-        kit.add(kit.choose(body, m.BLACK), block((0.02 - x, x - 0.04), (0.03 - y, y - 0.03),
-            (0, low + 0.01)))
+        kit.add(kit.choose(body, m.BLACK),
+                block((0.02 - x, x - 0.04), (0.03 - y, y - 0.03), (0, low + 0.01)))
     columns = max(1, round(width / kit.uniform(0.35, 0.7)))
     rows = max(2, round((high - low) / kit.uniform(0.18, 0.4)))
     split = low + kit.uniform(0.3, 0.6) * (high - low)
@@ -165,8 +165,8 @@ def cabinet(kit: Kit, kind: str) -> None:
         for z in np.linspace(low, high - 0.02, rows + 1)[:-1] + 0.015:
             for at in np.arange(0.03 - y, y - 0.1, 0.07)[: int(kit.uniform(-6, 16))]:
                 tall = kit.uniform(0.5, 0.8) * (high - low) / rows
-                kit.add(kit.draw(m.lacquer), block((0.01 - x, 0.4 * x), (at, at + 0.066),
-                    (z, z + tall)))
+                kit.add(kit.draw(m.lacquer),
+                        block((0.01 - x, 0.4 * x), (at, at + 0.066), (z, z + tall)))
     elif kind == "shelves":
         for z in np.linspace(low + 0.02, high, min(rows, 6)):
             kit.add(front, block((-x, x), (-y, y), (z - 0.025, z)))
@@ -182,8 +182,9 @@ def cabinet(kit: Kit, kind: str) -> None:
             kit.add(m.GLASS, block((x - 0.005, x + 0.001), (-y, y), (split, high)))
     elif kind in ("tv", "nightstand") or (kind == "sideboard" and kit.chance(0.4)):
         above = kit.chance(0.5)
-        closed, opened = ((low, split), (split - 0.01, high)) if above else ((split, high),
-            (low, split + 0.01))
+        closed, opened = (low, split), (split - 0.01, high)
+        if not above:
+            closed, opened = (split, high), (low, split + 0.01)
         _shelf(kit, body, front, (-x, x), y, opened, columns, kit.choose(1, 2))
         kit.add(body, block((-x, x), (-y, y), closed))
         fronts(kit, front, knob, x, (-y, y), (closed[0] + 0.015, closed[1] - 0.015), columns,
@@ -231,8 +232,8 @@ def lamp(kit: Kit, kind: str) -> None:
     radius, tall, thin = kit.uniform(0.1, 0.24), kit.uniform(0.12, 0.32), kit.uniform(0.008, 0.02)
     if kind == "table":
         stem, body = kit.uniform(0.2, 0.5), kit.draw(m.metal, m.wood, m.lacquer, m.stone)
-        style, wide = kit.choose("profile", "profile", "profile", "balls", "block",
-                                 "rod"), kit.uniform(0.06, 0.17)
+        style = kit.choose("profile", "profile", "profile", "balls", "block", "rod")
+        wide = kit.uniform(0.06, 0.17)
         if style == "profile":
             knots = np.linspace(0, stem, kit.choose(4, 5, 6, 7))
             points = [(kit.uniform(0.2, 1) * wide, z) for z in knots[:-1]]
@@ -240,9 +241,8 @@ def lamp(kit: Kit, kind: str) -> None:
         elif style == "balls":
             count = kit.choose(1, 2, 3, 4)
             size = stem / count
-            kit.add(body, *(ball(min(size, 0.25), min(size, 0.25), 1.02 * size,
-                                 20).at(z=(k + 0.5) * size)
-                            for k in range(count)))
+            part = ball(min(size, 0.25), min(size, 0.25), 1.02 * size, 20)
+            kit.add(body, *(part.at(z=(k + 0.5) * size) for k in range(count)))
         elif style == "block":
             kit.add(body, box(wide, wide * kit.uniform(0.6, 1.6), stem, 0.01).at(z=stem / 2))
         else:

@@ -55,7 +55,7 @@ class Kit:
         """A random material of a random kind."""
         return self.choose(*materials)(self.rng)
 
-    def model(self, category: str, model_id: str, parameters: Mapping[str, Any]) -> Model:
+    def model(self, parameters: Mapping[str, Any] | None = None) -> Model:
         """The model, normalised."""
         starts = np.cumsum([0, *(len(part.vertices) for part, _ in self.parts)])[:-1]
         vertices = np.concatenate([part.vertices for part, _ in self.parts])
@@ -67,7 +67,7 @@ class Kit:
         part_of = np.repeat(np.arange(len(starts)), [len(part.faces) for part, _ in self.parts])
         uv = texture_coordinates(vertices, faces, starts, part_of, materials, owner)
         model = build_model(vertices, faces, materials=materials, face_material=owner[part_of],
-                            uv=uv, category=category, model_id=model_id, parameters=parameters)
+                            uv=uv, parameters=parameters)
         # No warnings of triangles without area, which caps with collinear points have.
         return dataclasses.replace(normalize(model), warnings=())
 
@@ -173,8 +173,8 @@ def fronts(kit: Kit, front: Material, knob: Material, x: float, y: tuple[float, 
            z: tuple[float, float], columns: int, rows: int) -> None:
     """Drawers or doors with handles, on a face perpendicular to x."""
     wide, high = (y[1] - y[0]) / columns, (z[1] - z[0]) / rows
-    style, inset = kit.choose("ball", "bar", "upright", "none"), kit.chance(0.4) and min(wide,
-        high) > 0.2
+    style = kit.choose("ball", "bar", "upright", "none")
+    inset = kit.chance(0.4) and min(wide, high) > 0.2
     for place in range(columns * rows):
         row, side = divmod(place, columns)
         at = x + 0.025, y[0] + (side + 0.5) * wide, z[0] + (row + 0.5) * high

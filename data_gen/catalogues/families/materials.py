@@ -258,7 +258,7 @@ def lacquer(rng: np.random.Generator) -> Material:
     return _shaded(rng, colour, "wood", 0.2, 0.6)
 
 
-def mesh(rng: np.random.Generator) -> Material:
+def perforated(rng: np.random.Generator) -> Material:
     """Perforated sheet, or wickerwork."""
     if rng.random() < 0.5:
         return _shaded(rng, (0.25, 0.25, 0.25), "metal", 0.2, 0.0, ("mesh",))

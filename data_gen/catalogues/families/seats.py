@@ -174,7 +174,7 @@ def chair(kit: Kit, kind: str) -> None:
     frame = kit.draw(m.wood, m.wood, m.lacquer) if wooden else kit.draw(m.metal, m.metal, m.lacquer)
     soft = frame
     if wide or kind == "office" or kit.chance(0.6):
-        soft = kit.draw(m.fabric, m.fabric, m.leather, m.plastic, m.mesh)
+        soft = kit.draw(m.fabric, m.fabric, m.leather, m.plastic, m.perforated)
     seat = _Seat(depth, width, top, frame, soft)
     thick = kit.uniform(0.015, 0.05) if style == "slab" else kit.uniform(0.03, 0.08)
     if style == "cushion":
@@ -188,8 +188,8 @@ def chair(kit: Kit, kind: str) -> None:
         flat[:, 1] *= 1 + kit.choose(0.0, 0.0, kit.uniform(0.05, 0.25)) * (flat[:, 0] / depth - 0.5)
         kit.add(kit.choose(frame, soft), stack([(flat, top - thick), (flat, top)]))
     else:
-        kit.add(soft, pillow(depth, width, thick, kit.uniform(0.25,
-            0.5) * thick).at(z=top - thick / 2))
+        edge = kit.uniform(0.25, 0.5) * thick
+        kit.add(soft, pillow(depth, width, thick, edge).at(z=top - thick / 2))
     _base(kit, seat, base, top - thick)
     if back != "-":
         _back(kit, seat._replace(width=width * kit.uniform(0.85, 1.0)), back, high, lean)
@@ -211,9 +211,8 @@ def bench(kit: Kit, kind: str) -> None:
     x, y = depth / 2, width / 2
     if kind in ("stone", "box", "upholstered"):
         thick = kit.uniform(0.06, 0.16) if kind != "box" else 0.03
-        slab = pillow(depth, width, thick, 0.4 * thick) if kind == "upholstered" else box(depth,
-            width, thick, 0.01)
-        kit.add(soft, slab.at(z=seat - thick / 2))
+        shape, edge = (pillow, 0.4 * thick) if kind == "upholstered" else (box, 0.01)
+        kit.add(soft, shape(depth, width, thick, edge).at(z=seat - thick / 2))
         under = seat - thick + 0.01
         if kind == "stone":
             inner, wide = kit.uniform(0.2, 0.42) * width, kit.uniform(0.06, 0.2)
@@ -272,8 +271,8 @@ def couch(kit: Kit, kind: str) -> None:
     seats = {"loveseat": 2, "daybed": 1}.get(kind, kit.choose(2, 3, 3, 4))
     width = seats * kit.uniform(0.5, 0.75) * (2.6 if seats == 1 else 1)
     depth = kit.uniform(0.75, 1.05)
-    seat, high, legs = kit.uniform(0.34, 0.48), kit.uniform(0.25, 0.55), kit.choose(0.03,
-        kit.uniform(0.04, 0.2))
+    seat, high = kit.uniform(0.34, 0.48), kit.uniform(0.25, 0.55)
+    legs = kit.choose(0.03, kit.uniform(0.04, 0.2))
     soft, frame = kit.draw(m.fabric, m.fabric, m.leather), kit.draw(m.wood, m.metal, m.lacquer)
     other = soft if kit.chance(0.6) else kit.draw(m.fabric)
     thick, back, arm = kit.uniform(0.1, 0.2), kit.uniform(0.14, 0.28), kit.uniform(0.08, 0.3)
@@ -296,21 +295,21 @@ def couch(kit: Kit, kind: str) -> None:
     arm_top, style = seat + kit.uniform(0.08, 0.3), kit.choose("square", "round", "slope")
     if kind == "chesterfield":
         arm_top = crown
-        kit.add(soft, cylinder(0.5 * back, width + arm, 16).turned("x", 90).at(0.1 * back - x, 0,
-            crown - 0.2 * back))
+        kit.add(soft, cylinder(0.5 * back, width + arm, 16).turned("x", 90)
+                .at(0.1 * back - x, 0, crown - 0.2 * back))
     drop = kit.uniform(0.1, 0.5) * (arm_top - seat) / depth if style == "slope" else 0
     for side in sides:
         part = pillow(depth, arm, arm_top - legs, 0.02 if style == "square" else 0.45 * arm)
         part = part.bent(lambda v: v - np.outer((v[:, 2] > 0) * (v[:, 0] + x), [0, 0, drop]))
         kit.add(soft, part.at(0, side * (y + arm / 2 - 0.01), (arm_top + legs) / 2))
         if kind == "chesterfield":
-            kit.add(soft, cylinder(0.6 * arm, depth, 16).turned("y", 90).at(0,
-                side * (y + 0.55 * arm), arm_top - 0.4 * arm))
+            kit.add(soft, cylinder(0.6 * arm, depth, 16).turned("y", 90)
+                    .at(0, side * (y + 0.55 * arm), arm_top - 0.4 * arm))
     if kind in ("corner", "chaise"):
         side, reach, wide = -sides[0], x + kit.uniform(0.5, 1.3), kit.uniform(0.65, 0.95)
         inner = y if kind == "corner" else y - wide
-        near, span = (-x if kind == "corner" else x - 0.05), sorted((side * inner,
-            side * (inner + wide)))
+        near = -x if kind == "corner" else x - 0.05
+        span = sorted((side * inner, side * (inner + wide)))
         kit.add(soft, block((near, reach), tuple(span), (legs, low + 0.012), 0.02))
         kit.add(other, padded((near + 0.01, reach), tuple(span), (low, seat), edge))
         for at in (0.9 * span[0] + 0.1 * span[1], 0.1 * span[0] + 0.9 * span[1]):

@@ -57,7 +57,6 @@ def _engine(kit: Kit, skin: Material, x: float, y: float, z: float, radius: floa
 
 
 def _propeller(kit: Kit, x: float, y: float, z: float, radius: float) -> None:
-    """A propeller and its hub."""
     hub = lathe([(0.13, -0.13), (0.12, 0), (0.07, 0.12), (0, 0.17)], 14).turned("y", 90)
     kit.add(kit.choose(m.BLACK, m.CHROME), hub.scaled(radius, radius, radius).at(x, y, z))
     blade = prism([(-0.03, 0), (0.03, 0), (0.07, 0.5), (0.03, 1), (-0.02, 1), (-0.05, 0.5)], 0.03)
@@ -100,8 +99,8 @@ def plane(kit: Kit, kind: str) -> None:
         for share in () if behind else kit.choose((0.33,), (0.33,), (0.3, 0.6)):
             at = np.array(root) * (1 - share) + tip * share - [0, 0, 0.9 * radius]
             _engine(kit, skin, at[0] + 1.5 * radius, at[1], at[2], radius)
-            kit.both(skin, box(1.8 * radius, 0.2 * radius, radius).at(at[0] - 0.5 * radius, at[1],
-                at[2] + 0.6 * radius))
+            kit.both(skin, box(1.8 * radius, 0.2 * radius, radius)
+                     .at(at[0] - 0.5 * radius, at[1], at[2] + 0.6 * radius))
         if behind:
             _engine(kit, skin, rear + 0.3 * long, wide + 0.7 * radius, 0.4 * high, 0.9 * radius)
             pylon = box(1.6 * radius, 0.9 * wide, 0.25 * radius)
@@ -128,8 +127,9 @@ def plane(kit: Kit, kind: str) -> None:
             _fin(kit, accent, rear + 1.5 * fin, y * wide, (0.2 if twin else 0.6) * high, fin,
                  kit.uniform(30, 50))
         if form != "delta" or kit.chance(0.4):
-            at, size = (rear + fin, 0.8 * fin) if form != "delta" else (front - 0.28 * long,
-                0.08 * long)
+            at, size = rear + fin, 0.8 * fin
+            if form == "delta":
+                at, size = front - 0.28 * long, 0.08 * long
             _wings(kit, skin, (at, 0.4 * wide, 0), size, 0.9 * size, 0.35, 40, 0, 0.06)
         if kit.chance(0.7):
             kit.both(skin, hull([(0.12 * long, 0.4 * wide, 0.75 * high, 0),
@@ -137,8 +137,8 @@ def plane(kit: Kit, kind: str) -> None:
                                  (rear + 0.05 * long, 0.45 * wide, 0.55 * high, 0)],
                                  4).at(y=0.95 * wide))
         for y in (-0.4, 0.4) if twin else (0.0,):
-            kit.add(m.BLACK, lathe([(0.5 * wide, 0), (0.36 * wide, 0.4 * wide)], 18).turned("y",
-                -90).at(rear + 0.1 * wide, y * wide))
+            kit.add(m.BLACK, lathe([(0.5 * wide, 0), (0.36 * wide, 0.4 * wide)], 18)
+                    .turned("y", -90).at(rear + 0.1 * wide, y * wide))
         canopy = (0.14, 0.23, 0.36, 0.75)
     else:
         chord, span = long * kit.uniform(0.16, 0.22), long * kit.uniform(0.5, 0.7)
@@ -197,10 +197,9 @@ _CARS = {
 
 def _lorry(kit: Kit, skin: Material) -> None:
     """A cab in front of a box, a flat bed, a tank or a tipper."""
-    half, bed, cab, roof = kit.uniform(1.05, 1.25), kit.uniform(0.95, 1.15), kit.uniform(1.6,
-        2.4), kit.uniform(2.4, 3.4)
-    long, nose, load = kit.uniform(3.0, 9.0), kit.choose(0.0, 0.0,
-        kit.uniform(0.7, 1.3)), kit.draw(m.paint, m.lacquer)
+    half, bed = kit.uniform(1.05, 1.25), kit.uniform(0.95, 1.15)
+    cab, roof, long = kit.uniform(1.6, 2.4), kit.uniform(2.4, 3.4), kit.uniform(3.0, 9.0)
+    nose, load = kit.choose(0.0, 0.0, kit.uniform(0.7, 1.3)), kit.draw(m.paint, m.lacquer)
     shape = rounded(cab, 2 * half, 0.12) + [cab / 2, 0]
     lean = shape * [1, 0.94] - [kit.uniform(0, 0.3), 0] * (shape[:, :1] > cab / 2)
     kit.add(skin, stack([(shape, 0.45), (shape, 0.55 * roof), (lean, roof)]))
@@ -212,8 +211,8 @@ def _lorry(kit: Kit, skin: Material) -> None:
             block((0.35 * cab, 0.85 * cab), (-1.002 * half, 1.002 * half),
                   (0.58 * roof, 0.8 * roof)))
     kit.add(m.BLACK, block((-long, cab + nose - 0.3), (-0.45, 0.45), (0.45, bed)))
-    kit.add(kit.choose(m.CHROME, m.BLACK, skin), block((cab + nose - 0.15, cab + nose + 0.06),
-        (-half, half), (0.4, 0.65), 0.03))
+    bumper = block((cab + nose - 0.15, cab + nose + 0.06), (-half, half), (0.4, 0.65), 0.03)
+    kit.add(kit.choose(m.CHROME, m.BLACK, skin), bumper)
     kit.both(m.LIGHT, box(0.1, 0.25, 0.16, 0.02).at(cab + nose, 0.75 * half, 0.75))
     box_, sides = (-long, -0.1), (-half, half)
     kit.add(load, *kit.choose(
@@ -230,8 +229,10 @@ def _lorry(kit: Kit, skin: Material) -> None:
 
 def car(kit: Kit, kind: str) -> None:
     """Cars, vans, buses, lorries: a lofted body, a cabin of glass, wheels."""
-    skin = m.plain((m.lively if kit.chance(0.4) else m.grey)(kit.rng), 0.45,
-                   70.0) if kit.chance(0.7) else kit.draw(m.paint)
+    if kit.chance(0.7):
+        skin = m.plain((m.lively if kit.chance(0.4) else m.grey)(kit.rng), 0.45, 70.0)
+    else:
+        skin = kit.draw(m.paint)
     if kind == "lorry":
         _lorry(kit, skin)
         return
@@ -241,14 +242,14 @@ def car(kit: Kit, kind: str) -> None:
     tall, low = kind in ("van", "bus"), r * kit.uniform(0.5, 0.7)
     belt = high * (kit.uniform(0.42, 0.5) if tall else kit.uniform(0.57, 0.65))
     screen, back = front - hood * long, rear + boot * long
-    rake = kit.uniform(*{"van": (0.4, 0.9), "bus": (0.02, 0.3), "jeep": (0.1, 0.2)}.get(kind,
-        (0.5, 0.95)))
+    rakes = {"van": (0.4, 0.9), "bus": (0.02, 0.3), "jeep": (0.1, 0.2)}
+    rake = kit.uniform(*rakes.get(kind, (0.5, 0.95)))
     slant = kit.uniform(*{"saloon": (0.5, 0.9), "coupe": (0.7, 1.4)}.get(kind, (0.05, 0.4)))
     top_front, top_rear = screen - rake * (high - belt) / 0.55, back + slant * (high - belt) / 0.55
     top_front = max(top_front, top_rear + 0.5)
     nose = kit.uniform(*((0.88, 1.0) if tall or kind in ("jeep", "suv") else (0.72, 0.95))) * belt
-    tail, corner = kit.uniform(0.88, 1.02) * belt if boot > 0.04 else belt, kit.uniform(0.01,
-        0.05) * long
+    tail = kit.uniform(0.88, 1.02) * belt if boot > 0.04 else belt
+    corner = kit.uniform(0.01, 0.05) * long
     stations = [(front, 0.85, low + 0.12, nose - 0.1), (front - corner, 0.97, low, nose),
                 (screen, 1, low, belt),
                 ((screen + back) / 2, 1, low, belt), (min(back, rear + 0.25 * long), 1, low, tail),
@@ -352,8 +353,8 @@ def _house(kit: Kit, wall: Material, x: tuple[float, float], wide: float, z: flo
         x0, x1 = x[0] + 0.3 * share * (x[1] - x[0]), x[1] - share * (x[1] - x[0])
         for material, low, top, more in ((wall, -0.02, 1.0, 0.0),
             (m.DARK_GLASS, 0.45, 0.75, 0.003 * (x1 - x0))):
-            shape = rounded(x1 - x0 + more, wide * (1 - 0.6 * share) + more, 0.12 * wide,
-                            2) + [(x0 + x1) / 2, 0]
+            shape = rounded(x1 - x0 + more, wide * (1 - 0.6 * share) + more, 0.12 * wide, 2)
+            shape += [(x0 + x1) / 2, 0]
             kit.add(material, stack([(shape, z + (floor + low) * high),
                                      (shape, z + (floor + top) * high)]))
     return z + floors * high
@@ -364,8 +365,8 @@ def _rig(kit: Kit, kind: str, deck: Material, beam: float, depth: float) -> None
     cloth = kit.choose(m.WHITE, m.WHITE, m.plain((0.88, 0.84, 0.74), 0.0),
                        m.plain(m.lively(kit.rng), 0.0))
     square, furled, side = kind == "galleon", kit.chance(0.2), kit.uniform(-6, 6)
-    masts = kit.choose((25, -2, -32), (18, -20), (28, 5, -18, -38)) if square else kit.choose((8,),
-        (8,), (20, -28))
+    masts = kit.choose(*(((25, -2, -32), (18, -20), (28, 5, -18, -38)) if square else
+                         ((8,), (8,), (20, -28))))
     t, s = np.mgrid[0:1:9j, 0:1:7j]
     for at in masts:
         tall = kit.uniform(70, 95) if square else kit.uniform(90, 135)
@@ -388,24 +389,24 @@ def _rig(kit: Kit, kind: str, deck: Material, beam: float, depth: float) -> None
         stay = np.stack([49 * (1 - t) + at * t - s * ((44 - at) * (1 - t) + 0.3),
                          side * np.sin(np.pi * s) * (1 - t),
                          depth * 1.2 * (1 - t) + t * (depth + 0.85 * tall)], axis=-1)
-        kit.add(cloth, *([] if furled else [sheet(luff, 0.5)] + [sheet(stay,
-            0.4)] * (at == masts[0])))
+        if not furled:
+            kit.add(cloth, sheet(luff, 0.5), *[sheet(stay, 0.4)] * (at == masts[0]))
 
 
 def watercraft(kit: Kit, kind: str) -> None:
     """Boats and ships of length 100: a hull, houses, masts, sails."""
     skin, deck = kit.draw(m.paint, m.paint, m.lacquer), kit.draw(m.wood, m.lacquer)
-    wall = skin if kit.chance(0.3) else m.plain((0.9, 0.9,
-        0.88) if kit.chance(0.6) else m.muted(kit.rng))
+    wall = skin
+    if not kit.chance(0.3):
+        wall = m.plain((0.9, 0.9, 0.88) if kit.chance(0.6) else m.muted(kit.rng))
     *spans, bow, stern, belly, sheer = _SHIPS[kind]
     beam, depth = (100 * kit.uniform(*span) for span in spans)
     if kind in ("rowing", "galleon") and kit.chance(0.6):
         skin = kit.draw(m.wood)
-    body = _hull(100, beam, depth, bow * kit.uniform(0.85, 1.15), stern * kit.uniform(0.6, 1.05),
-                 belly,
-                 sheer * kit.uniform(0.6, 1.3), kit.uniform(0.02, 0.12),
-                 1.0 if kind == "rowing" else 0.0)
-    kit.add(skin, body)
+    bow, stern = bow * kit.uniform(0.85, 1.15), stern * kit.uniform(0.6, 1.05)
+    sheer, rake = sheer * kit.uniform(0.6, 1.3), kit.uniform(0.02, 0.12)
+    wall_of_boat = 1.0 if kind == "rowing" else 0.0
+    kit.add(skin, _hull(100, beam, depth, bow, stern, belly, sheer, rake, wall_of_boat))
     if kind == "rowing":
         for x in kit.choose((-25, 2), (-25, 2, 28), (-30, -10, 10, 30)):
             half = 0.5 * beam * (0.9 - 1.2 * (x / 100) ** 2)
@@ -448,17 +449,18 @@ def watercraft(kit: Kit, kind: str) -> None:
         for x in np.arange(first, last - step, step) if kind == "cargo" else ():
             room = beam * (0.86 if x < 25 else 0.55)
             for y in np.linspace(-0.5, 0.5, len(loads) + 1)[:-1] * room:
-                kit.add(kit.choose(*loads), block((x, x + 0.95 * step),
-                    (y, y + 0.98 * room / len(loads)), (base,
-                        depth + kit.choose(1, 2, 3, 4) * 2.2 / (5 - len(loads)))))
+                load = kit.choose(*loads)
+                high = depth + kit.choose(1, 2, 3, 4) * 2.2 / (5 - len(loads))
+                kit.add(load, block((x, x + 0.95 * step), (y, y + 0.98 * room / len(loads)),
+                                    (base, high)))
         if kind == "tanker":
             kit.add(deck, *(rod((first, y, depth + 1), (last, y, depth + 1), 1.1)
                             for y in (-1.5, 1.5)))
     elif kind == "cruise":
         top = _house(kit, wall, (-45, kit.uniform(25, 36)), 0.92 * beam, base,
                      kit.uniform(1.5, 2.2), kit.choose(3, 4, 5, 6), 0.05)
-        kit.add(skin, *(cylinder(2, 6, 16).turned("y", -12).at(x, 0,
-            top + 2) for x in np.linspace(-25, 10, kit.choose(1, 1, 2, 3))))
+        kit.add(skin, *(cylinder(2, 6, 16).turned("y", -12).at(x, 0, top + 2)
+                        for x in np.linspace(-25, 10, kit.choose(1, 1, 2, 3))))
     elif kind == "warship":
         top = _house(kit, skin, (-8, 14), 0.62 * beam, base, 2.6, kit.choose(2, 3), 0.16)
         second = _house(kit, skin, (-30, -14), 0.55 * beam, base, 2.6, kit.choose(1, 2), 0.1)

@@ -11,11 +11,8 @@ from data_gen.mesh import UnusableModelError
 from data_gen.readers import collada
 from data_gen.readers.load import load_model
 
-U = "0 0 0 3 0 0 3 3 0 2 3 0 2 1 0 1 1 0 1 3 0 0 3 0"
 SHARE = "<transparency><float>{}</float></transparency>"
 TEXTURED = "<diffuse><texture texture='sa' texcoord='UV'/></diffuse>"
-OTHER = "<visual_scene id='other'/>"
-CONCAVE = primitive("polylist", "<vcount>8</vcount><p>0 1 2 3 4 5 6 7</p>", U)
 SKIN = "<library_controllers><controller id='c'>{}</controller></library_controllers>"
 CONTROLLED = "<node id='n'><instance_controller url='#c'/></node>"
 TWO = f"<node>{INSTANCE.format(target='red', inputs='')}<instance_geometry url='#{{}}'/></node>"
@@ -36,10 +33,6 @@ def textured(shading=TEXTURED, inputs="", shader="lambert"):
     body = HALVES.format(inputs=both, p="0 1 2 0 2 3")
     nodes = f"<node>{INSTANCE.format(target='red', inputs=inputs)}</node>"
     return dae(mesh(body, more=sets), nodes, shading, shader=shader)
-
-
-def wrapped(mode):
-    return textured().replace("<source>su", f"<wrap_s>{mode}</wrap_s><source>su")
 
 
 @pytest.mark.parametrize(
@@ -99,7 +92,8 @@ def test_collada_textures_and_colours(write):
         ("WRAP", 1.1, RED), ("MIRROR", 1.1, BLUE), ("CLAMP", 1.1, BLUE),
         ("MIRROR", 2.1, RED), ("CLAMP", 2.1, BLUE),
     ):  # fmt: skip
-        path = write("a.dae", wrapped(wrap).replace("0.1 0.5", f"{u} 0.5"))
+        text = textured().replace("<source>su", f"<wrap_s>{wrap}</wrap_s><source>su")
+        path = write("a.dae", text.replace("0.1 0.5", f"{u} 0.5"))
         assert colours(load_model(path)) == [shown] * 2
     cut_out = TEXTURED + "<transparent><texture texture='sa' texcoord='UV'/></transparent>"
     write("halves.png", png((255, 0, 0, 51), mode="RGBA"))
@@ -175,7 +169,7 @@ def test_collada_what_is_not_read_is_named(write):
         (dae(shading=glowing + COLOURED), "emission", "red"),
         (textured(TEXTURED.replace("/>", ">" + scaled)), "repeatU"),
         (dae(nodes=CONTROLLED, more=SKIN.format("<morph source='#g'/>")), "morph", "c"),
-        (dae().replace("<visual_scene", OTHER + "<visual_scene"), "scenes", "1"),
+        (dae().replace("<visual_scene", "<visual_scene id='other'/><visual_scene"), "scenes", "1"),
         (dae(more="<library_animations><animation/></library_animations>"), "animations"),
     ):
         check_message(load_model(write("a.dae", text)).warnings[0], *words)
