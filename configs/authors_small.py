@@ -7,8 +7,7 @@ Time: not measured; a step takes 1.5 times as long as one of `authors_small_cd.p
 Expect: cd_sq_radius2 of .0106 and emd_radius of .132 on the validation split, at the last step.
 
 The loss is the EMD to 1,024 of the true points plus five times the CD to all of them. It spreads
-the predicted points evenly, at nearly the CD of a training with the CD alone (`pretrained.py` has
-the table).
+the predicted points evenly, at nearly the CD of a training with the CD alone (docs/choosing.md).
 """
 
 import ml_collections
