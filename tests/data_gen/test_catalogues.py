@@ -75,6 +75,7 @@ def test_folder(trimesh, write, tmp_path, caplog, monkeypatch):
     others = dict.fromkeys(("a.obj.gz", "top.STL", "top.glb"), "")
     assert categories == {"chairs/red/model.obj": "chairs", **others}
     assert "1 .fbx, 1 .tar, 1 .zip" in caplog.text
+    check_message(caplog.messages[-1], "several formats", "top")
     # In STL files, up is +z and the front is -y. In glTF files, up is +y and the front is +z.
     assert proportions(entries["top.STL"]) == [2, 1, 3]
     assert proportions(entries["top.glb"]) == [3, 1, 2]
@@ -87,7 +88,7 @@ def test_folder(trimesh, write, tmp_path, caplog, monkeypatch):
 
     monkeypatch.setattr(os, "scandir", closed)
     assert len(open_catalogue("folder", tmp_path).models) == 3
-    check_message(caplog.messages[-2], "chairs/red", "not allowed")
+    check_message(caplog.messages[-3], "chairs/red", "not allowed")
     monkeypatch.undo()
     turned = open_catalogue("folder", tmp_path, up="+z", front="+x").models
     assert proportions(next(e for e in turned if e.model_id == "top.glb")) == [1, 2, 3]
