@@ -42,6 +42,9 @@ def orient(model: Model, up: str = "+y", front: str = "+z") -> Model:
 # We do not divide parts of faces that are smaller than this fraction of the extent.
 _SMALL = 0.001
 
+# Of more faces, we divide those that may reach farthest: holes may be finer than `_SMALL`.
+_MOST_DIVIDED = 1 << 15
+
 
 def _texel_sums(material: Material) -> Int[np.ndarray, "h w"]:
     """Summed-area table of the texels that exist."""
@@ -127,7 +130,9 @@ def _existing_extremes(
             share[own] = _existing_share(sums[key], uv[own])
         reach(np.repeat(share == 1, 3), points, values)
         size = np.linalg.norm(points - np.roll(points, 1, axis=1), axis=2).max(axis=1)
-        divided = (share > 0) & (share < 1) & (size > _SMALL * extent)
+        divided = np.flatnonzero((share > 0) & (share < 1) & (size > _SMALL * extent))
+        over = (values[divided] - best).max(axis=(1, 2))
+        divided = np.sort(divided[np.argsort(-over, kind="stable")[:_MOST_DIVIDED]])
         faces = np.repeat(faces[divided], 4)
         weights = np.einsum("pij,njk->npik", halves, weights[divided]).reshape(-1, 3, 3)
     return np.unique(chosen[np.isfinite(chosen[:, 0])], axis=0)

@@ -13,25 +13,27 @@ def cut_ears(outlines: np.ndarray) -> np.ndarray:
 
     An ear is a convex corner whose triangle contains no other corner. We cut the first ear of each
     polygon, then the first ear of the rest, and so on. Corners at the position of a corner of the
-    ear do not count, because a bridge to a hole has both ends twice. The triangles of a polygon
-    that intersects itself may overlap.
+    ear do not count, because a bridge to a hole has both ends twice. A corner that repeats the one
+    before it is an ear without area. The triangles of a polygon that intersects itself may overlap.
     """
     points, (count, size) = outlines, outlines.shape[:2]
     rows, left = np.arange(count), np.tile(np.arange(size), (count, 1))
     convex, inside = np.zeros((count, size), bool), np.zeros((count, size), np.int64)
+    repeats = (points == np.roll(points, 1, axis=1)).all(axis=2)
 
     def measure(column: np.ndarray) -> None:
         """For a corner of each polygon: is it convex, and how many corners are in its triangle?"""
         a, b, c = (points[rows, (column + k) % size][:, None] for k in (-1, 0, 1))
-        convex[rows, column] = _cross(a, b, c)[:, 0] > 0
-        inside[rows, column] = _contains(a, b, c, points).sum(axis=1)
+        again = repeats[rows, left[rows, column]] & (a == b).all(axis=(1, 2))
+        convex[rows, column] = again | (_cross(a, b, c)[:, 0] > 0)
+        inside[rows, column] = np.where(again, 0, _contains(a, b, c, points).sum(axis=1))
 
     with np.errstate(over="ignore", invalid="ignore"):
         for column in range(size):
             measure(np.full(count, column))
         result = []
         while size > 3:
-            ear = (convex & (inside == 0)).argmax(axis=1)  # the first corner if there is no ear
+            ear = (convex & (inside <= 0)).argmax(axis=1)  # the first corner if there is no ear
             result.append(np.stack([left[rows, (ear + k) % size] for k in (-1, 0, 1)], axis=1))
             a, b, c = (np.roll(points, shift, axis=1) for shift in (1, 0, -1))
             inside -= _contains(a, b, c, points[rows, ear][:, None])

@@ -17,7 +17,7 @@ from data_gen.catalogues.families import kit, materials
 from data_gen.mesh import Material, Model
 from data_gen.readers.load import load_model
 from data_gen.readers.model_files import FolderFiles, as_utf8
-from psgn_jax.system.untrusted import one_line
+from psgn_jax.system.untrusted import one_line, size_of
 
 INDEX = "index.csv"
 _MAX_INDEX_BYTES = 64 << 20
@@ -86,11 +86,9 @@ def read_index(
     """
     path = pathlib.Path(source) / INDEX
     try:
-        with path.open("rb") as stream:
-            data = stream.read(_MAX_INDEX_BYTES + 1)
-        if len(data) > _MAX_INDEX_BYTES:
+        if size_of(path) > _MAX_INDEX_BYTES:
             raise ValueError(f"it is larger than {_MAX_INDEX_BYTES >> 20} MB")
-        data = as_utf8(data)
+        data = as_utf8(path.read_bytes())
         try:
             text = data.decode()
         except UnicodeDecodeError:

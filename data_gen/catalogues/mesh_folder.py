@@ -8,12 +8,12 @@ from collections.abc import Sequence
 
 from absl import logging
 
-from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
+from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, family_of, split_of
 from data_gen.frame import axis_vector
 from data_gen.mesh import MAX_FACES
 from data_gen.readers.load import READERS, load_model
 from data_gen.readers.model_files import FolderFiles
-from psgn_jax.system.untrusted import one_line
+from psgn_jax.system.untrusted import message_line, one_line
 
 # Formats in which z usually points up. In other formats, y does.
 _Z_UP = (".stl", ".ply", ".off", ".3mf")
@@ -56,7 +56,8 @@ def find_meshes(source: str | os.PathLike[str], linked: Sequence[str] = ()) -> l
 
     meshes: list[str] = []
     left: collections.Counter[str] = collections.Counter()
-    for path, folders, files in os.walk(root, followlinks=True):
+    closed: list[OSError] = []
+    for path, folders, files in os.walk(root, onerror=closed.append, followlinks=True):
         here = pathlib.Path(path)
         folders[:] = sorted(f for f in folders if not f.startswith(".") and is_new(here / f))
         for file in files:
@@ -65,6 +66,8 @@ def find_meshes(source: str | os.PathLike[str], linked: Sequence[str] = ()) -> l
                 meshes.append((here / file).relative_to(root).as_posix())
             elif ending in _OTHERS:
                 left[ending] += 1
+    for error in closed:
+        logging.warning("a folder that cannot be listed is left out: %s", message_line(error))
     if outside:
         what = "links out of the source are left out; linked=FOLDER follows those into FOLDER: %s"
         logging.warning(what, one_line(", ".join(sorted(outside)[:9])))
@@ -112,7 +115,13 @@ def folder(
         raise ValueError(f"front {front!r}: expected a direction perpendicular to up {up!r}")
     files = FolderFiles(source, linked)
     entries = []
-    for file in find_meshes(source, linked):
+    meshes = find_meshes(source, linked)
+    formats = {(family_of(file.lower().removesuffix(".gz")), _ending(file)) for file in meshes}
+    names = collections.Counter(family for family, _ in formats)
+    if twice := sorted(family for family, count in names.items() if count > 1):
+        what = "%d objects may be there in several formats, also in several splits: %s"
+        logging.warning(what, len(twice), one_line(", ".join(twice[:9])))
+    for file in meshes:
         category = file.split("/")[0] if "/" in file else ""
         z_up = _ending(file) in _Z_UP
         here = ("+z" if z_up else "+y") if up == "auto" else up

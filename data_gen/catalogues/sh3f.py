@@ -33,6 +33,10 @@ def parse_properties(text: str) -> dict[str, str]:
             return chr(int(match[1], 16))
         return {"t": "\t", "n": "\n", "r": "\r", "f": "\f"}.get(match[2], match[2])
 
+    def text_of(part: str) -> str:  # Java writes characters such as emojis in two halves
+        units = escape.sub(plain, part).encode("utf-16", "surrogatepass")
+        return units.decode("utf-16", "replace")
+
     result: dict[str, str] = {}
     pending = ""
     for raw in re.split(r"\r\n|\r|\n", text):
@@ -45,7 +49,7 @@ def parse_properties(text: str) -> dict[str, str]:
         pending = ""
         match = re.match(r"((?:\\.|[^\\=: \t\f])*)[ \t\f]*[=:]?[ \t\f]*(.*)", line, re.DOTALL)
         assert match is not None  # both parts may be empty
-        result[escape.sub(plain, match[1])] = escape.sub(plain, match[2])
+        result[text_of(match[1])] = text_of(match[2])
     return result
 
 
@@ -148,7 +152,7 @@ def sweet_home(
     """
     path = pathlib.Path(source).absolute()  # for processes in other working directories
     libraries = sorted(path.rglob("*.sh3f")) if path.is_dir() else [path]
-    if not libraries or not libraries[0].is_file():
+    if not libraries or not (path.is_dir() or path.is_file()):
         raise ValueError(f"source {str(source)!r}: expected a .sh3f file or a folder of them")
     pieces, problems = [], []
     for library in libraries:

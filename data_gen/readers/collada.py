@@ -70,7 +70,7 @@ def read_zae(data: bytes, assets: Assets) -> list[Part]:
     A manifest names the file that we read; without one, it is the first.
     """
     assets.files = ZipFiles(io.BytesIO(data))
-    names = [n for n in assets.files.names if n.lower().endswith(".dae")]
+    names = [n for n in assets.files.names if n.lower().endswith(".dae") and "/." not in f"/{n}"]
     if (manifest := assets.files.find("manifest.xml")) is not None:
         text = parsed_xml(assets.files.read(manifest), assets).text or ""
         path = posixpath.normpath(urllib.parse.unquote(text.partition("#")[0].strip()))
@@ -273,7 +273,7 @@ class _Document:
                 return None
             at, url = inputs[semantic, number]
             columns = 4 if semantic == "COLOR" else width
-            return picked(self.source(url, width)[:, :columns], rows[:, at])
+            return picked(self.source(url, width)[:, :columns], rows[:, at], self.assets)
 
         look, chosen = self.bound_look(primitive.get("material"), bound)
         sets = [number for semantic, number in inputs if semantic == "TEXCOORD"]

@@ -1,5 +1,7 @@
 """Reads a model with the reader of its format, and normalises it."""
 
+import gzip
+import io
 import os
 import pathlib
 import posixpath
@@ -106,13 +108,13 @@ def _read(name: str, data: bytes, assets: Assets) -> dict[str, Any]:
 
 
 def _unpacked(data: bytes) -> bytes:
-    """The content of a gzip file."""
-    stream = zlib.decompressobj(31)
+    """The content of a gzip file, which may have several members."""
     try:
-        content = stream.decompress(data, MAX_FILE_BYTES + 1)
-    except zlib.error as error:
+        with gzip.open(io.BytesIO(data)) as stream:
+            content = stream.read(MAX_FILE_BYTES + 1)
+    except EOFError as error:
+        raise UnusableModelError("the file is cut off: its compression does not end") from error
+    except (OSError, zlib.error) as error:
         raise UnusableModelError("not readable as gzip: the file is damaged") from error
     check_size("the content of the gzip file", len(content), MAX_FILE_BYTES)
-    if not stream.eof:
-        raise UnusableModelError("the file is cut off: its compression does not end")
     return content

@@ -8,6 +8,7 @@ import os
 import pathlib
 import posixpath
 import re
+import unicodedata
 import urllib.parse
 import zipfile
 import zlib
@@ -56,12 +57,22 @@ class Budget:
                 raise OverBudgetError(f"{what}, more than the limit of {self.limits[kind]}")
 
 
+# As programs for Windows write infinity and what is not a number.
+_NOT_FINITE = re.compile(r"[-+]?(1\.#(IND|QNAN|SNAN|INF)\d*|nan\(\w*\))", re.IGNORECASE)
+
+
+def _plain(word: str | bytes) -> str:
+    return _NOT_FINITE.sub("nan", word if isinstance(word, str) else word.decode("latin-1"))
+
+
 def numbers(words: Sequence[Any], kind: type = np.float64, where: str = "") -> np.ndarray:
     """Words or rows of words as numbers. `where` is a place for the error."""
-    try:
+    refused = ValueError, OverflowError, TypeError, AttributeError
+    with contextlib.suppress(*refused):
         return np.array(words, kind)
-    except (ValueError, OverflowError, TypeError):
-        raise DamagedError(f"a word{where} that is not a number") from None
+    with contextlib.suppress(*refused):
+        return np.array(np.vectorize(_plain, otypes=[object])(np.array(words, object)), kind)
+    raise DamagedError(f"a word{where} that is not a number")
 
 
 def check_size(what: str, size: int, limit: int) -> None:
@@ -110,6 +121,11 @@ def reason(data: bytes) -> str | None:
 
 _PACKED = ((b"PK\3\4", "zip"), (b"\x1f\x8b", "gzip"), (b"BZh", "bzip2"), (b"\xfd7zXZ\0", "xz"),
            (b"7z\xbc\xaf", "7-Zip"), (b"(\xb5/\xfd", "Zstandard"), (b"Rar!", "RAR"))  # fmt: skip
+
+
+def _folded(name: str) -> str:
+    """A name without the case of letters and the Unicode form, in which a Mac may write it."""
+    return unicodedata.normalize("NFC", name).casefold()
 
 
 class Files(abc.ABC):
@@ -200,8 +216,8 @@ class FolderFiles(Files):
             entries: list[str] = []
             with contextlib.suppress(OSError):
                 entries = sorted(os.listdir(folder), reverse=True)
-            self._names[folder] = {entry.casefold(): entry for entry in entries}
-        return self._names[folder].get(name.casefold())
+            self._names[folder] = {_folded(entry): entry for entry in entries}
+        return self._names[folder].get(_folded(name))
 
     def read(self, place: pathlib.Path) -> bytes:
         check_size(place.name, place.stat().st_size, MAX_FILE_BYTES)
@@ -223,7 +239,7 @@ class ZipFiles(Files):
         if len(members) > _MAX_MEMBERS:
             raise ValueError(f"{len(members)} members are more than the limit of {_MAX_MEMBERS}")
         self._members = {m.filename.replace("\\", "/"): m for m in members if not m.is_dir()}
-        self._folded = {name.casefold(): name for name in self._members}
+        self._folded = {_folded(name): name for name in self._members}
 
     @property
     def names(self) -> list[str]:
@@ -231,7 +247,7 @@ class ZipFiles(Files):
         return list(self._members)
 
     def find(self, name: str) -> str | None:
-        return name if name in self._members else self._folded.get(name.casefold())
+        return name if name in self._members else self._folded.get(_folded(name))
 
     def read(self, place: str, limit: int = MAX_FILE_BYTES) -> bytes:
         """UnusableModelError if the member is larger than `limit`, damaged or a zip bomb."""

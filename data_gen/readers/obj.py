@@ -116,7 +116,7 @@ def read_obj(data: bytes, assets: Assets) -> list[Part]:
             if not words and key != "usemtl":
                 continue
             if key in ("v", "vt", "vn", "f", "fo") and "#" in line:
-                words = line.split("#")[0].split()[1:]
+                words = re.split(r"(?<!\.)#", line)[0].split()[1:]  # not at that of 1.#QNAN
             if key in fresh:
                 if key == "v" and len(words) > 5:  # with a colour
                     painted.append(read["v"])
@@ -176,7 +176,7 @@ def read_obj(data: bytes, assets: Assets) -> list[Part]:
         of_vertices[painted] = rgba(numbers(paint), assets)
         colours = picked(of_vertices, corners[:, 0])
     table.append(None)  # of faces before the first `usemtl`
-    uv, normals = picked(texture, corners[:, 1]), picked(normal, corners[:, 2])
+    uv, normals = picked(texture, corners[:, 1], assets), picked(normal, corners[:, 2], assets)
     return [Part(vertices, counts, corners[:, 0], table, np.array(owners), uv, normals, colours)]
 
 
@@ -268,7 +268,7 @@ def _look(name: str, lines: dict[str, str], assets: Assets, folder: str) -> Look
     if alpha_map is not None:
         channel = "rgbm".find("".join(of_alpha.get("-imfchan", ())).lower() or "none")
         alpha = alpha_map[..., channel]
-        if channel < 0 and (alpha == 255).all():
+        if channel < 0 and (alpha == 255).all() and alpha_file != file:
             alpha = alpha_map[..., :3].mean(axis=2).round().astype(np.uint8)
         texture = assets.with_alpha(texture, alpha)
     diffuse = colour("kd")

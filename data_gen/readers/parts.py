@@ -66,12 +66,18 @@ class Part:
         return np.repeat(np.arange(len(self.counts)), self.counts)
 
 
+# Colours above this are from 0 to 255; those from 0 to 1 may be a little above 1.
+_LARGE = 10
+
+
 def material(
     diffuse: ArrayLike, specular: ArrayLike, shininess: float, opacity: float,
     texture: np.ndarray | None, name: str,
 ) -> Material:  # fmt: skip
     """A material; we clip the values to their ranges."""
-    (r, g, b), (x, y, z) = (np.clip(rgb, 0, 1).tolist() for rgb in (diffuse, specular))
+    both = np.nan_to_num(np.stack([diffuse, specular]))
+    both /= np.where(both > _LARGE, 255, 1).max(axis=1, keepdims=True)
+    (r, g, b), (x, y, z) = both.clip(0, 1).tolist()
     shininess, opacity = min(max(shininess, 1.0), 1000.0), min(max(opacity, 0.0), 1.0)
     return Material((r, g, b), (x, y, z), shininess, opacity, texture, one_line(name))
 
@@ -99,6 +105,8 @@ def transformed(part: Part, matrices: np.ndarray) -> Part:
         a, b, c = np.moveaxis(linear, 2, 0)
         turn = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=2)
         turn *= np.where(determinants < 0, -1, 1)[:, None, None]
+        # By a power of 2, which changes no digit; normals of tiny parts would become 0.
+        turn = np.ldexp(turn, -np.frexp(np.abs(turn).max(axis=(1, 2), keepdims=True))[1])
         part.normals = np.einsum("cij,cj->ci", of_corners(turn), part.normals)
     if (determinants < 0).any():
         first, polygon = np.cumsum(part.counts) - part.counts, part.polygons()
@@ -213,29 +221,34 @@ def _dressed(
     return assets.bounded(table), result
 
 
-def picked(values: np.ndarray | None, index: np.ndarray) -> np.ndarray | None:
-    """The rows of `values` at indices; 0 for a missing row, None if all rows are missing."""
+def picked(
+    values: np.ndarray | None, index: np.ndarray, assets: Assets | None = None
+) -> np.ndarray | None:
+    """The rows of `values` at indices; 0 for a missing row, None if all rows are missing.
+
+    Index -1 states that there is none. `assets` get a warning of others without a row.
+    """
     if values is None:
         return None
     good = (index >= 0) & (index < len(values))
+    if assets and (beyond := int((~good & (index != -1)).sum())):
+        assets.warn("texture coordinates, normals or colours missing, 0 is used", beyond)
     if not good.any():
         return None
     return np.where(good[:, None], values[np.where(good, index, 0)], 0)
 
 
-def rgba(colours: np.ndarray, assets: Assets, white: float = 0) -> np.ndarray:
-    """RGB or RGBA [n, 3 or 4] as RGBA in [0, 1]; NaN becomes grey.
-
-    `white` is the largest value; 0 = 255 if a value is above 1, otherwise 1.
-    """
+def rgba(colours: np.ndarray, assets: Assets) -> np.ndarray:
+    """RGB or RGBA [n, 3 or 4], up to 1 or 255, as RGBA in [0, 1]; NaN becomes grey."""
     colours = np.pad(
         colours[:, :4], ((0, 0), (0, max(4 - colours.shape[1], 0))), constant_values=np.nan
     )
-    colours = colours / (white or (255 if (colours[:, :3] > 1).any() else 1))
+    large = colours > _LARGE
+    colours = colours / np.where([large.any()] * 3 + [large[:, 3].any()], 255, 1)
     if len(colours) and (colours[:, 3] == 0).all():  # some programs write no other alpha
         assets.warn("alpha 0 in all colours, opaque is used")
         colours[:, 3] = 1
-    return np.where(np.isnan(colours), (*GREY, 1.0), colours)
+    return np.where(np.isnan(colours), (*GREY, 1.0), colours).clip(0, 1)
 
 
 def palette(colours: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

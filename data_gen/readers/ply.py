@@ -219,13 +219,18 @@ def _from_strips(corners: np.ndarray, assets: Assets) -> np.ndarray:
     return corners[order.ravel()].astype(np.int64)
 
 
+def _fractions(rows: _Rows, names: tuple[str, ...]) -> np.ndarray | None:
+    """Colours; whole numbers are divided by their largest value."""
+    values = _columns(rows, names)
+    if values is not None and rows[names[0]][1].dtype.kind != "f":
+        values /= 65535 if values.max(initial=0) > 255 else 255
+    return values
+
+
 def _colours(rows: _Rows, assets: Assets) -> np.ndarray | None:
     """Display RGBA [n, 4] in [0, 1]; None if the element has no colours."""
     for names in _COLOURS:
-        if (rgb := _columns(rows, names[:3])) is None:
-            continue
-        kind = rows[names[0]][1].dtype
-        white = 0 if kind.kind == "f" else 65535 if kind.itemsize == 2 else 255
-        alpha = _columns(rows, names[3:])
-        return rgba(rgb if alpha is None else np.hstack([rgb, alpha]), assets, white)
+        if (rgb := _fractions(rows, names[:3])) is not None:
+            alpha = _fractions(rows, names[3:])
+            return rgba(rgb if alpha is None else np.hstack([rgb, alpha]), assets)
     return None

@@ -59,7 +59,7 @@ def decode_texture(data: bytes, budget: Budget, side: int = TEXTURE_SIDE) -> np.
             # Palettes and 16-bit values cannot be averaged. The pixels are few enough for a copy.
             if picture.mode in ("P", "1"):
                 picture = picture.convert("RGBA" if "transparency" in picture.info else "RGB")
-            elif picture.mode in ("I;16", "I", "F"):
+            elif picture.mode.startswith(("I", "F")):
                 values = np.asarray(picture, np.float32)
                 values /= 65535 if picture.mode != "F" else max(values.max(), 1e-30)
                 picture = Image.fromarray((255 * values.clip(0, 1)).astype(np.uint8))
@@ -145,7 +145,13 @@ class Assets:
 
     def texture(self, name: str, folder: str = "") -> np.ndarray | None:
         """The texture in a file of `open`, decoded once; None and a warning if it fails."""
-        return self.decoded((folder, name), repr(name), lambda: self.open(name, folder))
+        key = folder, name
+        picture = self.decoded(key, repr(name), lambda: self.open(name, folder))
+        if picture is not None and not picture[..., 3].any():
+            self.warn("alpha 0 in a whole texture, opaque is used", repr(name))
+            opaque = np.full(picture.shape[:2], 255, np.uint8)
+            self._textures[key] = picture = self.with_alpha(picture, opaque)
+        return picture
 
     def decoded(
         self, key: tuple[object, object], label: str, load: Callable[[], bytes]

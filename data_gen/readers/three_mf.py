@@ -1,8 +1,10 @@
 """Reader of 3MF files: zip archives of XML."""
 
+import fnmatch
 import functools
 import io
 import posixpath
+import re
 import urllib.parse
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -17,6 +19,11 @@ from data_gen.readers.textures import Assets
 # Of extensions that a file may require: without colours and names of faces, the surface is right.
 _READ = ("/core/", "/production/", "/material/", "/materials/", "/trianglesets/")
 
+# Parts that are no surface, as PrusaSlicer, Bambu Studio and their relatives mark them.
+_SLICER = re.compile(
+    rb"(modifier|negative|support)_?(part|volume|block|enforce)|ParameterModifier", re.IGNORECASE
+)
+
 _KNOWN = ("mesh", "components", "vertices", "triangles", "trianglesets", "metadatagroup")
 
 
@@ -25,6 +32,11 @@ def read_3mf(data: bytes, assets: Assets) -> list[Part]:
     files = ZipFiles(io.BytesIO(data))
     models = [name for name in files.names if name.endswith(".model")]
     roots = models
+    for name in fnmatch.filter(files.names, "Metadata/*.config"):
+        settings = files.read(name, MAX_XML_BYTES)
+        assets.budget.charge(made=32 * len(settings))
+        if _SLICER.search(settings):
+            assets.warn("modifiers and cuts of a slicer are read as parts", repr(name))
     if "_rels/.rels" in files.names:
         relations = parsed_xml(files.read("_rels/.rels"), assets)
         targets = [e.get("Target", "") for e in relations if e.get("Type", "").endswith("/3dmodel")]
@@ -51,6 +63,9 @@ def read_3mf(data: bytes, assets: Assets) -> list[Part]:
         shape = objects.get((path, instance.get("objectid")))
         if shape is None:
             assets.warn("objects of 3MF missing", instance.get("objectid"))
+            continue
+        if shape.get("type") in ("support", "solidsupport", "other"):
+            assets.warn("supports and other objects of 3MF left out", shape.get("id"))
             continue
         mesh, inner = content_of(shape)
         assets.budget.charge(visits=len(inner), faces=len(mesh.counts))

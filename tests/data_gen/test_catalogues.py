@@ -1,6 +1,8 @@
 import collections
+import errno
 import gzip
 import itertools
+import os
 import pickle
 import struct
 import zipfile
@@ -8,7 +10,7 @@ import zipfile
 import numpy as np
 import pytest
 from helpers.obj_text import CUBE, FACES
-from helpers.refusals import all_refused, refused
+from helpers.refusals import all_refused, check_message, refused
 
 from data_gen.catalogues import sh3f
 from data_gen.catalogues.entry import SPLITS, split_of
@@ -59,7 +61,7 @@ def proportions(entry):
     return pytest.approx(extent / extent.min(), rel=1e-5)
 
 
-def test_folder(trimesh, write, tmp_path, caplog):
+def test_folder(trimesh, write, tmp_path, caplog, monkeypatch):
     for name in ("chairs/red/model.obj", "chairs/red/notes.txt", ".hidden/a.obj"):
         write(name, BOX)
     for name in ("c.zip", "d.tar.gz", "f.fbx"):
@@ -72,9 +74,21 @@ def test_folder(trimesh, write, tmp_path, caplog):
     others = dict.fromkeys(("a.obj.gz", "top.STL", "top.glb"), "")
     assert categories == {"chairs/red/model.obj": "chairs", **others}
     assert "1 .fbx, 1 .tar, 1 .zip" in caplog.text
+    check_message(caplog.messages[-1], "several formats", "top")
     # In STL files, up is +z and the front is -y. In glTF files, up is +y and the front is +z.
     assert proportions(entries["top.STL"]) == [2, 1, 3]
     assert proportions(entries["top.glb"]) == [3, 1, 2]
+    listed = os.scandir
+
+    def closed(path):
+        if path.endswith("red"):
+            raise PermissionError(errno.EACCES, "not allowed", path)
+        return listed(path)
+
+    monkeypatch.setattr(os, "scandir", closed)
+    assert len(open_catalogue("folder", tmp_path).models) == 3
+    check_message(caplog.messages[-3], "chairs/red", "not allowed")
+    monkeypatch.undo()
     turned = open_catalogue("folder", tmp_path, up="+z", front="+x").models
     assert proportions(next(e for e in turned if e.model_id == "top.glb")) == [1, 2, 3]
     table = (
@@ -162,7 +176,7 @@ depth#2=100
 height#2: 300
 name#3=gone
 model#3=/models/c/gone.obj
-name#4=traversal
+name#4=traversal \\ud83d\\ude00
 model#4=/../../../../etc/passwd.obj
 name#5=bad numbers
 model#5=/models/a/chair.obj
@@ -195,6 +209,8 @@ def test_sweet_home_and_its_properties(tmp_path):
     for entry, file in zip(entries[2:4], ("gone.obj", "passwd.obj"), strict=True):
         with refused(UnusableModelError, file):
             entry.load()
+    assert entries[3].model_id == "lib/traversal \U0001f600"
+    (tmp_path / "a.sh3f").mkdir()
     assert len(open_catalogue("sh3f", tmp_path).models) == 5
     text = "a=1\nb : 2\nc 3\n! no\n  d\\ e=x\\\n   y\\u0041\\n\nempty=\n=nothing\nslash=\\\\\nlast"
     assert sh3f.parse_properties(text) == {

@@ -5,8 +5,9 @@ import pytest
 from helpers.refusals import refused
 from helpers.solid_models import cube, joined, model_of
 
+from data_gen import frame
 from data_gen.catalogues import shapes
-from data_gen.frame import axis_vector, normalize, orient, recentre
+from data_gen.frame import axis_vector, normalize, orient, outline, recentre
 from data_gen.mesh import Material, UnusableModelError, build_model
 from data_gen.surface import sample_surface
 
@@ -53,6 +54,22 @@ def test_normalize_counts_only_what_is_drawn():
     row = np.flatnonzero(exists.any(axis=1)).max() + 1
     ground = min(3 - 4 * row / size[0], -0.25)
     assert got.vertices[-4, 2] * radius == pytest.approx(-1 - ground, abs=0.01)
+
+
+def test_holes_that_are_too_fine_take_bounded_memory(monkeypatch):
+    monkeypatch.setattr(frame, "_MOST_DIVIDED", 100)
+    texture = np.zeros((64, 64, 4), np.uint8)
+    texture[0, 0] = 255
+    model = with_sheet(texture)
+    sizes = []
+
+    def measure(points):
+        sizes.append(len(points))
+        return points
+
+    outline(dataclasses.replace(model, uv=3e4 * model.uv), measure)
+    assert max(sizes) <= 3 * 4 * 100
+    assert sum(sizes) > 3 * 100
 
 
 def test_normalize_refuses_what_overflows_and_strays_by_name():

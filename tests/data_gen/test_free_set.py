@@ -1,3 +1,5 @@
+import os
+
 import free_set
 import numpy as np
 import pytest
@@ -102,6 +104,10 @@ def test_a_grey_mesh_gets_a_material_and_a_damaged_index_is_named(meshes):
         ("file,licence\na.obj,MIT\n", "index.csv", "'GPL*'", "'MIT'"),
     )
     all_refused(opened, ValueError, table)
+    (meshes / "meshes/index.csv").unlink()
+    os.mkfifo(meshes / "meshes/index.csv")
+    with refused(ValueError, "index.csv", "pipe"):
+        open_catalogue("indexed", meshes / "meshes")
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])

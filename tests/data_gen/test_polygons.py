@@ -17,9 +17,10 @@ def comb(teeth):
     return np.array([(0, 0), (2 * teeth - 1, 0), *top], float)
 
 
+@pytest.mark.parametrize("times", [1, 3])
 @pytest.mark.parametrize("teeth", [2, 12, 60])
-def test_polygons_with_many_corners_are_not_filled(teeth):
-    points = comb(teeth)
+def test_polygons_with_many_corners_are_not_filled(teeth, times):
+    points = np.repeat(comb(teeth), times, axis=0)
     points = np.column_stack([points, np.zeros(len(points))])
     result, polygon = triangles(np.array([len(points)]), np.arange(len(points)), points, dict)
     assert len(result) == len(points) - 2

@@ -60,10 +60,11 @@ def primitive(tag, body, points="0 0 0 1 0 0 1 1 0 0 1 0"):
     return mesh(f"<{tag} count='1'>{VERTEX}{body}</{tag}>", points)
 
 
-def three_mf(objects=SHAPE, items="<item objectid='1'/>", head=""):
+def three_mf(objects=SHAPE, items="<item objectid='1'/>", head="", settings=""):
     space = "xmlns='http://schemas.microsoft.com/3dmanufacturing/core/2015/02' xmlns:p='p'"
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr("Metadata/model_settings.config", settings)
         for name, inner in {"a": objects, "b": SHAPE}.items():
             build = f"<build>{items}</build>" if name == "a" else ""
             text = f"{head}<model {space}><resources>{inner}</resources>{build}</model>"

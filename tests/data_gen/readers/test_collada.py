@@ -182,7 +182,7 @@ def test_collada_archives(write, tmp_path):
                 archive.writestr(name, content)
         return load_model(tmp_path / "a.zae")
 
-    inside = {"b/a.dae": textured(), "b/halves.png": RED_BLUE}
+    inside = {"b/._a.dae": "", "b/a.dae": textured(), "b/halves.png": RED_BLUE}  # of a Mac
     assert colours(read(inside)) == [RED] * 2
     manifest = {"manifest.xml": "<dae_root>./b/a.dae#x</dae_root>"}
     assert colours(read({"a.dae": dae(scene=False)} | inside | manifest)) == [RED] * 2

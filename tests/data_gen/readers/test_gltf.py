@@ -403,10 +403,12 @@ def test_negative_scales_leave_the_outside_outside(write, scale):
     np.testing.assert_allclose(extents(model), relative(scale[::-1]), atol=1e-6)
 
 
-def test_normals_of_the_file_are_kept(write):
+@pytest.mark.parametrize("size", [1, 1e-7])
+def test_normals_of_the_file_are_kept(write, size):
     g = Gltf()
     tilted = np.tile(np.array([[0.6, 0, 0.8]], "f4"), (4, 1))
-    model = load_model(write("a.gltf", g.show([g.square(NORMAL=tilted)], scale=[1, 1, 2]).text()))
+    scale = [size, size, 2 * size]
+    model = load_model(write("a.gltf", g.show([g.square(NORMAL=tilted)], scale=scale).text()))
     # The plane through it is stretched along z: the normal becomes (.6, 0, .4) before its length.
     np.testing.assert_allclose(model.normals[0, 0], np.array([0.4, 0.6, 0]) / 0.52**0.5, atol=1e-6)
 

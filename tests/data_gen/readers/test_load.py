@@ -48,7 +48,9 @@ def test_other_suffixes_are_named(write):
 
 def test_reasons_of_compressed_files(write, monkeypatch):
     monkeypatch.setattr(load, "MAX_FILE_BYTES", 10_000)
-    assert len(load_model(write("a.obj.gz", gzip.compress(OBJ.encode()))).faces) == 12
+    for texts in ((OBJ,), (CUBE, FACES)):
+        members = b"".join(gzip.compress(text.encode()) for text in texts)
+        assert len(load_model(write("a.obj.gz", members)).faces) == 12
     table = (
         (gzip.compress(OBJ.encode())[:-20], "cut off"),
         (b"abc", "gzip"),

@@ -1,4 +1,5 @@
 import os
+import unicodedata
 
 import pytest
 from helpers.obj_text import CUBE, FACES, png
@@ -25,7 +26,8 @@ def test_nothing_outside_of_the_root_is_read(write, tmp_path, name):
 def test_names_may_go_up_inside_the_root_and_need_not_be_ascii(write, tmp_path):
     write("images/x.PNG", png((1, 2, 3)))
     write("Stühle/größe.mtl", "newmtl Öl\nKd 1 0 0\nmap_Kd ../images/X.png\n")
-    write("Stühle/стул 椅子.obj", f"mtllib größe.mtl\n{CUBE}usemtl Öl\n{FACES}")
+    of_a_mac = unicodedata.normalize("NFD", "größe.mtl")
+    write("Stühle/стул 椅子.obj", f"mtllib {of_a_mac}\n{CUBE}usemtl Öl\n{FACES}")
     model = load_model("Stühle/стул 椅子.obj", FolderFiles(tmp_path))
     assert model.materials[0].texture is not None
 

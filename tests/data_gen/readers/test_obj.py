@@ -62,6 +62,8 @@ def test_what_is_not_read_is_named(write):
         (CUBE + FACES + "curv 0 1 1 2\n", "curves"),
         (f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}", "map_bump"),
         (f"mtllib red.mtl\n{painted}", "colours of faces with a texture"),
+        (f"mtllib red.mtl\n{CUBE}vt 0 0\nusemtl a\nf 1/1 2/9 3/8\n", "coordinates", 2),
+        (f"{CUBE}vn 1 0 0\nvn 1.#QNAN -1.#IND00 -nan(ind)\nf 1//1 2//2 3//2\n", "normals", 2),
     ):
         (line,) = load_model(write("a.obj", text)).warnings
         check_message(line, *words)
@@ -139,7 +141,7 @@ def test_mtl_names_and_comments(write):
         ("map_Kd -clamp on -mm 0 1 -bm 1 -s 1 1 1 x.png", RED), ("map_Ka x.png", RED),
         ("map_Kd -s 5 1 1 x.png", RED), ("map_Kd -clamp on -s 5 1 1 x.png", BLUE),
         ("map_Kd -mm 0 .5 x.png", (0.5, 0, 0)), ("map_Kd \\\n x.png", RED),
-        ("map_Kd -colorspace sRGB x.png", RED),
+        ("map_Kd -colorspace sRGB x.png", RED), ("Kd 51 102 204", (0.2, 0.4, 0.8)),
         ("map_Kd -blendu on -texres 9 -imfchan l -boost 1 -t 0 0 0 x.png", RED),
     ],
 )  # fmt: skip

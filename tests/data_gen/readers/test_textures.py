@@ -44,6 +44,22 @@ def test_modes_of_pictures(mode):
     assert texture.dtype == np.uint8
 
 
+@pytest.mark.parametrize("order", "<>")
+def test_grey_of_16_bits(order):
+    stream = io.BytesIO()
+    Image.fromarray(np.full((2, 2), 128 << 8, f"{order}u2")).save(stream, "TIFF")
+    assert decode_texture(stream.getvalue(), Budget())[0, 0].tolist() == [127, 127, 127, 255]
+
+
+@pytest.mark.parametrize("alpha", [0, 255])
+def test_a_texture_without_alpha_of_its_own_is_opaque(write, alpha):
+    write("dark.png", png((9, 0, 0, alpha), mode="RGBA"))
+    write("m.mtl", "newmtl a\nmap_Kd dark.png\nmap_d dark.png\n")
+    model = load_model(write("a.obj", f"mtllib m.mtl\nvt 0 0\n{CUBE}usemtl a\nf 1/1 2/1 3/1\n"))
+    assert model.materials[0].texture[0, 0].tolist() == [9, 0, 0, 255]
+    assert any("alpha 0" in line for line in model.warnings) == (alpha == 0)
+
+
 def test_many_textures_share_a_budget(write, monkeypatch):
     monkeypatch.setattr(textures, "_MAX_TEXELS", 5000)
     names = [f"t{k}" for k in range(6)]

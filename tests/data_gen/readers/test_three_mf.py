@@ -12,6 +12,8 @@ TWO = (
     "<component objectid='1' p:path='/3D/b.model'/></components></object>"
 )
 
+SUPPORT = SHAPE.replace("id='1'", "id='2' type='support'")
+
 
 def test_3mf_places_and_parts_in_other_files(write):
     model = load_model(write("a.3mf", three_mf()))
@@ -34,6 +36,8 @@ def test_3mf_what_is_not_read_is_named_or_refused(write):
         (three_mf(SHAPE.replace("v3='1'", "v3='1' pid='7'")), "colours and textures"),
         (three_mf(items="<item objectid='1'/><item objectid='9'/>"), "objects", "9"),
         (three_mf(lattice), "beamlattice"),
+        (three_mf(SHAPE + SUPPORT, "<item objectid='1'/><item objectid='2'/>"), "supports", "2"),
+        (three_mf(settings="<part subtype='negative_part'/>"), "cuts", "Metadata/"),
         (three_mf(SHAPE.replace("id=", "p:meshresolution='lowres' id=")), "slices", "1"),
         (three_mf(SHAPE + "<object id='2'><booleanshape/></object>"), "booleanshape"),
     ):
