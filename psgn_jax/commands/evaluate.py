@@ -89,7 +89,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     )  # fmt: skip
     flags.bool("baselines", False, "Compare the network with simple baselines instead.")
     flags.path("report", None, "Folder for a gallery of all samples, as web pages.")
-    flags.string("compare", None, "Folder of a second run for the gallery.")
+    flags.path("compare", None, "Folder of a second run for the gallery.")
     define_process_flags(flags)
     return flags.run(_main, argv)
 

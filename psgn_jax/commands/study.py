@@ -86,8 +86,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags.string(
         "eval_data", "", "Folders of records for evaluation, also during training; default: --data."
     )
-    flags.list("measure", [], "FOLDER:SPLIT,...: measure on these splits too.")
-    flags.list("runs", [], "Folders of finished runs to measure instead, separated by commas.")
+    flags.path("measure", [], "FOLDER:SPLIT,...: measure on these splits too.", "list")
+    flags.path(
+        "runs", [], "Folders of finished runs to measure instead, separated by commas.", "list"
+    )
     return flags.run(_main, argv)
 
 

@@ -296,7 +296,7 @@ def doubts_of(splits: Mapping[str, RecordReader]) -> list[str]:
         for number, index in enumerate(chosen):
             record, sample = reader.unpacked(index), None
             if number in shown:
-                stored = reader.stored(index, ("points", "mask", "depth"))
+                stored = reader.stored(index, ("points", "mask", "depth", "occupancy"))
                 depth = stored.depth and stored.depth.depth()
                 sample = dataclasses.replace(stored, points=stored.points.points(), depth=depth)
             doubts.add(name, record, sample)
