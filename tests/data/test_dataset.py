@@ -56,6 +56,7 @@ def test_each_wrong_field_is_named(sample):
             ("points", np.zeros((0, 3), np.float32)),
             ("points", np.full((200, 3), np.inf, np.float32)),
             ("points", np.zeros((200, 3), ">f8")),
+            ("points", np.ma.masked_less(np.ones((200, 3), np.float32), 2)),
             ("occupancy", np.zeros((16, 16, 16), np.bool_)),
             ("intrinsics", np.diag([-1, 1, 1]).astype(np.float32)),
             ("extrinsics", np.eye(3, 4, dtype=np.float32) * np.float32([[-1], [1], [1]])),

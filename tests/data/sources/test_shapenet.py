@@ -1,6 +1,7 @@
 """The layouts of 3D-R2N2 and of Occupancy Networks: samples, conversion, damage."""
 
 import dataclasses
+import os
 
 import numpy as np
 import pytest
@@ -76,6 +77,7 @@ def test_conversion_of_damaged_r2n2(tmp_path, capsys):
     trees.write_r2n2(tree, names=("g", "h"))
     rendering, voxels = tree / "ShapeNetRendering" / CHAIR, tree / "ShapeNetVox32" / CHAIR
     (rendering / "a" / "rendering" / "01.png").unlink()
+    os.mkfifo(rendering / "a" / "rendering" / "01.png")
     Image.new("RGB", (137, 137)).save(rendering / "a" / "rendering" / "02.png")
     rows = {name: rendering / name / "rendering" / "rendering_metadata.txt" for name in "beg"}
     rows["b"].write_text(
@@ -89,16 +91,17 @@ def test_conversion_of_damaged_r2n2(tmp_path, capsys):
     trees.write_binvox(voxels / "d" / "model.binvox", trees.voxels(16))
     (tree / "ShapeNetRendering" / "04401089" / "x").mkdir(parents=True)
     (voxels / "f").mkdir()
+    os.mkfifo(voxels / "f" / "model.binvox")
     messages = (
         "04401089: not one of the 13",
-        "a/rendering/01.png: No such file",
+        "a/rendering/01.png: it is a named pipe",
         "a/rendering/02.png: not a readable PNG image (mode RGB, expected",
         "b/rendering/rendering_metadata.txt: row 1: '200.5 x 0 0.7 25'",
         "b/rendering/02.png: ",  # turned by 180 degrees
         "g/rendering/rendering_metadata.txt: 3 rows for 4 pictures",
         "c/model.binvox: cut off",
         "d/model.binvox: dim [16.0, 16.0, 16.0], expected 32",
-        "f/model.binvox: No such file",
+        "f/model.binvox: it is a named pipe",
     )
     error = convert_damaged("r2n2", tree, target, capsys, messages)
     assert f"{len(messages)} files, models or views were left out" in error
