@@ -180,7 +180,8 @@ def test_right_records_and_few_that_do_not_fit_give_no_word(tmp_path, caplog, ca
 
 def test_models_and_clouds_in_two_splits_are_named(tmp_path, caplog):
     one, two, three = samples(3)
-    other = dataclasses.replace(one, category="other", points=two.points[::-1])
+    again = {"category": "other", "model_id": one.model_id, "points": two.points[::-1]}
+    other = dataclasses.replace(two, **again)
     for number, (splits, *words) in enumerate((
         ({"train": [one, one], "validation": [two]},),
         ({"train": [one], "duplicate": [one]},),
