@@ -38,7 +38,7 @@ from psgn_jax.data.schema import RecordError
 from psgn_jax.system.errors import Exit
 from psgn_jax.system.files import remove_temporaries, write_atomic
 from psgn_jax.system.locks import TakenError, lock_part
-from psgn_jax.system.untrusted import one_line, parse_json, read_json
+from psgn_jax.system.untrusted import one_line, parse_json, read_json, size_of
 
 REPORT = "models.jsonl"
 JOB = "job.json"
@@ -389,6 +389,7 @@ def _is_whole(folder: pathlib.Path, done: _Done) -> bool:
 def read_report(folder: pathlib.Path) -> list[Line]:
     """The lines of `models.jsonl`; ValueError if the file is damaged."""
     try:
+        size_of(folder / REPORT)
         lines = (folder / REPORT).read_bytes().split(b"\n")
         return [_checked(parse_json(line)) for line in lines if line]
     except (OSError, ValueError) as error:
