@@ -48,6 +48,11 @@ _INTRINSICS: Mapping[str, Any] = {
         lambda k, size: np.diag([*size, 1]) @ k,
     "intrinsics of another image size: scale rows 1 and 2 as the image":
         lambda k, size: np.diag([*(size / 2 / np.maximum(abs(k[:2, 2]), 1e-6)), 1]) @ k,
+    "intrinsics in -1..1: multiply by half the width and height, and add these to cx and cy":
+        lambda k, size: np.array([[size[0] / 2, 0, size[0] / 2], [0, size[1] / 2, size[1] / 2],
+                                  [0, 0, 1]]) @ k,
+    "cx and cy counted from the image's centre: add half the width and height":
+        lambda k, size: k + np.array([[0, 0, size[0] / 2], [0, 0, size[1] / 2], [0, 0, 0]]),
     "intrinsics with cx and cy swapped: swap them":
         lambda k, size: np.column_stack([k[:, :2], k[[1, 0, 2], 2]]),
 }  # fmt: skip
@@ -108,6 +113,8 @@ def _conventions(
     for what, moved in _IMAGES.items():
         pairs = np.column_stack(moved(*pixels.T, *size))
         yield f"image, mask and depth {what}", outer, pairs, depth
+    in_camera = "points in the camera's frame: use (points - extrinsics[:, 3]) @ extrinsics[:, :3]"
+    yield in_camera, outer, *camera.project(points, inner, np.eye(3, 4))
     for what, turn in _TURNS:
         yield what, outer, *camera.project(points @ turn, inner, outer)
 
@@ -303,7 +310,10 @@ def _about_samples(seen: np.ndarray, compared: list[_Compared]) -> Iterator[str]
     if not what:  # thin objects vanish in small images
         wrong = [each for each in wrong if each.fit < _OFF]
     if len(wrong) > enough:
-        what = what or "check intrinsics, extrinsics, mask and points against docs/data.md"
+        what = what or (
+            "check intrinsics, extrinsics, mask and points against docs/data.md; points that were "
+            "scaled or moved need another camera (normalised_extrinsics)"
+        )
         yield f"{len(wrong)} {of_compared} points that do not project onto the mask: {what}"
     shown, spread, radius, *lowest = seen.T
     low = dict(zip(_UP, lowest, strict=True))
@@ -313,8 +323,9 @@ def _about_samples(seen: np.ndarray, compared: list[_Compared]) -> Iterator[str]
     up, remedy = _frame(np.array(corrected or right), stands)
     if remedy:
         yield f"frame of {len(compared)} samples: {remedy}"
-    far = (spread > 0) & ((radius < _RADII[0]) | (radius > _RADII[1]))
-    off = (spread > 0) & (abs(low[up]) > _GROUND * radius) & (not what.startswith("points"))
+    placed = (spread > 0) & (not what.startswith("points"))
+    far = placed & ((radius < _RADII[0]) | (radius > _RADII[1]))
+    off = placed & (abs(low[up]) > _GROUND * radius)
     off &= off.mean() > _SHARE  # some objects hang
     for found, text in (
         (shown == 0, "an empty mask: leave them out"),
@@ -367,6 +378,11 @@ def _level(extrinsics: np.ndarray) -> np.ndarray:
 def _frame(cameras: np.ndarray, stands: Mapping[str, float]) -> tuple[str, str]:
     """The axis that is up, and what is wrong with the frame, "" = nothing."""
     lies = stands["+z"] < 0.5 <= max(stands.values())
+    if len(cameras) and np.allclose(cameras, np.eye(3, 4)):
+        return "+z", (
+            "points in the camera's frame, extrinsics are the identity: turn both into a frame "
+            "whose +z is up"
+        )
     if not len(cameras) or ((~_level(cameras)).mean() <= _SHARE and not lies):
         return "+z", ""
 

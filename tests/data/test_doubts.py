@@ -30,7 +30,7 @@ def samples(count=6):
 def moved(sample, down, right):
     """The image is moved, and its camera."""
     shifted = of(lambda plane: np.roll(plane, (down, right), (0, 1)), *IMAGES)(sample)
-    return inner(lambda k: k + np.array([[0, 0, right], [0, 0, down], [0, 0, 0]]))(shifted)
+    return inner(lambda k: k + centre(right, down))(shifted)
 
 
 def of(change, *fields):
@@ -56,6 +56,10 @@ def framed(turn):
     """Points and camera in another frame."""
     camera_of = outer(lambda e: e @ np.vstack([np.pad(turn.T, ((0, 0), (0, 1))), [0, 0, 0, 1]]))
     return lambda sample: camera_of(of(lambda p: p @ turn.T, "points")(sample))
+
+
+def centre(right, down):
+    return np.array([[0, 0, right], [0, 0, down], [0, 0, 0]])
 
 
 def with_volume(sample, change=np.asarray):
@@ -112,6 +116,10 @@ CONVENTIONS = [
     (inner(lambda k: np.diag([1 / 128, 1 / 96, 1]) @ k), "0..1", "width", "height"),
     (lambda s: inner(lambda k: np.diag([2, 2, 1]) @ k)(moved(s, -4, -9)), "another image size"),
     (inner(lambda k: k[[1, 0, 2]][:, [1, 0, 2]]), "cx and cy"),
+    (inner(lambda k: np.diag([1 / 64, 1 / 48, 1]) @ (k - centre(64, 48))), "-1..1", "cx and cy"),
+    (inner(lambda k: k - centre(64, 48)), "centre", "add half the width"),
+    (lambda s: dataclasses.replace(s, points=camera.to_camera(s.points, s.extrinsics)),
+     "points in the camera's frame", "@ extrinsics[:, :3]"),
     (of(lambda plane: plane[:, ::-1], *IMAGES), "left to right", "flip"),
     (of(lambda plane: plane[::-1], *IMAGES), "upside down", "flip"),
     (of(lambda plane: plane[::-1, ::-1], *IMAGES), "180 degrees"),
