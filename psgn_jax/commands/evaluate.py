@@ -71,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn evaluate", __doc__)
     define_network_flags(flags)
     flags.string("split", None, "Split; default: data.eval_split of the run.")
-    flags.string("data", None, "Folder of records in place of those of the run.")
+    flags.path("data", None, "Folder of records in place of those of the run.")
     flags.path(
         "out", None, "Folder for the tables; default: a folder in the workdir, or for weights in "
         "the current folder.",

@@ -117,7 +117,7 @@ class Flags:
         for flag in (self.values[name] for name in self._paths):
             if isinstance(flag.value, list):
                 flag.value = [local_path(path, f"--{flag.name}") for path in flag.value]
-            elif flag.value:
+            elif flag.value or flag.present:  # --workdir=$RUN without this variable is a mistake
                 flag.value = local_path(flag.value, f"--{flag.name}")
         _, _, *needed = self._usage.split()
         for flag in re.findall(r"--(\w+)=", self._usage):

@@ -6,7 +6,7 @@ import stat
 
 import pytest
 from helpers.disk import without_room
-from helpers.refusals import all_refused, refused
+from helpers.refusals import all_refused, check_message, refused
 
 from psgn_jax.config.command_line import Flags
 from psgn_jax.config.experiment import LossConfig
@@ -49,6 +49,8 @@ def test_the_home_of_a_user_is_found_in_every_path(tmp_path, monkeypatch, capsys
     (tmp_path / "c.py").write_text(
         "import ml_collections\ndef get_config():\n    return ml_collections.ConfigDict()\n"
     )
+    assert flags.run(print, ["--out="]) == 2
+    check_message(capsys.readouterr().err, "--out=", "empty")
     given = ["--out=~/x", "--runs=~/a,b", "--config=~/c.py"]
 
     def shown(flags):
