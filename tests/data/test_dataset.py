@@ -16,6 +16,7 @@ from psgn_jax.data.codec import decode, decode_stored, encode
 from psgn_jax.data.dataset import RecordReader, ShardWriter, shard_name, write_dataset
 from psgn_jax.data.manifest import MANIFEST, load_manifest
 from psgn_jax.data.schema import RecordError
+from psgn_jax.system.locks import TakenError, lock_part
 
 
 def test_round_trip_of_every_field(sample):
@@ -250,6 +251,8 @@ def test_failed_writing_leaves_nothing_and_a_data_set_is_not_overwritten(tmp_pat
     with refused(RecordError, "train-00007.arrayrecord"):
         write_dataset(folder, **good)
     (folder / "train-00007.arrayrecord").unlink()
+    with lock_part(folder / ".work", (0, 1)), refused(TakenError, folder):
+        write_dataset(folder, **good)
     write_dataset(folder, **good)
     assert {path.name for path in folder.iterdir()} == {"train-00000.arrayrecord", MANIFEST}
 
