@@ -157,9 +157,11 @@ class _Silhouette:
     def width(self, pixels: np.ndarray) -> float:
         """How wide the points are, in widths of the mask; 1 if they exceed only one side of it."""
         left, right = (end[0] for end in self._box)
-        more = np.array([left - pixels[:, 0].min(), pixels[:, 0].max() - right]) / (right - left)
-        same = not self._cut and len(pixels) >= _POINTS and more.prod() > 0
-        return float(1 + more.sum()) if same else 1.0
+        more = np.array([left - pixels[:, 0].min(), pixels[:, 0].max() - right])
+        # A pixel at each edge belongs to the object or not.
+        clearly = (abs(more) > 1).all() and more.prod() > 0
+        same = clearly and not self._cut and len(pixels) >= _POINTS
+        return float(1 + more.sum() / (right - left)) if same else 1.0
 
     def wrong_depth(self, depth_map: np.ndarray, pixels: np.ndarray, depth: np.ndarray) -> str:
         """What is wrong with a depth map, "" = nothing."""
@@ -337,11 +339,13 @@ def _about_samples(seen: np.ndarray, compared: list[_Compared]) -> Iterator[str]
     ):  # fmt: skip
         if found.any():
             yield f"{found.sum()} of {len(seen)} samples have {text}"
-    widths = [each.width for each in compared if not 1 / _RATIO < each.width < _RATIO]
+    widths = [each.width for each in compared if each.fit >= _OFF]
+    width = float(np.median(widths or 1))
+    widths = [] if 1 / _RATIO < width < _RATIO else widths
     depths = [each.depth for each in compared if each.depth]
     outside = [each for each in compared if not each.inside]
     for some, text in (
-        (widths, f"points {np.median(widths or 1):.3g} times as wide as the mask: check the focal "
+        (widths, f"points {width:.3g} times as wide as the mask: check the focal "
          "length (a field of view is that of the width or of the height), the scale of the points, "
          "and the mask"),
         (depths, max(depths, key=depths.count, default="")),
