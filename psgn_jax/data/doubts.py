@@ -214,9 +214,8 @@ def _compared(sample: Any, *, try_others: bool) -> _Compared:
         pixels, z = camera.project(more, inner, outer)
         width = silhouette.width(pixels[z > 0])
         if fit >= FLAG_BELOW and sample.depth is not None:
-            depth = _misplaced(sample.depth, mask) or silhouette.wrong_depth(
-                sample.depth, pixels, z
-            )
+            depth = _misplaced(sample.depth, mask)
+            depth = depth or silhouette.wrong_depth(sample.depth, pixels, z)
     if fit < FLAG_BELOW and try_others:
         for what, extrinsics, *moved in _conventions(some, inner, outer, mask.shape):
             found = silhouette.fit(*moved), extrinsics
@@ -229,15 +228,14 @@ def _compared(sample: Any, *, try_others: bool) -> _Compared:
 
 def _misplaced(depth: np.ndarray, mask: np.ndarray) -> str:
     """What is wrong if a depth map has depths outside of the mask, "" = nothing."""
-
-    def outside(depth: np.ndarray) -> bool:
-        return bool(np.count_nonzero(depth[~mask]) > _SHARE * mask.sum())
-
-    turned = {"upside down": depth[::-1], "mirrored left to right": depth[:, ::-1]}
-    found = [
-        f"depth {what}, unlike the mask: flip it" for what in turned if not outside(turned[what])
-    ]
-    return [*found, "depth outside of the mask: set it to 0 there"][0] if outside(depth) else ""
+    for what, turned in (
+        ("", depth),
+        ("depth upside down, unlike the mask: flip its rows", depth[::-1]),
+        ("depth mirrored left to right, unlike the mask: flip its columns", depth[:, ::-1]),
+    ):
+        if np.count_nonzero(turned[~mask]) <= _SHARE * mask.sum():
+            return what
+    return "depth outside of the mask: set it to 0 there"
 
 
 def _share_inside(volume: np.ndarray, points: np.ndarray) -> float:
