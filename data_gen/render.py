@@ -57,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags(usage, __doc__, lambda: "\n".join(_details()))
     flags.config(settings.Settings(), path_of, str(_DEFAULT))
     flags.enum("catalogue", None, sorted(catalogues.CATALOGUES), "Kind of the source of models.")
-    flags.string("source", None, "Source of the models: a folder, a file, or numbers of models.")
+    flags.path("source", None, "Source of the models: a folder, a file, or numbers of models.")
     flags.path("out", None, "Folder of the data set.")
     flags.string("shard", "0/1", "i/n: the i-th of n parts, i from 0, for job arrays.")
     flags.integer("limit", 0, "Number of chosen models, from the first; 0 = all.", lower_bound=0)

@@ -97,7 +97,7 @@ def parse_options(name: str, pairs: Sequence[str]) -> dict[str, Any]:
         kind = typing.get_args(hint)[0] if several else hint
         parts = [part for part in text.split(",") if part or text] if several else [text]
         try:
-            values = [kind(part) for part in parts]
+            values = [kind(os.path.expanduser(part)) for part in parts]
         except ValueError:
             what = f"{kind.__name__} values with commas between them" if several else kind.__name__
             raise ValueError(f"option={pair}: expected {what}") from None

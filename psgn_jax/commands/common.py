@@ -26,7 +26,7 @@ from psgn_jax.system.untrusted import message_line, refuse_special_files
 def define_network_flags(flags: Flags) -> None:
     """The flags of a network, for `network_of`."""
     flags.path("workdir", None, "Folder of a run, instead of weights.")
-    flags.string("weights", None, "Name or file of weights; default: the package's.")
+    flags.path("weights", None, "Name or file of weights; default: the package's.")
     flags.enum("checkpoint", "best", ["best", "last"], "Checkpoint of the run.")
 
 

@@ -13,8 +13,8 @@
 Files, models and views that cannot be read are reported and left out, and so are samples without an
 object (an empty mask or volume, all points in one place). The exit code is then 1. The same command
 continues a stopped conversion. It converts a shard again if something was left out of it, or if its
-files have changed, and does not change a complete conversion. If the disk is full, the exit code is
-5.
+files have changed, and does not change a complete conversion. A DST with models that SRC lacks is
+refused. If the disk is full, the exit code is 5.
 """
 
 import sys

@@ -71,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn evaluate", __doc__)
     define_network_flags(flags)
     flags.string("split", None, "Split; default: data.eval_split of the run.")
-    flags.string("data", None, "Folder of records in place of those of the run.")
+    flags.path("data", None, "Folder of records in place of those of the run.")
     flags.path(
         "out", None, "Folder for the tables; default: a folder in the workdir, or for weights in "
         "the current folder.",
@@ -89,7 +89,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     )  # fmt: skip
     flags.bool("baselines", False, "Compare the network with simple baselines instead.")
     flags.path("report", None, "Folder for a gallery of all samples, as web pages.")
-    flags.string("compare", None, "Folder of a second run for the gallery.")
+    flags.path("compare", None, "Folder of a second run for the gallery.")
     define_process_flags(flags)
     return flags.run(_main, argv)
 

@@ -59,11 +59,11 @@ def _score(folder: pathlib.Path, values: Any) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn human [ARGUMENT...]", __doc__)
-    flags.string("data", "", "Folder of records; with `score`: only if it was moved.")
+    flags.path("data", "", "Folder of records; with `score`: only if it was moved.")
     flags.path("out", "", "Folder for the page; with `score`: for tables and figure.")
     flags.string("split", "validation", "Split of the records.")
     flags.integer("cases", 16, "Number of cases, evenly spaced over the split.")
-    flags.string("answers", "", "File saved by the page; default: STUDY/human.json.")
+    flags.path("answers", "", "File saved by the page; default: STUDY/human.json.")
     flags.multi_string("workdir", [], "Folder of a run to compare with; repeatable.")
     flags.multi_string("weights", [], "Name or file of weights; repeatable.")
     flags.enum("checkpoint", "best", ["best", "last"], "Checkpoint of the runs.")

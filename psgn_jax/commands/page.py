@@ -26,7 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     define_network_flags(flags)
     flags.path("out", "page", "Folder for the page.")
     flags.enum("weights_as", "float16", list(ONNX_NAMES), "Type of the page's weights.")
-    flags.string("runtime", "", "Folder or .tgz with onnxruntime-web; default: from npm.")
+    flags.path("runtime", "", "Folder or .tgz with onnxruntime-web; default: from npm.")
     flags.bool("serve", False, "Serve the page to this machine, until Ctrl-C.")
     flags.integer("port", 0, "Port of --serve; 0 = a free one.")
     return flags.run(_main, argv)

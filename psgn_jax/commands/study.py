@@ -75,18 +75,20 @@ _OPTIONS = ("seeds", "steps", "only", "eval_data", "measure")
 def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn study NAME", __doc__)
     flags.path("workdir", None, "Folder of the runs and the results; default: runs/NAME.")
-    flags.string(
+    flags.path(
         "data", None, "Folder of records; default: records/authors if it exists, or the default "
         "data set; ambiguity and comparison render their own.",
     )  # fmt: skip
     flags.integer("seeds", 1, "Runs of each configuration.", lower_bound=1)
     flags.integer("steps", 0, "Steps of a training; 0 = default.", lower_bound=0)
     flags.string("only", "", "CONFIG:SEED: train only this run, and measure nothing.")
-    flags.string(
+    flags.path(
         "eval_data", "", "Folders of records for evaluation, also during training; default: --data."
     )
-    flags.list("measure", [], "FOLDER:SPLIT,...: measure on these splits too.")
-    flags.list("runs", [], "Folders of finished runs to measure instead, separated by commas.")
+    flags.path("measure", [], "FOLDER:SPLIT,...: measure on these splits too.", "list")
+    flags.path(
+        "runs", [], "Folders of finished runs to measure instead, separated by commas.", "list"
+    )
     return flags.run(_main, argv)
 
 

@@ -55,10 +55,10 @@ class Flags:
     def __getattr__(self, kind: str) -> Any:
         return functools.partial(getattr(absl_flags, f"DEFINE_{kind}"), flag_values=self.values)
 
-    def path(self, name: str, default: str | None, text: str) -> None:
-        """Defines a flag for a file or folder on this machine; each output has such a flag."""
+    def path(self, name: str, default: Any, text: str, kind: str = "string") -> None:
+        """Defines a flag for a file or folder on this machine, or of `kind` "list" for several."""
         self._paths.append(name)
-        self.string(name, default, text)
+        getattr(self, kind)(name, default, text)
 
     def config(self, defaults: Any, path_of: Callable[[str], str] = str, file: str = "") -> None:
         """Defines `--config=FILE` (default: `file`) and `--config.FIELD=VALUE`.
@@ -66,7 +66,7 @@ class Flags:
         `defaults` is a dataclass with all fields. `path_of` maps the value of `--config` to a path.
         """
         self._config = defaults, path_of
-        self.string("config", file, "A configuration; --config.FIELD=VALUE changes a field of it.")
+        self.path("config", file, "A configuration; --config.FIELD=VALUE changes a field of it.")
 
     def given(self, *names: str) -> list[str]:
         """The flags among `names` that are on the command line, as `--name`."""
@@ -114,7 +114,10 @@ class Flags:
         except (absl_flags.Error, TypeError, ValueError) as error:
             raise ConfigError(str(error)) from error
         for flag in (self.values[name] for name in self._paths):
-            flag.value = flag.value and local_path(flag.value, f"--{flag.name}")
+            if isinstance(flag.value, list):
+                flag.value = [local_path(path, f"--{flag.name}") for path in flag.value]
+            elif flag.value or flag.present:  # --workdir=$RUN without this variable is a mistake
+                flag.value = local_path(flag.value, f"--{flag.name}")
         _, _, *needed = self._usage.split()
         for flag in re.findall(r"--(\w+)=", self._usage):
             if not self.values[flag].value:

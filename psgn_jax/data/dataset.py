@@ -40,6 +40,7 @@ from psgn_jax.data.manifest import (
 from psgn_jax.data.schema import RecordError, Sample
 from psgn_jax.system.errors import native_error
 from psgn_jax.system.files import file_crc32, install, local_path, remove_temporaries, temporary_for
+from psgn_jax.system.locks import lock_part
 from psgn_jax.system.untrusted import brief, kind_of, one_line
 
 T = TypeVar("T")
@@ -132,7 +133,8 @@ def write_dataset(
     """Writes a data set with one sample in memory at a time; `RecordError` if the folder has one.
 
     Probable mistakes are logged (`data.doubts`). A wrong argument raises ValueError before the
-    first sample is taken. If the call fails, no file remains.
+    first sample is taken, and another process that writes there `TakenError`. If the call fails,
+    no file remains.
     """
     for split in splits:
         shard_name(split, 0)  # checks the name
@@ -145,34 +147,37 @@ def write_dataset(
         raise ValueError(f"splits {list(splits)}: expected at least one, with samples in each")
     folder = pathlib.Path(local_path(folder, "folder"))
     folder.mkdir(parents=True, exist_ok=True)
-    if (folder / MANIFEST).exists():
-        raise RecordError(f"data set {str(folder)!r} exists; give another folder, or remove it")
-    if left := sorted(folder.glob("*.arrayrecord")):
-        raise RecordError(
-            f"{left[0]} belongs to no data set, perhaps to one that was not finished; give another "
-            "folder, or remove such files"
-        )
-    remove_temporaries(folder)
-    doubts, shards = Doubts(), []
-    try:
-        for split, samples in splits.items():
-            remaining, number = iter(samples), 0
-            while (first := next(remaining, None)) is not None:
-                part = itertools.islice(remaining, records_per_shard - 1)
-                with ShardWriter(folder, split, number) as writer:
-                    for sample in itertools.chain([first], part):
-                        record = writer.write(encode(sample))
-                        doubts.add(split, record, sample)
-                shards.append(writer.shard)
-                number += 1
-            if not number:
-                raise ValueError(f"split {split!r} has no samples; leave it out, or give samples")
-        manifest = Manifest(source, True, tuple(shards))
-        save_manifest(folder, manifest)
-    except BaseException:
-        for shard in shards:
-            (folder / shard.file).unlink(missing_ok=True)
-        raise
+    with lock_part(folder / ".work", (0, 1)):
+        if (folder / MANIFEST).exists():
+            raise RecordError(f"data set {str(folder)!r} exists; give another folder, or remove it")
+        if left := sorted(folder.glob("*.arrayrecord")):
+            raise RecordError(
+                f"{left[0]} belongs to no data set, perhaps to one that was not finished; give "
+                "another folder, or remove such files"
+            )
+        remove_temporaries(folder)
+        doubts, shards = Doubts(), []
+        try:
+            for split, samples in splits.items():
+                remaining, number = iter(samples), 0
+                while (first := next(remaining, None)) is not None:
+                    part = itertools.islice(remaining, records_per_shard - 1)
+                    with ShardWriter(folder, split, number) as writer:
+                        for sample in itertools.chain([first], part):
+                            record = writer.write(encode(sample))
+                            doubts.add(split, record, sample)
+                    shards.append(writer.shard)
+                    number += 1
+                if not number:
+                    raise ValueError(
+                        f"split {split!r} has no samples; leave it out, or give samples"
+                    )
+            manifest = Manifest(source, True, tuple(shards))
+            save_manifest(folder, manifest)
+        except BaseException:
+            for shard in shards:
+                (folder / shard.file).unlink(missing_ok=True)
+            raise
     for line in doubts.lines():
         logging.warning("data set %s: %s", folder, one_line(line))
     return manifest
@@ -282,7 +287,7 @@ def doubts_of(splits: Mapping[str, RecordReader]) -> list[str]:
         for number, index in enumerate(chosen):
             record, sample = reader.unpacked(index), None
             if number in shown:
-                stored = reader.stored(index, ("points", "mask", "depth"))
+                stored = reader.stored(index, ("points", "mask", "depth", "occupancy"))
                 depth = stored.depth and stored.depth.depth()
                 sample = dataclasses.replace(stored, points=stored.points.points(), depth=depth)
             doubts.add(name, record, sample)

@@ -2,14 +2,17 @@
 
 **Camera.** The *fit* of a sample is the smaller of two fractions: of the points that project near
 the mask, and of the mask that is near a projected point. Near is 5 % of the longer side of the
-mask's box. If more than `_SHARE` of the samples have a fit below `FLAG_BELOW`, we try the usual
-other conventions and name the one that fits. If none does, as many must be below `_OFF`. (Of the
-authors' 1,759 samples, .2 % are below both: their images show a part of the object.)
+mask's box. If the mask reaches the border, points that project outside of the image do not count.
+If more than `_SHARE` of the samples have a fit below `FLAG_BELOW`, we try the usual other
+conventions and name the one that fits. If none does, as many must be below `_OFF`. (Of the authors'
+1,759 samples, .2 % are below both: their images show a part of the object.) Among the samples that
+fit, the points must be as wide in the image as the mask.
 
 **Frame.** Points and cameras can agree in a frame with another axis up, or in the object's own.
-In the image of a level camera, the right is a horizontal axis of the frame. It must be +y.
+The right of the image has a horizontal part in the frame. Its direction must be +y.
 
-**Depth.** In most places, the foremost point must have the depth of the map.
+**Depth and volume.** In most places, the foremost point must have the depth of the map. The points
+must be in occupied cells of the volume or beside them.
 """
 
 import itertools
@@ -22,7 +25,7 @@ from scipy import ndimage
 
 from psgn_jax.data import camera
 from psgn_jax.data.manifest import DUPLICATES
-from psgn_jax.data.schema import SMALLEST_EXTENT
+from psgn_jax.data.schema import OCCUPANCY_SIZE, SMALLEST_EXTENT
 
 # Accepted radii, and the accepted height of the lowest point as a share of the radius.
 _RADII, _GROUND = (0.5, 2.0), 0.1
@@ -33,8 +36,8 @@ _NEAR = 2.5  # cells
 # We compare the first samples with their images, then every 16th: a tenth of the time to encode.
 _CLOSELY, _EVERY = 128, 16
 _TRIED, _POINTS = 16, 1000  # samples for which we try other conventions, and points of each
-_ROLL = float(np.sin(np.deg2rad(20)))  # accepted, of a camera
-_RATIO, _FEWEST = 1.1, 20  # accepted ratio of depths, and how many are compared at least
+_TURN = float(np.sin(np.deg2rad(20)))  # accepted between the image's right and +y
+_RATIO, _FEWEST = 1.1, 20  # accepted ratio of depths or widths; fewest depths to compare
 
 # What a sample may have in place of the schema, with the remedy -> the right values, of what it
 # has: intrinsics K and image size (width, height), rotation R and last column t, signs of the
@@ -45,6 +48,11 @@ _INTRINSICS: Mapping[str, Any] = {
         lambda k, size: np.diag([*size, 1]) @ k,
     "intrinsics of another image size: scale rows 1 and 2 as the image":
         lambda k, size: np.diag([*(size / 2 / np.maximum(abs(k[:2, 2]), 1e-6)), 1]) @ k,
+    "intrinsics in -1..1: multiply by half the width and height, and add these to cx and cy":
+        lambda k, size: np.array([[size[0] / 2, 0, size[0] / 2], [0, size[1] / 2, size[1] / 2],
+                                  [0, 0, 1]]) @ k,
+    "cx and cy counted from the image's centre: add half the width and height":
+        lambda k, size: k + np.array([[0, 0, size[0] / 2], [0, 0, size[1] / 2], [0, 0, 0]]),
     "intrinsics with cx and cy swapped: swap them":
         lambda k, size: np.column_stack([k[:, :2], k[[1, 0, 2], 2]]),
 }  # fmt: skip
@@ -76,6 +84,10 @@ _UP = {
     "-x": ([2, 1, 0], [1, 1, -1]),
     "-z": ([0, 1, 2], [1, -1, -1]),
 }
+_NORMAL = (
+    "use normal_form and normalised_extrinsics of psgn_jax.data.framing for points and extrinsics, "
+    "and divide depth"
+)
 _ABOUT_Z = "points turned about z against the camera: turn them by the azimuth of the view"
 _TURNS = [
     (f"points with other axes: use points[:, {columns}] * {signs}", np.eye(3)[:, columns] * signs)
@@ -101,6 +113,8 @@ def _conventions(
     for what, moved in _IMAGES.items():
         pairs = np.column_stack(moved(*pixels.T, *size))
         yield f"image, mask and depth {what}", outer, pairs, depth
+    in_camera = "points in the camera's frame: use (points - extrinsics[:, 3]) @ extrinsics[:, :3]"
+    yield in_camera, outer, *camera.project(points, inner, np.eye(3, 4))
     for what, turn in _TURNS:
         yield what, outer, *camera.project(points @ turn, inner, outer)
 
@@ -112,7 +126,9 @@ class _Silhouette:
         step = max(1, max(mask.shape) // 512)  # bounds memory and time for large images
         shown = np.argwhere(mask[::step, ::step])[:, ::-1] * step
         shown = shown if len(shown) else np.argwhere(mask)[:, ::-1]
-        low, high = shown.min(axis=0), shown.max(axis=0) + step
+        low, high = self._box = shown.min(axis=0), shown.max(axis=0) + step
+        self._size = np.array(mask.shape[::-1])
+        self._cut = bool((low <= 0).any() or (high >= self._size).any())
         self._cell = max(float(step), (high - low).max() / _GRID)
         self._low = low - _MARGIN * self._cell
         self._mask = np.zeros((_GRID + 2 * _MARGIN,) * 2, np.bool_)
@@ -130,11 +146,22 @@ class _Silhouette:
         shown, cells = self._cells(pixels, depth)
         if not shown.any():
             return 0.0
-        inside = (self._distance[cells] <= _NEAR).sum() / len(shown)
+        seen = (depth > 0) & ((pixels >= 0) & (pixels < self._size)).all(axis=1)
+        near = self._distance[cells] <= _NEAR
+        inside = (near & seen[shown]).sum() / seen.sum() if self._cut else near.sum() / len(shown)
         empty = np.ones_like(self._mask)
         empty[cells] = False
         covered = ndimage.distance_transform_edt(empty)[self._mask] <= self._gap
         return float(min(inside, covered.mean()))
+
+    def width(self, pixels: np.ndarray) -> float:
+        """How wide the points are, in widths of the mask; 1 if they exceed only one side of it."""
+        left, right = (end[0] for end in self._box)
+        more = np.array([left - pixels[:, 0].min(), pixels[:, 0].max() - right])
+        # A pixel at each edge belongs to the object or not.
+        clearly = (abs(more) > 1).all() and more.prod() > 0
+        same = clearly and not self._cut and len(pixels) >= _POINTS
+        return float(1 + more.sum() / (right - left)) if same else 1.0
 
     def wrong_depth(self, depth_map: np.ndarray, pixels: np.ndarray, depth: np.ndarray) -> str:
         """What is wrong with a depth map, "" = nothing."""
@@ -164,7 +191,9 @@ class _Compared(NamedTuple):
 
     fit: float
     extrinsics: np.ndarray
+    width: float  # of the points, in widths of the mask
     depth: str  # what is wrong with the depth
+    inside: bool  # whether the points are in the volume
     others: Mapping[str, tuple[float, np.ndarray]]  # convention -> fit and extrinsics
 
 
@@ -179,19 +208,41 @@ def _compared(sample: Any, *, try_others: bool) -> _Compared:
     points, mask, inner, outer = sample.points, sample.mask, sample.intrinsics, sample.extrinsics
     some, more = (points[:: max(1, len(points) // count)] for count in (_POINTS, 4 * _POINTS))
     silhouette, projected = _Silhouette(mask, len(some)), camera.project(some, inner, outer)
-    fit, depth = silhouette.fit(*projected), ""
+    fit, width, depth = silhouette.fit(*projected), 1.0, ""
     others: dict[str, tuple[float, np.ndarray]] = {}
-    if fit >= FLAG_BELOW and sample.depth is not None:
-        depth = "depth outside of the mask: set it to 0 there"
-        if np.count_nonzero(sample.depth[~mask]) <= _SHARE * mask.sum():
-            depth = silhouette.wrong_depth(sample.depth, *camera.project(more, inner, outer))
-    elif fit < FLAG_BELOW and try_others:
+    if fit >= _OFF:
+        pixels, z = camera.project(more, inner, outer)
+        width = silhouette.width(pixels[z > 0])
+        if fit >= FLAG_BELOW and sample.depth is not None:
+            depth = _misplaced(sample.depth, mask)
+            depth = depth or silhouette.wrong_depth(sample.depth, pixels, z)
+    if fit < FLAG_BELOW and try_others:
         for what, extrinsics, *moved in _conventions(some, inner, outer, mask.shape):
             found = silhouette.fit(*moved), extrinsics
             others[what] = max(found, others.get(what, found), key=lambda pair: pair[0])
         inverse = _Silhouette(mask if mask.all() else ~mask, len(some))
         others["a mask of the background: invert it"] = inverse.fit(*projected), outer
-    return _Compared(fit, outer, depth, others)
+    inside = sample.occupancy is None or _share_inside(sample.occupancy, some) >= FLAG_BELOW
+    return _Compared(fit, outer, width, depth, inside, others)
+
+
+def _misplaced(depth: np.ndarray, mask: np.ndarray) -> str:
+    """What is wrong if a depth map has depths outside of the mask, "" = nothing."""
+    for what, turned in (
+        ("", depth),
+        ("depth upside down, unlike the mask: flip its rows", depth[::-1]),
+        ("depth mirrored left to right, unlike the mask: flip its columns", depth[:, ::-1]),
+    ):
+        if np.count_nonzero(turned[~mask]) <= _SHARE * mask.sum():
+            return what
+    return "depth outside of the mask: set it to 0 there"
+
+
+def _share_inside(volume: np.ndarray, points: np.ndarray) -> float:
+    """The share of points [n, 3] that are in an occupied cell or beside one."""
+    near = ndimage.binary_dilation(np.pad(volume, 2), np.ones((3, 3, 3)))
+    cells = np.floor(np.add(points, [1, 1, 0]) * (OCCUPANCY_SIZE / 2)) + 2
+    return float(near[tuple(np.clip(cells, 0, OCCUPANCY_SIZE + 3).astype(int).T)].mean())
 
 
 class Doubts:
@@ -259,30 +310,48 @@ def _about_samples(seen: np.ndarray, compared: list[_Compared]) -> Iterator[str]
     if not what:  # thin objects vanish in small images
         wrong = [each for each in wrong if each.fit < _OFF]
     if len(wrong) > enough:
-        what = what or "check intrinsics, extrinsics, mask and points against docs/data.md"
+        what = what or (
+            "check intrinsics, extrinsics, mask and points against docs/data.md; points that were "
+            "scaled or moved need another camera (normalised_extrinsics)"
+        )
         yield f"{len(wrong)} {of_compared} points that do not project onto the mask: {what}"
     shown, spread, radius, *lowest = seen.T
     low = dict(zip(_UP, lowest, strict=True))
     stands = {up: (abs(low[up]) <= _GROUND * radius).mean() for up in _UP}
+    if what.startswith(("points", "check")):  # they say nothing about the frame of the cameras
+        stands = dict.fromkeys(_UP, 0.0)
     up, remedy = _frame(np.array(corrected or right), stands)
     if remedy:
         yield f"frame of {len(compared)} samples: {remedy}"
-    far = (spread > 0) & ((radius < _RADII[0]) | (radius > _RADII[1]))
-    off = (spread > 0) & (abs(low[up]) > _GROUND * radius) & (not what.startswith("points"))
+    placed = (spread > 0) & (not what.startswith("points"))
+    far = placed & ((radius < _RADII[0]) | (radius > _RADII[1]))
+    off = placed & (abs(low[up]) > _GROUND * radius)
+    off &= off.mean() > _SHARE  # some objects hang
     for found, text in (
         (shown == 0, "an empty mask: leave them out"),
         (spread == 0, "all points in one place: leave them out"),
-        (far, f"their farthest point {_range(radius[far])} from the origin, expected about 1: "
-         "divide points, depth and the translation of extrinsics by the radius of the bounding "
-         "hemisphere"),
-        (off, f"their lowest point at z = {_range(low[up][off])}, expected 0: move the origin of "
-         "points and extrinsics onto the ground below the object"),
+        (far, f"their farthest point {_range(radius[far])} from the origin, expected about 1, the "
+         f"radius of the bounding hemisphere: {_NORMAL}"),
+        (off, f"their lowest point at z = {_range(low[up][off])}, expected 0, the ground below the "
+         f"origin: {_NORMAL}"),
     ):  # fmt: skip
         if found.any():
             yield f"{found.sum()} of {len(seen)} samples have {text}"
+    widths = [each.width for each in compared if each.fit >= _OFF]
+    width = float(np.median(widths or 1))
+    widths = [] if 1 / _RATIO < width < _RATIO else widths
     depths = [each.depth for each in compared if each.depth]
-    if len(depths) > enough:
-        yield f"{len(depths)} {of_compared} {max(depths, key=depths.count)}"
+    outside = [each for each in compared if not each.inside]
+    for some, text in (
+        (widths, f"points {width:.3g} times as wide as the mask: check the focal "
+         "length (a field of view is that of the width or of the height), the scale of the points, "
+         "and the mask"),
+        (depths, max(depths, key=depths.count, default="")),
+        (outside, "a volume that does not contain the points: index occupancy [x, y, z], over "
+         "[-1, 1] x [-1, 1] x [0, 2]"),
+    ):  # fmt: skip
+        if len(some) > enough and not what:  # else they may follow from what was named
+            yield f"{len(some)} {of_compared} {text}"
 
 
 def _best(wrong: list[_Compared]) -> tuple[str, list[np.ndarray]]:
@@ -304,18 +373,25 @@ def _best(wrong: list[_Compared]) -> tuple[str, list[np.ndarray]]:
 
 def _level(extrinsics: np.ndarray) -> np.ndarray:
     """Whether +z is up in the image and +y is to its right, of extrinsics [..., 3, 4]."""
-    return (extrinsics[..., 0, 1] > 1 - _ROLL**2) & (extrinsics[..., 1, 2] < _ROLL)
+    right = np.linalg.norm(extrinsics[..., 0, :2], axis=-1).clip(_TURN)
+    return (extrinsics[..., 0, 1] > (1 - _TURN**2) * right) & (extrinsics[..., 1, 2] < _TURN)
 
 
 def _frame(cameras: np.ndarray, stands: Mapping[str, float]) -> tuple[str, str]:
     """The axis that is up, and what is wrong with the frame, "" = nothing."""
-    if not len(cameras) or (~_level(cameras)).mean() <= _SHARE:
+    lies = stands["+z"] < 0.5 <= max(stands.values())
+    if len(cameras) and np.allclose(cameras, np.eye(3, 4)):
+        return "+z", (
+            "points in the camera's frame, extrinsics are the identity: turn both into a frame "
+            "whose +z is up"
+        )
+    if not len(cameras) or ((~_level(cameras)).mean() <= _SHARE and not lies):
         return "+z", ""
 
     def score(up: str) -> float:
         columns, signs = _UP[up]
         right, down, _ = (cameras[:, :, columns[2]] * signs[2]).T
-        level = (abs(right) < _ROLL) & (down < _ROLL)
+        level = (abs(right) < _TURN) & (down < _TURN)
         return float(level.mean() + stands[up] - 0.1 * down.mean())
 
     up, remedies = max(_UP, key=score), []

@@ -99,7 +99,8 @@ def _check_array(
     Floats must be finite.
     """
     expected = f"a numpy array {np.dtype(dtype).name} [{', '.join(str(s or 'n') for s in shape)}]"
-    if not isinstance(value, np.ndarray):
+    # A subclass may mean something else, such as a masked array's elements that do not count.
+    if type(value) not in (np.ndarray, np.memmap):
         _fail(field, type(value).__name__, expected)
     sizes = [wanted or max(size, 1) for size, wanted in zip(value.shape, shape, strict=False)]
     native = value.dtype.newbyteorder("=")

@@ -38,7 +38,7 @@ from psgn_jax.data.schema import RecordError
 from psgn_jax.system.errors import Exit
 from psgn_jax.system.files import remove_temporaries, write_atomic
 from psgn_jax.system.locks import TakenError, lock_part
-from psgn_jax.system.untrusted import one_line, parse_json, read_json
+from psgn_jax.system.untrusted import one_line, parse_json, read_json, size_of
 
 REPORT = "models.jsonl"
 JOB = "job.json"
@@ -66,7 +66,7 @@ class Tag(NamedTuple):
     version: str = ""
 
     def __str__(self) -> str:
-        return f"{self.model_id!r}, {self.category!r}, {self.split}"
+        return f"{self.model_id!r}, {self.category!r}" + (self.split and f", {self.split}")
 
 
 class Result(NamedTuple):
@@ -256,8 +256,9 @@ def is_complete(folder: pathlib.Path, job: Job) -> bool:
         statement, choice = dict(stated["job"]), dict(stated.get("choice", {}))
         # Earlier versions do not state the inputs of a complete data set.
         there = [Tag(*map(str, tag)) for tag in stated.get("inputs", [])]
+        lines = read_report(folder) if manifest.complete else []
         if manifest.complete:
-            there = list(map(tag_of, read_report(folder)))
+            there = list(map(tag_of, lines))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         why = (isinstance(error, OSError) and error.strerror) or one_line(error)
         raise OtherSettingsError(
@@ -265,7 +266,8 @@ def is_complete(folder: pathlib.Path, job: Job) -> bool:
             f"readable {JOB} and {REPORT} ({why}), made by another command or an earlier version; "
             "give another folder, or remove it"
         ) from error
-    _check_same(folder, statement, choice, there, job)
+    made = [tag_of(line) for line in lines if line["samples"]] if job.converts else there
+    _check_same(folder, statement, choice, made, job)
     kept = _kept(folder, job) if manifest.complete and there == job.tags() else {}
     return bool(kept) and all(block.digest in kept for block in job.blocks())
 
@@ -280,9 +282,13 @@ def _check_same(
             f"folder {str(folder)!r}: contains a data set made with other settings ({difference}); "
             "give another folder, or remove it"
         )
-    if not job.converts and there != job.tags():
-        lost = sorted(set(there).difference(job.tags()), key=there.index)
-        more = sorted(set(job.tags()).difference(there), key=job.tags().index)
+    # A conversion may get new and changed inputs; the samples of missing ones would be removed.
+    before, now = there, job.tags()
+    if job.converts:
+        before, now = ([Tag(tag.model_id, tag.category, "") for tag in x] for x in (before, now))
+    lost = sorted(set(before).difference(now), key=before.index)
+    if lost or (not job.converts and before != now):
+        more = sorted(set(now).difference(before), key=now.index)
         choice = _difference(choice, job.about.get("choice", {}))
         raise OtherSettingsError(
             f"folder {str(folder)!r}: contains a data set made with other models: {len(lost)} of "
@@ -378,6 +384,7 @@ def _is_whole(folder: pathlib.Path, done: _Done) -> bool:
 def read_report(folder: pathlib.Path) -> list[Line]:
     """The lines of `models.jsonl`; ValueError if the file is damaged."""
     try:
+        size_of(folder / REPORT)
         lines = (folder / REPORT).read_bytes().split(b"\n")
         return [_checked(parse_json(line)) for line in lines if line]
     except (OSError, ValueError) as error:

@@ -20,6 +20,8 @@ def check_points(points: Float[Array, "n 3"], name: str) -> Float[Array, "n 3"]:
 
     Outside `jit`, `vmap` and `grad`, where the values are known, they must be finite.
     """
+    if isinstance(points, np.ndarray):  # JAX accepts the machine's byte order only
+        points = points.astype(points.dtype.newbyteorder("="), copy=False)
     is_array = isinstance(points, jax.Array | np.ndarray)
     is_cloud = is_array and points.ndim == 2 and points.shape[1] == 3 and len(points) > 0
     if not is_cloud or not jnp.issubdtype(points.dtype, jnp.floating):
@@ -30,7 +32,8 @@ def check_points(points: Float[Array, "n 3"], name: str) -> Float[Array, "n 3"]:
         )
     if not isinstance(points, jax.core.Tracer) and getattr(points, "is_fully_addressable", True):
         dtype = jax.dtypes.canonicalize_dtype(jnp.promote_types(points.dtype, jnp.float32))
-        bad = np.flatnonzero(~np.isfinite(np.asarray(points, dtype)).all(axis=-1))
+        with np.errstate(over="ignore"):  # float64 beyond the range of float32
+            bad = np.flatnonzero(~np.isfinite(np.asarray(points, dtype)).all(axis=-1))
         if len(bad):
             raise ValueError(
                 f"{name}: point {bad[0]} of {len(points)} is {np.asarray(points[bad[0]]).tolist()},"

@@ -19,14 +19,19 @@ _NO_SYNC = {errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP}  # for folders on som
 
 
 def local_path(path: str | os.PathLike[str], name: str) -> str:
-    """A path for output on this machine, with `~` and `~user` expanded, as in `--out=~/results`.
+    """A path that a user gave, with `~` and `~user` expanded, as in `--out=~/results`.
 
-    `UserError` for an address such as gs://bucket; the message begins with `name`.
+    `UserError` for an empty path, an address such as gs://bucket and an unknown user; the message
+    begins with `name`.
     """
-    text = os.fspath(path)
+    text = os.path.expanduser(os.fspath(path))
+    if not text:
+        raise UserError(f"{name}=: the name is empty; expected a path")
     if re.match(r"[a-zA-Z][\w+.-]+:/", text):
         raise UserError(f"{name}={text}: expected a path on this machine, not an address")
-    return os.path.expanduser(text)
+    if re.match(r"~\w", text) and not os.path.lexists(text):
+        raise UserError(f"{name}={text}: there is no such user; write ./{text} for that name")
+    return text
 
 
 def check_folder(folder: str | os.PathLike[str], name: str) -> None:
@@ -37,8 +42,6 @@ def check_folder(folder: str | os.PathLike[str], name: str) -> None:
       OSError: the disk is full.
     """
     path = pathlib.Path(local_path(folder, name))
-    if not os.fspath(folder):
-        raise UserError(f"{name}=: the name is empty; expected a folder for files")
     there = next(p for p in (path, *path.parents) if os.path.lexists(p))
     try:
         with tempfile.NamedTemporaryFile(dir=there, prefix="."):

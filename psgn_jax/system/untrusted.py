@@ -154,7 +154,7 @@ def size_of(path: str | os.PathLike[str]) -> int:
     """The size of a regular file in bytes; `OSError` for anything else, such as a pipe."""
     kind = kind_of(path)
     if kind is not None:  # opening a pipe would wait for its other end
-        raise OSError(f"it is {kind}, expected a file")
+        raise OSError(errno.EINVAL, f"it is {kind}, expected a file", os.fspath(path))
     return os.stat(path).st_size
 
 

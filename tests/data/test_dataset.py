@@ -16,6 +16,7 @@ from psgn_jax.data.codec import decode, decode_stored, encode
 from psgn_jax.data.dataset import RecordReader, ShardWriter, shard_name, write_dataset
 from psgn_jax.data.manifest import MANIFEST, load_manifest
 from psgn_jax.data.schema import RecordError
+from psgn_jax.system.locks import TakenError, lock_part
 
 
 def test_round_trip_of_every_field(sample):
@@ -56,6 +57,7 @@ def test_each_wrong_field_is_named(sample):
             ("points", np.zeros((0, 3), np.float32)),
             ("points", np.full((200, 3), np.inf, np.float32)),
             ("points", np.zeros((200, 3), ">f8")),
+            ("points", np.ma.masked_less(np.ones((200, 3), np.float32), 2)),
             ("occupancy", np.zeros((16, 16, 16), np.bool_)),
             ("intrinsics", np.diag([-1, 1, 1]).astype(np.float32)),
             ("extrinsics", np.eye(3, 4, dtype=np.float32) * np.float32([[-1], [1], [1]])),
@@ -249,6 +251,8 @@ def test_failed_writing_leaves_nothing_and_a_data_set_is_not_overwritten(tmp_pat
     with refused(RecordError, "train-00007.arrayrecord"):
         write_dataset(folder, **good)
     (folder / "train-00007.arrayrecord").unlink()
+    with lock_part(folder / ".work", (0, 1)), refused(TakenError, folder):
+        write_dataset(folder, **good)
     write_dataset(folder, **good)
     assert {path.name for path in folder.iterdir()} == {"train-00000.arrayrecord", MANIFEST}
 

@@ -17,6 +17,7 @@ from psgn_jax.data.dataset import RecordReader, doubts_of, write_dataset
 GL, PYTORCH3D = np.diag([1, -1, -1, 1]), np.diag([-1, -1, 1])
 Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # z becomes y
 X_UP = np.array([[0, 0, 1.0], [1, 0, 0], [0, 1, 0]])
+X_TO_VIEWER = np.array([[0, 0, 1.0], [0, 1, 0], [-1, 0, 0]])  # level, but the objects lie
 IMAGES = ("image", "mask", "depth")
 
 
@@ -29,7 +30,7 @@ def samples(count=6):
 def moved(sample, down, right):
     """The image is moved, and its camera."""
     shifted = of(lambda plane: np.roll(plane, (down, right), (0, 1)), *IMAGES)(sample)
-    return inner(lambda k: k + np.array([[0, 0, right], [0, 0, down], [0, 0, 0]]))(shifted)
+    return inner(lambda k: k + centre(right, down))(shifted)
 
 
 def of(change, *fields):
@@ -57,6 +58,41 @@ def framed(turn):
     return lambda sample: camera_of(of(lambda p: p @ turn.T, "points")(sample))
 
 
+def centre(right, down):
+    return np.array([[0, 0, right], [0, 0, down], [0, 0, 0]])
+
+
+def with_volume(sample, change=np.asarray):
+    """The cells of the points are occupied."""
+    occupancy = np.zeros((32, 32, 32), np.bool_)
+    occupancy[tuple(np.floor(np.add(sample.points, [1, 1, 0]) * 16).astype(int).clip(0, 31).T)] = (
+        True
+    )
+    return dataclasses.replace(sample, occupancy=change(occupancy))
+
+
+def cut(sample):
+    """The image ends in the middle of the object."""
+    middle = int(np.argwhere(sample.mask)[:, 0].mean())
+    return of(lambda plane: plane[:middle], *IMAGES)(sample)
+
+
+def rolled(sample):
+    """The camera is rolled by 30 degrees."""
+    turn, (height, width) = about_z(30), sample.mask.shape
+    pixels = np.mgrid[0.5:height, 0.5:width].reshape(2, -1)[::-1].T - sample.intrinsics[:2, 2]
+    columns, rows = np.floor(pixels @ turn[:2, :2] + sample.intrinsics[:2, 2]).astype(int).T
+    index = rows.clip(0, height - 1), columns.clip(0, width - 1)
+    image = of(lambda plane: plane[index].reshape(plane.shape), *IMAGES)
+    return image(outer(lambda e: np.vstack([turn @ e[:3], e[3]]))(sample))
+
+
+def hung(sample):
+    return outer(lambda e: e + e[:, 2:3] * [0, 0, 0, -0.3])(
+        of(lambda p: p + np.array([0, 0, 0.3]), "points")(sample)
+    )
+
+
 def about_z(degrees):
     return Rotation.from_euler("z", degrees, degrees=True).as_matrix()
 
@@ -76,14 +112,22 @@ CONVENTIONS = [
     (inner(lambda k: np.diag([1 / 128, 1 / 96, 1]) @ k), "0..1", "width", "height"),
     (lambda s: inner(lambda k: np.diag([2, 2, 1]) @ k)(moved(s, -4, -9)), "another image size"),
     (inner(lambda k: k[[1, 0, 2]][:, [1, 0, 2]]), "cx and cy"),
+    (inner(lambda k: np.diag([1 / 64, 1 / 48, 1]) @ (k - centre(64, 48))), "-1..1", "cx and cy"),
+    (inner(lambda k: k - centre(64, 48)), "centre", "add half the width"),
+    (lambda s: dataclasses.replace(s, points=camera.to_camera(s.points, s.extrinsics)),
+     "points in the camera's frame", "@ extrinsics[:, :3]"),
     (of(lambda plane: plane[:, ::-1], *IMAGES), "left to right", "flip"),
     (of(lambda plane: plane[::-1], *IMAGES), "upside down", "flip"),
     (of(lambda plane: plane[::-1, ::-1], *IMAGES), "180 degrees"),
     (of(lambda plane: np.roll(plane, 50, axis=1), *IMAGES), "onto the mask", "docs/data.md"),
     (of(lambda mask: ~mask, "mask"), "mask of the background", "invert"),
+    (inner(lambda k: k * [[1.33, 1, 1], [1, 1.33, 1], [1, 1, 1]]), "1.3", "focal length"),
+    (lambda s: with_volume(s, np.transpose), "volume", "[x, y, z]"),
+    (of(lambda plane: plane[::-1], "depth"), "depth upside down", "flip"),
     (own_frame, "own frame", "about z"),
     (framed(Y_UP), "+y is up", "[:, [0, 2, 1]] * [1, -1, 1]"),
     (framed(X_UP), "+x is up", "[2, 1, 0]"),
+    (framed(X_TO_VIEWER), "+x is up", "[2, 1, 0]"),
     (of(lambda p: p @ Y_UP.T, "points"), "points", "[0, 2, 1]] * [1, -1, 1]"),
     (of(lambda d: 50 * d, "depth"), "depth", "unit", "divide"),
     (of(lambda d: np.where(d > 0, 5 / np.maximum(d, 1), 0), "depth"), "inverse depth"),
@@ -128,7 +172,10 @@ def test_faults_of_camera_and_frame_are_named_together(tmp_path, caplog):
 def test_right_records_and_few_that_do_not_fit_give_no_word(tmp_path, caplog, capsys):
     right = list(samples(40))
     gl = outer(lambda e: GL @ e)
-    assert not found(tmp_path / "right", caplog, train=[*right[:7], gl(right[7]), *right[8:]])
+    unusual = [gl(right[0]), hung(right[1]), *map(with_volume, right[2:9])]
+    assert not found(tmp_path / "right", caplog, train=[*unusual, *right[9:]])
+    for number, change in enumerate((cut, rolled)):
+        assert not found(tmp_path / str(number), caplog, train=map(change, right[:8]))
     assert inspect.main([str(tmp_path / "right"), "--samples=1"]) == 0
     found(tmp_path / "wrong", caplog, train=map(gl, right))
     assert inspect.main([str(tmp_path / "wrong"), "--samples=1"]) == 1
@@ -137,7 +184,8 @@ def test_right_records_and_few_that_do_not_fit_give_no_word(tmp_path, caplog, ca
 
 def test_models_and_clouds_in_two_splits_are_named(tmp_path, caplog):
     one, two, three = samples(3)
-    other = dataclasses.replace(one, category="other", points=two.points[::-1])
+    again = {"category": "other", "model_id": one.model_id, "points": two.points[::-1]}
+    other = dataclasses.replace(two, **again)
     for number, (splits, *words) in enumerate((
         ({"train": [one, one], "validation": [two]},),
         ({"train": [one], "duplicate": [one]},),

@@ -116,6 +116,11 @@ def test_what_is_damaged_is_refused_or_made_again(once, tmp_path):
         (out / shards.REPORT).write_bytes(text.encode("latin1"))
         with refused(ValueError, shards.REPORT):
             make(out, TEN)
+    (out / shards.REPORT).unlink()
+    os.mkfifo(out / shards.REPORT)
+    with refused(ValueError, shards.REPORT, "named pipe"):
+        make(out, TEN)
+    (out / shards.REPORT).unlink()
     (out / shards.REPORT).write_text(lines)
     for text in (DEEP, "[]", "{", '{"job": 3}'):
         (out / shards.JOB).write_text(text)

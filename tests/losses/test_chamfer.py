@@ -3,6 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import reference
+from helpers.refusals import refused
 
 from psgn_jax import losses
 from psgn_jax.losses import chamfer
@@ -92,6 +93,9 @@ def test_float64_of_numpy_needs_no_warning(rng):
     pred, gt = rng.random((20, 3)), rng.random((30, 3))
     single = losses.chamfer_sq(pred.astype(np.float32), gt.astype(np.float32))
     assert losses.chamfer_sq(pred, gt) == single
+    assert losses.chamfer_sq(pred.astype(">f4"), gt.astype(">f8")) == single
+    with refused(ValueError, "pred: point 0 of 20"):
+        losses.chamfer_sq(1e300 * pred, gt)
 
 
 @pytest.mark.parametrize("loss", [losses.chamfer_sq_mean, losses.emd_mean])

@@ -6,9 +6,10 @@ import stat
 
 import pytest
 from helpers.disk import without_room
-from helpers.refusals import all_refused, refused
+from helpers.refusals import all_refused, check_message, refused
 
 from psgn_jax.config.command_line import Flags
+from psgn_jax.config.experiment import LossConfig
 from psgn_jax.system import errors, files
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import check_folder, write_atomic
@@ -30,6 +31,7 @@ def test_folders_that_cannot_be_written(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     table = [("file", "a file"), ("file/a",), ("new/" + "a" * 300, "aaa..."), ("", "empty")]
     table += [(address, address) for address in ("gs://bucket/x", "hdfs://a/b", "https://a.b/c")]
+    table += [("~nobody-has-this-name/x", "no such user", "./~nobody")]
     table = [(folder, "--out=", *names) for folder, *names in table]
     all_refused(lambda folder: check_folder(folder, "--out"), UserError, table)
     monkeypatch.delattr(pathlib.Path, "mkdir")  # others may create a folder at the same time
@@ -38,12 +40,24 @@ def test_folders_that_cannot_be_written(tmp_path, monkeypatch):
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
 
-def test_the_home_of_a_user_is_found_in_every_output(tmp_path, monkeypatch, capsys):
+def test_the_home_of_a_user_is_found_in_every_path(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("HOME", str(tmp_path))
     flags = Flags("psgn anything", "")
     flags.path("out", "~/results", "A folder.")
-    assert flags.run(lambda flags: print(flags.values.out), ["--out=~/x"]) == 0
-    assert capsys.readouterr().out == f"{tmp_path}/x\n"
+    flags.path("runs", [], "Folders.", "list")
+    flags.config(LossConfig())
+    (tmp_path / "c.py").write_text(
+        "import ml_collections\ndef get_config():\n    return ml_collections.ConfigDict()\n"
+    )
+    assert flags.run(print, ["--out="]) == 2
+    check_message(capsys.readouterr().err, "--out=", "empty")
+    given = ["--out=~/x", "--runs=~/a,b", "--config=~/c.py"]
+
+    def shown(flags):
+        print(flags.values.out, flags.values.runs, flags.config_file)
+
+    assert flags.run(shown, given) == 0
+    assert capsys.readouterr().out == f"{tmp_path}/x ['{tmp_path}/a', 'b'] {tmp_path}/c.py\n"
     assert files.local_path("~/results", "out") == f"{tmp_path}/results"
     assert files.local_path("a~/b", "out") == "a~/b"
     assert files.local_path("~root/x", "out") == f"{os.path.expanduser('~root')}/x"

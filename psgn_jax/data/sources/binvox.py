@@ -17,6 +17,7 @@ import pathlib
 import numpy as np
 
 from psgn_jax.data.schema import OCCUPANCY_SIZE
+from psgn_jax.system.untrusted import size_of
 
 _MAX_LINE = 256
 _MAX_LINES = 16
@@ -46,6 +47,7 @@ def read(path: str | os.PathLike[str], size: int = OCCUPANCY_SIZE) -> Grid:
 
 def _read(path: pathlib.Path, dim: int) -> Grid:
     fields = {"translate": [0.0, 0.0, 0.0], "scale": [1.0]}
+    size_of(path)
     with path.open("rb") as file:
         if not file.readline(_MAX_LINE).startswith(b"#binvox"):
             raise ValueError("not a binvox file, it does not begin with #binvox")

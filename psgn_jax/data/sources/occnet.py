@@ -93,7 +93,7 @@ def open_model(
     points, loc, scale = _read_cloud(cloud_path)
     world = (points * scale + loc) @ shapenet.TO_WORLD.T
     solid = None
-    if voxel_path.is_file():
+    if voxel_path.exists():
         cells = binvox.read(voxel_path).cells
         solid = shapenet.world_grid(binvox.Grid(cells, loc - scale / 2, scale))
     origin, unit = shapenet.object_frame(world, cloud_path)

@@ -23,6 +23,7 @@ from scipy import ndimage
 
 from psgn_jax.data import camera, schema, synsets
 from psgn_jax.data.sources.binvox import Grid
+from psgn_jax.system.untrusted import size_of
 
 NUM_POINTS = 16384
 NUM_VIEWS = 24
@@ -145,8 +146,8 @@ def drawn_mask(pixels: np.ndarray, depth: np.ndarray, shape: tuple[int, ...]) ->
 
 def read_limited(path: pathlib.Path) -> bytes:
     """Reads a file; ValueError if it is larger than any file of these data sets."""
-    if path.stat().st_size > _MAX_FILE_SIZE:
-        raise ValueError(f"{path}: {path.stat().st_size} bytes, expected at most {_MAX_FILE_SIZE}")
+    if (size := size_of(path)) > _MAX_FILE_SIZE:
+        raise ValueError(f"{path}: {size} bytes, expected at most {_MAX_FILE_SIZE}")
     return path.read_bytes()
 
 

@@ -127,6 +127,11 @@ def test_another_conversion_or_a_full_disk_ends_one_that_goes_on(authors_file, t
     assert convert.main(command) == 0  # nothing left to do
     after = {p.name: (p.read_bytes(), p.stat().st_mtime_ns) for p in target.glob("*.array*")}
     assert after == before
+    (tmp_path / "less").mkdir()
+    (tmp_path / "less" / "1.gz").write_bytes(authors_file.read_bytes())
+    assert convert.main([command[0], str(tmp_path / "less"), str(target)]) == 2
+    check_message(capsys.readouterr().err.splitlines()[-1], target, authors_file.name, "another")
+    assert {p.name: (p.read_bytes(), p.stat().st_mtime_ns) for p in target.glob("*.a*")} == before
 
 
 def test_conversion_refuses_wrong_folders(dataset, tmp_path, authors_file, capsys):

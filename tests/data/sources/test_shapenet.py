@@ -1,6 +1,7 @@
 """The layouts of 3D-R2N2 and of Occupancy Networks: samples, conversion, damage."""
 
 import dataclasses
+import os
 
 import numpy as np
 import pytest
@@ -76,6 +77,7 @@ def test_conversion_of_damaged_r2n2(tmp_path, capsys):
     trees.write_r2n2(tree, names=("g", "h"))
     rendering, voxels = tree / "ShapeNetRendering" / CHAIR, tree / "ShapeNetVox32" / CHAIR
     (rendering / "a" / "rendering" / "01.png").unlink()
+    os.mkfifo(rendering / "a" / "rendering" / "01.png")
     Image.new("RGB", (137, 137)).save(rendering / "a" / "rendering" / "02.png")
     rows = {name: rendering / name / "rendering" / "rendering_metadata.txt" for name in "beg"}
     rows["b"].write_text(
@@ -89,6 +91,7 @@ def test_conversion_of_damaged_r2n2(tmp_path, capsys):
     trees.write_binvox(voxels / "d" / "model.binvox", trees.voxels(16))
     (tree / "ShapeNetRendering" / "04401089" / "x").mkdir(parents=True)
     (voxels / "f").mkdir()
+    os.mkfifo(voxels / "f" / "model.binvox")
     messages = (
         "04401089: ", "a/rendering/01.png: ", "a/rendering/02.png: ",
         "b/rendering/rendering_metadata.txt: row 1: '200.5 x 0 0.7 25'",
