@@ -1,6 +1,8 @@
 """Surfaces: closed, near the cloud, with the photo's outline and colours, read by others."""
 
 import json
+import subprocess
+import tarfile
 
 import numpy as np
 import pytest
@@ -170,3 +172,41 @@ def test_surfaces_are_as_near_to_the_true_points_as_clouds(model, authors_batche
     (cloud_cd, cloud_f), (cd, f_score) = np.array(means).reshape(-1, 2, 2).mean(axis=0)
     assert cd < 1.2 * cloud_cd
     assert f_score > cloud_f - 0.01
+
+
+@pytest.mark.slow
+def test_three_js_shows_the_file(file, tmp_path, serve, opened):
+    packed = subprocess.run(
+        ["npm", "pack", "--silent", "three@0.180.0"], cwd=tmp_path, capture_output=True, text=True
+    )
+    if packed.returncode:
+        pytest.skip(f"npm: {packed.stderr.strip()[-80:]}")
+    with tarfile.open(tmp_path / packed.stdout.strip()) as archive:
+        archive.extractall(tmp_path, filter="data")
+    (tmp_path / "car.glb").write_bytes(file.read_bytes())
+    (tmp_path / "index.html").write_text("""<!doctype html><link rel="icon" href="data:,">
+<canvas width="200" height="200"></canvas><script type="importmap">{"imports":
+{"three": "./package/build/three.module.js", "three/": "./package/"}}</script>
+<script type="module">
+import * as THREE from "three"; import {GLTFLoader} from "three/examples/jsm/loaders/GLTFLoader.js";
+const scene = new THREE.Scene(), camera = new THREE.PerspectiveCamera(40, 1, .1, 10);
+const canvas = document.querySelector("canvas");
+const renderer = new THREE.WebGLRenderer({canvas, preserveDrawingBuffer: true});
+scene.add(new THREE.AmbientLight("white", 3));
+camera.position.set(0, .6, 3.2); camera.lookAt(0, .3, 0);
+new GLTFLoader().load("car.glb", ({scene: car}) => { scene.add(car); renderer.render(scene, camera);
+  const gl = renderer.getContext(), pixels = new Uint8Array(160000), sum = [0, 0, 0];
+  gl.readPixels(0, 0, 200, 200, gl.RGBA, gl.UNSIGNED_BYTE, pixels); let count = 0;
+  for (let i = 0; i < 160000; i += 4) if (pixels[i] + pixels[i + 1] + pixels[i + 2]) {
+    count++; for (let k = 0; k < 3; k++) sum[k] += pixels[i + k]; }
+  window.found = {faces: renderer.info.render.triangles, count, mean: sum.map(s => s / count)}; });
+</script>""")
+    page = opened(serve(tmp_path))
+    page.wait_for_function("window.found")
+    found = page.evaluate("window.found")
+    (read,) = trimesh.load(file).geometry.values()
+    assert found["faces"] == len(read.faces)
+    assert found["count"] > 2000
+    red, green, blue = found["mean"]
+    assert red > 1.3 * green  # the car is red
+    assert red > 1.3 * blue
