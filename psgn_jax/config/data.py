@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from psgn_jax.config.structured import Bounds, Fraction
 from psgn_jax.system.files import cache_folder
 
-DEFAULT_DATA = "procedural-3-40"
+DEFAULT_DATA = "procedural-4-40"
 """Name of the default data set in the cache folder; `data_gen.default` renders it. Raise the first
 number whenever its models or images change."""
 

@@ -145,7 +145,7 @@ class Prediction:
         It is in the frame of `points` (`prediction.surface`). The outline and the colours of the
         front are the photo's; depth, sides and back are the network's estimate. The first cloud's
         surface takes the other draws into account. `surface().export("chair.obj")` writes it in
-        the formats of trimesh.
+        the formats of trimesh, with +z up.
 
         Args:
           sample: number of the cloud.
@@ -167,6 +167,19 @@ class Prediction:
             mesh.metadata["unit"] = float(height / np.ptp(points[:, 2]))  # for `psgn view`
             mesh.apply_scale(mesh.metadata["unit"])
         return mesh
+
+    def save_surface(
+        self, path: str | os.PathLike[str], sample: int = 0, height: float | None = None
+    ) -> None:
+        """Writes `surface` as a GLB file, whose y-axis points up, as in all glTF files.
+
+        Raises:
+          ValueError: another suffix, or as `surface` does.
+          SurfaceError: the cloud has no surface.
+        """
+        if pathlib.Path(path).suffix.lower() != ".glb":
+            raise ValueError(f"{path}: accepted: a name that ends in .glb")
+        write_atomic(path, surface.glb(self.surface(sample, height)), sync=False)
 
     def _kept(self, sample: int) -> tuple[np.ndarray, np.ndarray]:
         if not 0 <= sample < len(self.points):

@@ -15,6 +15,9 @@ from psgn_jax.data.manifest import FORMAT, VERSION, load_manifest
 from psgn_jax.data.schema import RecordError
 from psgn_jax.viewing import spheres
 
+MOST_FLAGGED = 8
+"""More samples that do not fit their masks are counted."""
+
 _HIGHEST = 512  # height of the pictures on a contact sheet
 
 
@@ -67,6 +70,8 @@ def _report_split(reader: RecordReader, num_checked: int, doubts: Doubts) -> lis
             f"  {len(fits)} samples checked: fit of points and mask {np.mean(fits):.3f} on average,"
             f" lowest {min(fits):.3f}"
         )
+    if len(flagged) > MOST_FLAGGED:
+        flagged[MOST_FLAGGED:] = [f"  flagged: {len(flagged) - MOST_FLAGGED} more records"]
     return lines + flagged
 
 

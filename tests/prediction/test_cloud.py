@@ -84,6 +84,8 @@ def test_samples_are_saved_by_number_and_shown_on_a_page(tmp_path):
     assert document_of([case_of("b", read)]) == page
     table = [(("a.ply", -1), "sample=-1"), (("car.stl", 0), "car.stl", ".ply")]
     all_refused(lambda given: prediction().save(tmp_path / given[0], given[1]), ValueError, table)
+    with refused(ValueError, "car.obj", ".glb"):
+        two.save_surface(tmp_path / "car.obj")
 
 
 @pytest.mark.parametrize("middle", [(230, 330), (380, 90)])

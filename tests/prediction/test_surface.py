@@ -35,9 +35,9 @@ def mesh(cloud):
 
 
 @pytest.fixture(scope="module")
-def file(mesh, tmp_path_factory):
+def file(cloud, tmp_path_factory):
     path = tmp_path_factory.mktemp("surface") / "car_surface.glb"
-    path.write_bytes(glb(mesh))
+    cloud.save_surface(path)
     return path
 
 
