@@ -22,6 +22,7 @@ from psgn_jax.data.photo import Photo
 from psgn_jax.prediction import formats, surface
 from psgn_jax.prediction.draws import spread
 from psgn_jax.system.files import write_atomic
+from psgn_jax.system.untrusted import one_line
 from psgn_jax.viewing import page
 
 FC, DECONV = 0, 1
@@ -152,12 +153,11 @@ class Prediction:
           height: height of the object in metres; None keeps the cloud's unit.
 
         Raises:
-          ValueError: no such sample, or a height that is not positive.
+          ValueError: no such sample, or a height that is out of range.
           SurfaceError: the cloud has no surface.
         """
         points, _ = self._kept(sample)
-        if height is not None and not 0 < height < np.inf:
-            raise ValueError(f"height={height}: accepted: a positive number")
+        _check_lengths(height=height)
         draws = None if self.draws is None or sample else self.draws[1:].reshape(-1, 3)
         seen = (np.linalg.inv(self.view.to_view) @ self.view.intrinsics, self.view.extrinsics)
         found = surface.surface_of(
@@ -248,13 +248,7 @@ class Prediction:
           ValueError: no such sample, a length that is out of range, or a focal length so short
             that the camera would be inside the object.
         """
-        most = 1e6
-        for name, value in (("focal", focal), ("height", height)):
-            is_number = isinstance(value, int | float | np.integer | np.floating)
-            if value is not None and not (is_number and 1 / most <= value <= most):
-                raise ValueError(
-                    f"{name}={value}: accepted: a number from {1 / most:g} to {most:g}"
-                )
+        _check_lengths(focal=focal, height=height)
         kept, _ = self._kept(sample)
         points, own = self.points[sample].astype(np.float64), self.photo_intrinsics
         given, focal = focal, float(focal or self.photo.focal or own[0, 0])
@@ -287,6 +281,15 @@ class Prediction:
         pixel = camera.default_camera()[0][0, 0] / own[0, 0]
         error = np.linalg.norm(moved - exact, axis=1).max() * pixel
         return PhotoCamera(intrinsics, extrinsics, placed, unit, float(error))
+
+
+def _check_lengths(**lengths: float | None) -> None:
+    most = 1e6
+    for name, value in lengths.items():
+        is_number = isinstance(value, int | float | np.integer | np.floating)
+        if value is not None and not (is_number and 1 / most <= value <= most):
+            shown = one_line(value)
+            raise ValueError(f"{name}={shown}: accepted: a number from {1 / most:g} to {most:g}")
 
 
 def _turn_to_axis(direction: np.ndarray) -> np.ndarray:

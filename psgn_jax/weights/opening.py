@@ -109,12 +109,12 @@ def open_initial(config: Config) -> Trained:
 
 def check_initial(config: Config) -> list[str]:
     """The networks in `train.init`; `ConfigError` if one does not exist."""
-    init = config.train.init
-    # A path may contain commas.
-    names = [init] if os.path.exists(init) else [name.strip() for name in init.split(",")]
+    names = config.train.networks
     for name in names:
         if not name:
-            raise ConfigError(f"train.init={init!r}: empty name; accepted: names between commas")
+            raise ConfigError(
+                f"train.init={config.train.init!r}: empty name; accepted: names between commas"
+            )
         weights_path(name, "train.init")
     return names
 
@@ -205,7 +205,7 @@ def _own_data(config: Config) -> Rows:
 def _origins(config: Config) -> list[tuple[str, Rows, Rows]]:
     """The networks from which a training started: name, data and sources, if they are known."""
     found: list[tuple[str, Rows, Rows]] = []
-    for init in filter(None, map(str.strip, config.train.init.split(","))):
+    for init in filter(None, config.train.networks):
         found.append((init, (), ()))
         with contextlib.suppress(UserError, OSError):
             path = weights_path(init)

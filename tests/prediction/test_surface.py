@@ -94,6 +94,8 @@ def test_the_same_photo_and_seed_give_the_same_file(model, cloud, mesh, file):
     high = cloud.surface(height=1.5)
     np.testing.assert_allclose(high.extents / mesh.extents, high.scale / mesh.scale, rtol=1e-6)
     assert 1.3 < high.extents[2] < 1.8
+    table = [(height, "height=", "1e-06") for height in (0, np.nan, 1e39, "1.5")]
+    all_refused(lambda height: cloud.surface(height=height), ValueError, table)
 
 
 def test_other_programs_read_the_file(mesh, file):

@@ -2,7 +2,7 @@ import os
 
 import pytest
 
-from psgn_jax.system.untrusted import one_line, parse_json, read_json
+from psgn_jax.system.untrusted import brief, one_line, parse_json, read_json
 
 
 def test_json_is_read_within_bounds_and_names_fit_into_one_line(tmp_path):
@@ -17,6 +17,7 @@ def test_json_is_read_within_bounds_and_names_fit_into_one_line(tmp_path):
     assert read_json(path) == [1, 2]
     with pytest.raises(ValueError, match="6 bytes, expected at most 5"):
         read_json(path, max_bytes=5)
+    assert brief("a\n\x1b[31m" + "b" * 300) == r"a \x1b[31m" + "b" * 190
     assert one_line("bär 椅子.png") == "bär 椅子.png"
     assert one_line("a\nb\r\t\x1b[31m\u2028\x85") == r"a\nb\r\t\x1b[31m\u2028\x85"
     assert one_line(os.fsdecode(b"a\xff")) == r"a\udcff"
