@@ -27,6 +27,9 @@ from psgn_jax.viewing import page
 
 FC, DECONV = 0, 1
 
+LEAST_HEIGHT = 0.5
+"""A surface in metres has at least this share of its cloud's height."""
+
 UNSEEN = (150, 150, 150)
 """Colour of a cloud without visible points."""
 
@@ -150,11 +153,12 @@ class Prediction:
 
         Args:
           sample: number of the cloud.
-          height: height of the object in metres; None keeps the cloud's unit.
+          height: height of the surface in metres; None keeps the cloud's unit.
 
         Raises:
           ValueError: no such sample, or a height that is out of range.
-          SurfaceError: the cloud has no surface.
+          SurfaceError: the cloud has no surface, or `height` is given and the surface is less than
+            half as high as the cloud.
         """
         points, _ = self._kept(sample)
         _check_lengths(height=height)
@@ -167,7 +171,13 @@ class Prediction:
             draws=None if draws is None else (draws - self.shift) / self.scale,
         )
         mesh = surface.textured(found, self.photo.image, self.mask, *seen)
-        return mesh if height is None else mesh.apply_scale(height / np.ptp(points[:, 2]))
+        if height is None:
+            return mesh
+        if mesh.extents[2] < LEAST_HEIGHT * np.ptp(points[:, 2]):
+            raise surface.SurfaceError(
+                "the surface lacks thin parts, and so has no height in metres; leave height out"
+            )
+        return mesh.apply_scale(height / mesh.extents[2])
 
     def _kept(self, sample: int) -> tuple[np.ndarray, np.ndarray]:
         if not 0 <= sample < len(self.points):
