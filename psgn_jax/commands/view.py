@@ -23,6 +23,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _main(flags: Flags) -> None:
+    if not flags.values.out.lower().endswith((".html", ".htm")):  # as after `--out out/*.npz`
+        raise ValueError(f"--out={flags.values.out}: accepted: a name that ends with .html")
     names = [pathlib.Path(path).stem for path in flags.arguments]
     # Files in different folders may have the same name.
     titles = [n if names.count(n) == 1 else p for p, n in zip(flags.arguments, names, strict=True)]

@@ -140,6 +140,13 @@ class TrainConfig:
     # Name patterns of layers that keep random initial parameters; `*` matches any text.
     init_skip: tuple[str, ...] = ()
 
+    @property
+    def networks(self) -> list[str]:
+        """The names in `init`; the path of one network may contain commas."""
+        if os.path.exists(os.path.expanduser(self.init)):
+            return [self.init]
+        return [name.strip() for name in self.init.split(",")] if self.init else []
+
 
 @dataclasses.dataclass(frozen=True)
 class EvalConfig:

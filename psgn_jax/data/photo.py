@@ -274,13 +274,13 @@ def _opened(path: Any, noun: str) -> Iterator[tuple[Image.Image, tuple[int, int]
             raise PhotoError(f"{shown} is {kind}, expected a file")
     elif isinstance(path, Image.Image):
         pass
-    elif hasattr(path, "seek"):
+    elif hasattr(path, "seek") and not isinstance(path, io.TextIOBase):
         shown = one_line(getattr(path, "name", noun))
         path.seek(0)
     else:
         raise ValueError(
-            f"{noun} is {type(path).__name__}: accepted: a path, an open file, a PIL image or "
-            "an array"
+            f"{noun} is {type(path).__name__}: accepted: a path, a file open as binary, a PIL "
+            "image or an array"
         )
     Image.init()
     formats = [name for name in _FORMATS if name in Image.OPEN]

@@ -22,9 +22,13 @@ from psgn_jax.data.photo import Photo
 from psgn_jax.prediction import formats, surface
 from psgn_jax.prediction.draws import spread
 from psgn_jax.system.files import write_atomic
+from psgn_jax.system.untrusted import one_line
 from psgn_jax.viewing import viewer
 
 FC, DECONV = 0, 1
+
+LEAST_HEIGHT = 0.5
+"""A surface in metres has at least this share of its cloud's height."""
 
 UNSEEN = (150, 150, 150)
 """Colour of a cloud without visible points."""
@@ -149,22 +153,26 @@ class Prediction:
 
         Args:
           sample: number of the cloud.
-          height: height of the object in metres; None keeps the cloud's unit.
+          height: height of the surface in metres; None keeps the cloud's unit.
 
         Raises:
-          ValueError: no such sample, or a height that is not positive.
-          SurfaceError: the cloud has no surface.
+          ValueError: no such sample, or a height that is out of range.
+          SurfaceError: the cloud has no surface, or `height` is given and the surface is less than
+            half as high as the cloud.
         """
         points, _ = self._kept(sample)
-        if height is not None and not 0 < height < np.inf:
-            raise ValueError(f"height={height}: accepted: a positive number")
+        _check_lengths(height=height)
         draws = None if self.draws is None or sample else self.draws[1:].reshape(-1, 3)
         intrinsics = np.linalg.inv(self.view.to_view) @ self.view.intrinsics
         seen = self.mask, intrinsics, self.view.extrinsics
         others = None if draws is None else (draws - self.shift) / self.scale
         mesh = surface.textured(surface.surface_of(points, seen, others), self.photo.image, *seen)
         if height is not None:
-            mesh.metadata["unit"] = float(height / np.ptp(points[:, 2]))  # for `psgn view`
+            if mesh.extents[2] < LEAST_HEIGHT * np.ptp(points[:, 2]):
+                raise surface.SurfaceError(
+                    "the surface lacks thin parts, and so has no height in metres; leave height out"
+                )
+            mesh.metadata["unit"] = float(height / mesh.extents[2])  # for `psgn view`
             mesh.apply_scale(mesh.metadata["unit"])
         return mesh
 
@@ -260,13 +268,7 @@ class Prediction:
           ValueError: no such sample, a length that is out of range, or a focal length so short
             that the camera would be inside the object.
         """
-        most = 1e6
-        for name, value in (("focal", focal), ("height", height)):
-            is_number = isinstance(value, int | float | np.integer | np.floating)
-            if value is not None and not (is_number and 1 / most <= value <= most):
-                raise ValueError(
-                    f"{name}={value}: accepted: a number from {1 / most:g} to {most:g}"
-                )
+        _check_lengths(focal=focal, height=height)
         kept, _ = self._kept(sample)
         points, own = self.points[sample].astype(np.float64), self.photo_intrinsics
         given, focal = focal, float(focal or self.photo.focal or own[0, 0])
@@ -299,6 +301,15 @@ class Prediction:
         pixel = camera.default_camera()[0][0, 0] / own[0, 0]
         error = np.linalg.norm(moved - exact, axis=1).max() * pixel
         return PhotoCamera(intrinsics, extrinsics, placed, unit, float(error))
+
+
+def _check_lengths(**lengths: float | None) -> None:
+    most = 1e6
+    for name, value in lengths.items():
+        is_number = isinstance(value, int | float | np.integer | np.floating)
+        if value is not None and not (is_number and 1 / most <= value <= most):
+            shown = one_line(value)
+            raise ValueError(f"{name}={shown}: accepted: a number from {1 / most:g} to {most:g}")
 
 
 def _turn_to_axis(direction: np.ndarray) -> np.ndarray:

@@ -26,11 +26,12 @@ from psgn_jax.prediction.cloud import FC, Prediction
 from psgn_jax.prediction.formats import DEFAULT_FORMATS, FORMATS, VERSION
 from psgn_jax.prediction.predictor import Clock, Predictor
 from psgn_jax.prediction.surface import SurfaceError, glb
-from psgn_jax.system.errors import UserError, is_disk_full
+from psgn_jax.system.errors import exit_code_of, is_disk_full
 from psgn_jax.system.files import local_path, write_atomic
 from psgn_jax.system.untrusted import read_json
 
 SURFACE = "surface"
+_PROPOSAL = ("overlay", "mask")
 _FORMAT = "psgn_jax prediction"
 
 
@@ -49,9 +50,9 @@ def predict_files(
     """Predicts clouds for files and folders of images, one by one, and writes them to `out`.
 
     In a folder, we leave out masks, HEIC files with a converted copy, and the results of earlier
-    runs. We overwrite only files that a `NAME.json` of the same photo lists; otherwise we number
-    the new ones. `earlier_files` in it are results of runs before, with other formats or another
-    number of samples.
+    runs. We overwrite only files that a `NAME.json` of the same photo lists, and its proposals of
+    masks; otherwise we number the new ones. `earlier_files` in it are results of runs before, with
+    other formats or another number of samples.
 
     Args:
       open_predictor: returns the network; called after the first image and its mask were read or
@@ -86,19 +87,24 @@ def predict_files(
 
     predictor: Any = None
     taken: set[str] = set()
+    used: dict[pathlib.Path, pathlib.Path] = {}  # masks, and the first photo of each
 
     def prepare(path: pathlib.Path) -> tuple[photo.Photo, masks.FoundMask, pathlib.Path, Clock]:
         clock = Clock()
         image = photo.read_photo(path)
         start = _free_start(path, out, taken, kinds, options.get("samples", 1))
         given = None if mask is None else _mask_of(path, mask)
+        if given and not (other := used.setdefault(given, path)).parent.samefile(path.parent):
+            raise photo.PhotoError(
+                f"mask={given}: accepted for photos of one folder; {other} has it"
+            )
         clock.lap("read")
         try:
             found = masks.find_mask(image, given, **how)
         except masks.UncertainMaskError as error:
-            proposal = _propose(error.mask, image, start)
-            message = f"{error}; its proposal is {proposal}"
-            raise masks.UncertainMaskError(message, error.mask) from None
+            file = _propose(error.mask, image, start)
+            proposal = f"; its proposal is {file}" if masks.is_result(file) else ""
+            raise masks.UncertainMaskError(f"{error}{proposal}", error.mask) from None
         # The proposal of an earlier run would show another mask.
         if found.doubtful or (given is None and masks.is_result(_with(start, "_mask.png"))):
             _propose(found.mask, image, start)
@@ -137,7 +143,7 @@ def _tried(path: pathlib.Path, function: Callable[..., Any], *arguments: Any) ->
     except Exception as error:
         if is_disk_full(error):
             raise
-        if not isinstance(error, UserError | ValueError | OSError):
+        if not isinstance(error, ValueError) and exit_code_of(error) is None:
             logging.error("%s", path, exc_info=error)
         return error
 
@@ -155,10 +161,10 @@ def _propose(mask: np.ndarray, read: photo.Photo, start: pathlib.Path) -> pathli
     image = ImageOps.contain(Image.fromarray(read.image), (side, side))
     overlay = masks.with_mask(np.asarray(image), resample.smooth_mask(mask, image.size[::-1]))
     full = resample.smooth_mask(mask, read.size) * np.uint8(255)
-    for kind, picture in (("overlay", overlay), ("mask", full)):
+    for kind, picture in zip(_PROPOSAL, (overlay, full), strict=True):
         file = _with(start, f"_{kind}.png")
         if not file.exists() or masks.is_result(file):
-            write_atomic(file, masks.result_png(picture), sync=False)
+            write_atomic(file, masks.result_png(picture, read.path), sync=False)
     return file
 
 
@@ -175,7 +181,7 @@ def _write(
     view = _with(start, "_input.png")
     files, folder, record = [*clouds, *surfaces, view.name], start.parent, _with(start, ".json")
     before = sorted(_results(record, result.photo.path) - {*files})
-    earlier = [name for name in before if (folder / name).exists()]
+    earlier = [name for name in before if os.path.exists(folder / name)]
     document = _record(predictor, result, files, earlier, seed)
     # First, because it marks the others as results if we are killed.
     write_atomic(record, json.dumps(document, indent=2, allow_nan=False) + "\n", sync=False)
@@ -183,7 +189,7 @@ def _write(
         result.save(folder / name, k)
     for name, content in surfaces.items():
         write_atomic(folder / name, content, sync=False)
-    write_atomic(view, masks.result_png(result.view.image), sync=False)
+    write_atomic(view, masks.result_png(result.view.image, result.photo.path), sync=False)
 
 
 def _files(name: str, kinds: Sequence[str], samples: int) -> dict[str, int]:
@@ -288,7 +294,8 @@ def _results(record: pathlib.Path, image: pathlib.Path | None) -> set[str]:
         stated = read_json(record)
         same = os.path.abspath(stated["image"]) == os.path.abspath(str(image))
         if same and stated["format"].startswith(_FORMAT):
-            return {*stated["files"], *stated.get("earlier_files", [])}
+            names = [*stated["files"], *stated.get("earlier_files", [])]
+            return {name for name in names if isinstance(name, str)}
     return set()
 
 
@@ -302,7 +309,9 @@ def _free_start(
         earlier = _results(record, path)
         files = {*_files(name, kinds, samples), f"{name}_input.png"} - earlier
         there = any((out / file).exists() for file in files)
-        foreign = record.exists() and not earlier
+        foreign = (record.exists() and not earlier) or any(
+            masks.is_result(out / f"{name}_{kind}.png", other_than=path) for kind in _PROPOSAL
+        )
         if masks.same_name(name) not in taken and not there and not foreign:
             taken.add(masks.same_name(name))
             return out / name
@@ -316,7 +325,7 @@ def _mask_of(path: pathlib.Path, mask: str) -> pathlib.Path:
         return folder
     for stem in (f"{path.stem}_mask", path.stem):
         for found in masks.images_named(folder, stem):
-            if not found.samefile(path):
+            if not found.samefile(path) and not masks.is_result(found, other_than=path):
                 return found
     raise photo.PhotoError(
         f"mask={mask}: expected an image named {path.stem}_mask.* or {path.stem}.* there, besides "

@@ -74,7 +74,7 @@ _INVERTED_WITHIN = 0.85  # of the photo, and half of the border: the object is s
 # large if it has this fraction of the largest one's pixels.
 _CUT_OFF, _LARGE_PART = 0.1, 0.25
 _REMBG = "u2net"  # rembg's own default
-_NOTE = "psgn_jax result"  # key of a text in PNG files
+_NOTE, _OF = "psgn_jax result", "psgn_jax photo"  # keys of texts in PNG files
 _CLEARLY_BETTER = 0.2  # of an intersection over union
 
 Box = tuple[int, int, int, int]  # left, top, right, bottom
@@ -206,16 +206,26 @@ def same_name(name: str) -> str:
     return unicodedata.normalize("NFC", name).casefold()
 
 
-def result_png(picture: np.ndarray) -> bytes:
-    """A PNG file that `is_result` recognises."""
+def result_png(picture: np.ndarray, of: pathlib.Path | None) -> bytes:
+    """A PNG file that `is_result` recognises, made from the photo `of`."""
     stream, note = io.BytesIO(), PngImagePlugin.PngInfo()
     note.add_text(_NOTE, str(zlib.crc32(picture.tobytes())))
+    if of is not None:
+        note.add_text(_OF, _number(of))
     Image.fromarray(picture).save(stream, "png", pnginfo=note, compress_level=1)
     return stream.getvalue()
 
 
-def is_result(path: pathlib.Path) -> bool:
-    """Whether a file was written as a result, and its pixels were not changed since."""
+def _number(photo: pathlib.Path) -> str:
+    # The path itself would tell others about this machine.
+    return str(zlib.crc32(os.fsencode(os.path.abspath(photo))))
+
+
+def is_result(path: pathlib.Path, other_than: pathlib.Path | None = None) -> bool:
+    """Whether a file was written as a result, and its pixels were not changed since.
+
+    With `other_than`, whether it is a result of another photo.
+    """
     try:
         if kind_of(path) is not None:
             return False
@@ -223,15 +233,17 @@ def is_result(path: pathlib.Path) -> bool:
             warnings.catch_warnings(action="ignore"),  # of large images
             Image.open(path, formats=["PNG"]) as file,
         ):
-            note = file.info.get(_NOTE)
-            return note is not None and note == str(zlib.crc32(file.tobytes()))
+            note, of = file.info.get(_NOTE), file.info.get(_OF)
+            if note is None or (other_than and of in (None, _number(other_than))):
+                return False
+            return bool(note == str(zlib.crc32(file.tobytes())))
     except Exception:  # whatever it is, it is no result
         return False
 
 
 def check_method(method: str) -> None:
     """Raises `ConfigError` for an unknown method or a missing rembg."""
-    name, colon, model = method.partition(":")
+    name, colon, model = str(method).partition(":")
     if name not in METHODS or (colon and (name != "rembg" or not model)):
         raise ConfigError(f"mask_from={method!r}: accepted: {', '.join(METHODS)}, rembg:MODEL")
     if name == "rembg":

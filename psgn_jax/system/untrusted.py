@@ -182,7 +182,7 @@ def message_line(error: object) -> str:
 
 def brief(error: object) -> str:
     """The message of another library's error, in one line of at most 200 characters."""
-    return " ".join(str(error).split())[:200]
+    return one_line(" ".join(str(error).split()))[:200]
 
 
 def _refuse(constant: str) -> None:

@@ -219,6 +219,9 @@ def _check_finite(path: pathlib.Path, leaves: Mapping[str, np.ndarray], what: st
 def _check_fits(config: Config, leaves: Mapping[str, np.ndarray], path: pathlib.Path) -> Any:
     """The parameters as a tree; `WeightsError` unless they fit the network exactly."""
     try:
+        # Each takes a millisecond or more to trace, and has a kernel.
+        if len(config.model.widths) + len(config.model.fc_widths) > len(leaves):
+            raise ValueError(f"{len(leaves)} arrays, expected more")
         with convolutions_for("export"):  # the simplest to trace
             model = networks.build(config.model)
             shapes = jax.eval_shape(lambda: networks.init_params(config, model))
@@ -231,8 +234,8 @@ def _check_fits(config: Config, leaves: Mapping[str, np.ndarray], path: pathlib.
 
 
 def _without_paths(config: Config) -> Config:
-    names = config.train.init.split(",") if config.train.init else []
-    init = ",".join(pathlib.Path(name.strip()).name or "a run" for name in names)
+    names = config.train.networks
+    init = ",".join(pathlib.Path(name).name or "a run" for name in names)
     data = dataclasses.replace(config.data, path="", eval_path="")
     train = dataclasses.replace(config.train, init=init)
     return dataclasses.replace(config, data=data, train=train)

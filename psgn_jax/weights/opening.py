@@ -109,18 +109,14 @@ def open_initial(config: Config) -> Trained:
 
 def check_initial(config: Config) -> list[str]:
     """The networks in `train.init`; `ConfigError` if one does not exist."""
-    for name in (names := _initial_names(config)):
+    names = config.train.networks
+    for name in names:
         if not name:
             raise ConfigError(
                 f"train.init={config.train.init!r}: empty name; accepted: names between commas"
             )
         weights_path(name, "train.init")
     return names
-
-
-def _initial_names(config: Config) -> list[str]:
-    init = config.train.init  # a path may contain commas
-    return [init] if os.path.exists(init) else [name.strip() for name in init.split(",")]
 
 
 def initial_params(config: Config, drawn: Any, trained: Any) -> Any:
@@ -177,7 +173,7 @@ def origins_of(
     """
     own, known, inherited = _own_data(config), set(), list[dict[str, Any]]()
     data = [*own]
-    for init in filter(None, _initial_names(config)):
+    for init in filter(None, config.train.networks):
         rows: Rows = ()
         sources: Rows = ()
         with contextlib.suppress(UserError, OSError):

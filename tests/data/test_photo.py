@@ -175,6 +175,7 @@ def test_open_files_and_arrays_of_jax_are_read_and_a_list_is_refused(tmp_path):
     np.testing.assert_array_equal(photo.read_photo(jnp.asarray(image)).image, image)
     np.testing.assert_array_equal(photo.read_mask(jnp.asarray(mask), read), mask)
     table = [([image], "a list"), (3, "int", "a path"), (np.zeros((50, 50)), "float64", "uint8")]
+    table += [(io.StringIO("P1"), "StringIO", "binary")]
     all_refused(photo.read_photo, ValueError, table)
     with refused(ValueError, "the mask", "a list"):
         photo.read_mask([mask], read)

@@ -149,6 +149,7 @@ def test_wrong_options_are_named(monkeypatch):
         ({"point": (10, 100)}, "point=10,100"),
         ({"point": (1, 2), "mask": square(*MIDDLE)}, "point"),
         ({"mask_from": "netwrok"}, "mask_from='netwrok'", *masks.METHODS),
+        ({"mask_from": None}, "mask_from=None", *masks.METHODS),
         ({"mask_from": "plain:x"}, "mask_from='plain:x'", "rembg:MODEL"),
         ({"mask_from": "rembg:isnet"}, "rembg:isnet", "pip install"),
         ({"invert_mask": True}, "invert_mask"),

@@ -14,6 +14,7 @@ from PIL import Image
 
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data import camera
+from psgn_jax.data.photo import PhotoError
 from psgn_jax.prediction import mask_networks, masks
 from psgn_jax.prediction.cloud import DECONV, FC, Prediction
 from psgn_jax.prediction.files import predict_files
@@ -51,6 +52,7 @@ def save(path, image=None, **options):
     """Writes an image, by default a photo of a box."""
     path.parent.mkdir(parents=True, exist_ok=True)
     Image.fromarray(photo_of_a_box() if image is None else image).save(path, **options)
+    return path
 
 
 def test_arrays_in_arrays_out(predictor):
@@ -214,6 +216,10 @@ def test_masks_by_name(predictor, tmp_path):
     results = predicted()
     assert (results["a"].mask_from, results["b"].mask_from) == ("A_Mask.PNG", "plain")
     assert predictor(images / "a.png", mask_from="plain").mask_from == "plain"
+    others = [images / "a.png", save(tmp_path / "other" / "a.png")]  # photos of one name
+    _, (_, other) = predict_files(lambda: predictor, others, tmp_path / "out", mask=str(folder))
+    assert isinstance(other, PhotoError)
+    check_message(str(other), folder / "a.PNG", others[0])
     labelled = np.where(MASK > 0, 7, 3).astype(np.uint8)
     labelled[:10, :10] = 9
     save(images / "A_Mask.PNG", labelled)
@@ -257,6 +263,10 @@ def test_results_never_replace_other_files_and_are_no_inputs(predictor, tmp_path
     assert record["files"] == ["lamp.ply", "lamp_input.png"]
     assert "lamp.obj" in record["earlier_files"]
     assert not (tmp_path / "lamp-3.json").exists()
+    record["earlier_files"] += [3, None, "x" * 300]  # damaged
+    (tmp_path / "lamp.json").write_text(json.dumps(record))
+    ((_, result),) = predict_files(lambda: predictor, lamp, tmp_path, formats=["ply"])
+    assert isinstance(result, Prediction)
     # Of two photos with the same name, also if one path is absolute.
     monkeypatch.chdir(tmp_path)
     for path in ("p1/cup.jpg", "p2/cup.jpg", str(tmp_path / "p1" / "cup.jpg")):
@@ -311,8 +321,23 @@ def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch
     save(tmp_path / "a_mask.png", mended)
     assert predicted(tmp_path).mask_from == "a_mask.png"
     (tmp_path / "a_mask.png").replace(out / "a_mask.png")
-    assert isinstance(predicted(), masks.UncertainMaskError)
+    uncertain = predicted()
+    assert isinstance(uncertain, masks.UncertainMaskError)
+    assert str(out) not in str(uncertain)  # its file is no proposal any more
     np.testing.assert_array_equal(np.asarray(Image.open(out / "a_mask.png")), mended)
+    # The proposals for two photos of one name, in two runs.
+    for accept in (False, True):
+        both = tmp_path / f"both{accept}"
+        predicted(both)
+        before = {path: path.read_bytes() for path in both.iterdir()}
+        save(tmp_path / "p2" / "a.png", noise[::-1])
+        options = {"mask_options": {"accept_mask": accept}}
+        next(predict_files(lambda: predictor, [tmp_path / "p2" / "a.png"], both, **options))
+        assert {path: path.read_bytes() for path in before} == before
+        assert {"a-2_mask.png", "a-2_overlay.png"} <= {path.name for path in both.iterdir()}
+        predicted(both, accept=True)
+        assert {path: path.read_bytes() for path in before} == before
+        assert (both / "a.json").exists()
 
 
 def test_a_mask_in_stored_orientation_is_turned(predictor, tmp_path, monkeypatch):

@@ -1,5 +1,6 @@
 """Surfaces: closed, near the cloud, with the photo's outline and colours, read by others."""
 
+import dataclasses
 import json
 import subprocess
 import tarfile
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 from helpers.commands import PHOTOS, psgn_each
-from helpers.refusals import all_refused
+from helpers.refusals import all_refused, refused
 from scipy.spatial import KDTree
 
 import psgn_jax
@@ -93,7 +94,15 @@ def test_the_same_photo_and_seed_give_the_same_file(model, cloud, mesh, file):
     assert not np.array_equal(again.surface(1).vertices, mesh.vertices)
     high = cloud.surface(height=1.5)
     np.testing.assert_allclose(high.extents / mesh.extents, high.scale / mesh.scale, rtol=1e-6)
-    assert 1.3 < high.extents[2] < 1.8
+    assert high.extents[2] == pytest.approx(1.5)
+    table = [(height, "height=", "1e-06") for height in (0, np.nan, 1e39, "1.5")]
+    all_refused(lambda height: cloud.surface(height=height), ValueError, table)
+    low = cloud.mask.copy()  # without the upper two thirds
+    low[: int(np.quantile(np.nonzero(low)[0], 0.7))] = False
+    cut = dataclasses.replace(cloud, mask=low)
+    assert cut.surface().extents[2] < 0.5 * mesh.extents[2]
+    with refused(SurfaceError, "height"):
+        cut.surface(height=1.5)
 
 
 def test_other_programs_read_the_file(mesh, file):

@@ -4,7 +4,7 @@ import pytest
 from helpers.refusals import refused
 
 from psgn_jax.system import untrusted
-from psgn_jax.system.untrusted import one_line, parse_json, read_json
+from psgn_jax.system.untrusted import brief, one_line, parse_json, read_json
 
 
 def test_json_is_read_within_bounds_and_names_fit_into_one_line(tmp_path):
@@ -20,6 +20,7 @@ def test_json_is_read_within_bounds_and_names_fit_into_one_line(tmp_path):
     os.truncate(path, untrusted.MAX_JSON_BYTES + 1)  # without blocks on the disk
     with refused(ValueError, untrusted.MAX_JSON_BYTES + 1):
         read_json(path)
+    assert brief("a\n\x1b[31m" + "b" * 300) == r"a \x1b[31m" + "b" * 190
     assert one_line("bär 椅子.png") == "bär 椅子.png"
     assert one_line("a\nb\r\t\x1b[31m\u2028\x85") == r"a\nb\r\t\x1b[31m\u2028\x85"
     assert one_line(os.fsdecode(b"a\xff")) == r"a\udcff"

@@ -9,7 +9,7 @@ import shutil
 import numpy as np
 import pytest
 import trimesh
-from helpers.refusals import all_refused
+from helpers.refusals import all_refused, check_message
 from PIL import Image
 
 from psgn_jax.commands import view
@@ -103,8 +103,15 @@ def test_the_command(predicted, tmp_path, capsys):
     shown = [(c["name"], c["fc"], len(c["samples"])) for c in data_of(out)["cases"]]
     assert shown == [(name, 75, 1) for name in both]
     out.unlink()
-    assert view.main([both[0], both[0], f"--out={out}"]) == 2
-    assert "occurs twice; accepted: each once" in capsys.readouterr().err
+    capsys.readouterr()
+    before = (tmp_path / "a.npz").read_bytes()
+    for arguments, *names in (
+        ([both[0], both[0], f"--out={out}"], both[0], "twice"),
+        (["--out", *both], both[0], ".html"),  # as a shell writes --out out/*.npz
+    ):
+        assert view.main(arguments) == 2
+        check_message(capsys.readouterr().err, *names)
+    assert (tmp_path / "a.npz").read_bytes() == before
     assert not out.exists()
 
 

@@ -77,13 +77,14 @@ def test_every_flipped_bit_is_noticed(file, tmp_path):
             read_weights(flipped)
 
 
-def forged(weights, path, *, leaves=None, figures=None, sources=()):
+def forged(weights, path, *, leaves=None, figures=None, sources=(), **model):
     """Writes a file with the given content and a correct checksum."""
+    changed = dataclasses.replace(weights.config.model, **model)
     stored = {f"params.{k}": v for k, v in named_leaves(weights.params).items()}
     stored = {k: np.asarray(v) for k, v in (stored | (leaves or {})).items() if v is not None}
     metadata = {
         "format": file_lib.FORMAT,
-        "config": to_json(weights.config),
+        "config": to_json(dataclasses.replace(weights.config, model=changed)),
         "figures": json.dumps(dict(weights.figures)) if figures is None else figures,
         "sources": json.dumps(list(sources)),
     }
@@ -104,6 +105,7 @@ def test_other_parameters_and_a_later_version_are_refused(weights, tmp_path, mon
         ({"leaves": {name: None}}, name, "missing"),
         ({"leaves": {"params.more": np.zeros(3, np.float32)}}, "params.more"),
         ({"leaves": {name: bad}}, name, "not finite"),
+        ({"fc_widths": (1,) * 20_000}, f"{len(named_leaves(weights.params))} arrays"),
         ({"figures": "[1]"}, "metadata"),
         ({"figures": "[" * 200_000}, "metadata"),
         *(({"sources": [row]}, "metadata") for row in licences),

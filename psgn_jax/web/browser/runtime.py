@@ -18,7 +18,7 @@ from absl import logging
 
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.system.files import cache_folder, write_atomic
-from psgn_jax.system.untrusted import message_line
+from psgn_jax.system.untrusted import brief, message_line, size_of
 
 VERSION = "1.30.0"
 FILES = {
@@ -83,13 +83,15 @@ def _read(path: pathlib.Path) -> dict[str, bytes]:
         return {name: (folder / name).read_bytes() for name in FILES if (folder / name).is_file()}
     files = {}
     try:
+        size_of(path)
         with tarfile.open(path) as archive:
-            names = archive.getnames()
-            for name in (name for name in FILES if f"package/dist/{name}" in names):
-                if content := archive.extractfile(f"package/dist/{name}"):
+            for member in archive:
+                name = member.name.removeprefix("package/dist/")
+                content = archive.extractfile(member) if member.isreg() else None
+                if content and name in FILES:
                     files[name] = content.read(_MAX_BYTES)
     except (OSError, EOFError, tarfile.TarError) as error:
-        raise ConfigError(f"runtime={path}: {error}; expected a folder or a .tgz") from None
+        raise ConfigError(f"runtime={path}: {brief(error)}; expected a folder or a .tgz") from None
     return files
 
 

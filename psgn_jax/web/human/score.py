@@ -136,7 +136,7 @@ def score(
 def _model_points(answer: Answer, count: int, seed: int) -> np.ndarray:
     try:
         return sample_union([ConvexHull(corners) for corners in answer.solids], count, seed)
-    except (ValueError, QhullError) as error:
+    except (ValueError, IndexError, QhullError) as error:
         why = message_line(error)[:200]
         raise ConfigError(f"{answer.case}: {why}; expected a model with a surface") from None
 

@@ -40,7 +40,14 @@ def test_a_folder_or_an_archive_of_the_runtime_and_nothing_else(tmp_path, small_
     assert lib.runtime_files(tmp_path) == small_runtime
     assert lib.runtime_files(archive(tmp_path / "a.tgz", small_runtime)) == small_runtime
     changed = {**small_runtime, "ort-wasm-simd-threaded.wasm": b"x"}
+    (tmp_path / "text").write_text("no archive")
     table = [(archive(tmp_path / "c.tgz", changed), "threaded.wasm"), (tmp_path / "none", "none")]
+    table += [(tmp_path / "text", "text", ".tgz"), ("/dev/zero", "/dev/zero", "device")]
+    link = tarfile.TarInfo("package/dist/ort.wasm.min.mjs")
+    link.type, link.linkname = tarfile.SYMTYPE, "/etc/passwd"
+    with tarfile.open(tmp_path / "link.tgz", "w:gz") as tar:
+        tar.addfile(link)
+    table.append((tmp_path / "link.tgz", "ort.wasm.min.mjs"))
     all_refused(lib.runtime_files, ConfigError, table)
 
 

@@ -126,9 +126,10 @@ def test_what_cannot_be_compared_is_refused(study, answers):
     with refused(ConfigError):
         score.score(study, [answers[1], answers[1]], samples, {})
     first, second = answers
-    flat = dataclasses.replace(first, solids=([(0, 0, 0)] * 5,))
-    with refused(ConfigError, "Case 1"):
-        score.score(study, [flat, second], samples, {}, num_points=100)
+    for solid in ([(0, 0, 0)] * 5, []):
+        flat = dataclasses.replace(first, solids=(solid,))
+        with refused(ConfigError, "Case 1"):
+            score.score(study, [flat, second], samples, {}, num_points=100)
     table = [([network("x/a"), network("y/a")], "'a'"), ([network("a")] * 4, "4 networks", "3")]
     all_refused(score.label_networks, ConfigError, table)
 
