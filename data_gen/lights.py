@@ -185,9 +185,8 @@ def reduce(radiance: Map, settings: LightSettings, ambient: float, exposure: flo
     sky_colour = plain(sky / sky.mean()) * exposure * ambient
     # Light from the ground is reflected light from the sky.
     ground_colour = 0.7 * plain((floor / floor.mean() + sky / sky.mean()) / 2) * exposure * ambient
-    arrays = (lamp, colour, sky_colour, ground_colour)
-    lamp, colour, above, below = (a.astype(np.float32) for a in arrays)
-    return Lights(lamp, colour, above, below, settings.specular, settings.darkest)
+    arrays = (a.astype(np.float32) for a in (lamp, colour, sky_colour, ground_colour))
+    return Lights(*arrays, settings.specular, settings.darkest)
 
 
 def draw(rng: np.random.Generator, settings: LightSettings, radiance: Map) -> Lights:
