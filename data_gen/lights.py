@@ -182,10 +182,11 @@ def reduce(radiance: Map, settings: LightSettings, ambient: float, exposure: flo
     seen = toward[(toward[:, 0] > -0.2) & (toward[:, 2] > -0.3)]
     strongest = (np.clip(seen @ lamp.T, 0, None) @ colour.mean(axis=1)).max()
     colour = plain(colour) * exposure * (1 - ambient) / max(strongest, 1e-9)
-    above = plain(sky / sky.mean()) * exposure * ambient
+    sky_colour = plain(sky / sky.mean()) * exposure * ambient
     # Light from the ground is reflected light from the sky.
-    below = 0.7 * plain((floor / floor.mean() + sky / sky.mean()) / 2) * exposure * ambient
-    lamp, colour, above, below = (a.astype(np.float32) for a in (lamp, colour, above, below))
+    ground_colour = 0.7 * plain((floor / floor.mean() + sky / sky.mean()) / 2) * exposure * ambient
+    arrays = (lamp, colour, sky_colour, ground_colour)
+    lamp, colour, above, below = (a.astype(np.float32) for a in arrays)
     return Lights(lamp, colour, above, below, settings.specular, settings.darkest)
 
 
