@@ -24,8 +24,6 @@ from data_gen.engine import choose_variant
 from data_gen.render_model import Context, line_of
 from psgn_jax.data.shards import Result
 
-_SECONDS_TO_WAIT = 600  # for the first worker
-
 # On a worker: the renderers by job and thread.
 _kept: dict[tuple[str, int], pool.Renderer] = {}
 
@@ -72,7 +70,7 @@ def render_on(
     job = uuid.uuid4().hex
     with client:
         try:
-            client.wait_for_workers(1, timeout=_SECONDS_TO_WAIT)
+            client.wait_for_workers(1, timeout=600)
         except TimeoutError as error:
             raise RuntimeError(f"scheduler={address}: it has no workers: {error}") from error
         todo = iter(tasks)

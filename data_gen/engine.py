@@ -107,7 +107,7 @@ def has_mitsuba() -> bool:
 
 def llvm_candidates() -> list[str]:
     """Suitable LLVM libraries, best first: of the wheel, then of this machine."""
-    named = os.environ.get("DRJIT_LIBLLVM_PATH", "")
+    named = list(filter(None, [os.environ.get("DRJIT_LIBLLVM_PATH")]))
     paths = _llvm_of_wheel()
     for folder in _LLVM_FOLDERS:
         paths += sorted(pathlib.Path("/").glob(f"{folder[1:]}/libLLVM*"))
@@ -119,8 +119,7 @@ def llvm_candidates() -> list[str]:
         version = int((match and (match[1] or match[2])) or 0)
         if version in _LLVM_VERSIONS:
             libraries.setdefault(version, str(path))
-    rest = [libraries[v] for v in _LLVM_VERSIONS if v in libraries]
-    return [named, *rest] if named else rest
+    return named + [libraries[v] for v in _LLVM_VERSIONS if v in libraries]
 
 
 def _llvm_of_wheel() -> list[pathlib.Path]:

@@ -54,10 +54,8 @@ def backdrop(
     spread = (blur / np.pi * len(radiance),) * 2
     smoothed = scipy.ndimage.gaussian_filter(radiance, (*spread, 0), mode="wrap")
     at = [np.arccos(up) / np.pi * len(radiance) - 0.5, turns * radiance.shape[1] - 0.5]
-    values = [
-        scipy.ndimage.map_coordinates(smoothed[..., k], at, order=1, mode="grid-wrap")
-        for k in range(3)
-    ]
+    channels = np.moveaxis(smoothed, 2, 0)
+    values = [scipy.ndimage.map_coordinates(c, at, order=1, mode="grid-wrap") for c in channels]
     return np.stack(values, axis=-1).astype(np.float32)
 
 
@@ -256,9 +254,8 @@ def develop(
     `weight` is the weight of each pixel in the exposure.
     """
     height, width = weight.shape
-    draw = {
-        f.name: float(rng.uniform(*getattr(settings, f.name))) for f in dataclasses.fields(settings)
-    }
+    ranges = dataclasses.asdict(settings).items()
+    draw = {name: float(rng.uniform(*between)) for name, between in ranges}
     shift = 1 + 0.02 * rng.standard_normal(3)
     balance = (illuminant.mean() / np.maximum(illuminant, 1e-6)) ** draw["white_balance"] * shift
     values = light * balance.astype(np.float32)

@@ -349,11 +349,10 @@ def render(scene: Scene, *, side: int = 4, soft_edges: bool = False) -> Picture:
         if soft_edges:
             total = colour.mean(axis=1)
         else:
-            alike = (seen.owner.reshape(-1, side * side) == centre.owner[chosen, None]) & (
-                np.einsum("pkd,pd->pk", seen.normal.reshape(-1, side * side, 3),
-                          centre.normal[chosen])
-                > _SAME_SURFACE
-            )  # fmt: skip
+            normals = seen.normal.reshape(-1, side * side, 3)
+            cosine = np.einsum("pkd,pd->pk", normals, centre.normal[chosen])
+            alike = seen.owner.reshape(-1, side * side) == centre.owner[chosen, None]
+            alike &= cosine > _SAME_SURFACE
             summed = total[chosen] + np.einsum("pkd,pk->pd", colour, alike.astype(np.float32))
             total[chosen] = summed / (1 + alike.sum(axis=1))[:, None]
 

@@ -30,7 +30,6 @@ _FAILED_STARTS = 3  # after so many failed starts, no model can be the cause
 _SECONDS_TO_START = 300.0
 _SECONDS_IDLE = 600.0
 
-
 Pool = Callable[[Sequence[tuple[int, Entry]], Context], Generator[Result]]
 """Renders numbered models in any order.
 

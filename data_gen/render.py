@@ -22,6 +22,7 @@ Models are identified by name. If a mesh file changes but its name does not, we 
 again (without `--shard`), but old samples stay: use a new output folder.
 """
 
+import dataclasses
 import functools
 import inspect
 import pathlib
@@ -39,7 +40,6 @@ from absl import logging
 from data_gen import cluster, job, pool, settings
 from data_gen.catalogues import open_catalogue as catalogues
 from data_gen.catalogues.choosing import Choice
-from psgn_jax.config import structured
 from psgn_jax.config.command_line import Flags, named_file
 from psgn_jax.system.signals import exit_on_signals
 from psgn_jax.system.terminal import start_command
@@ -112,20 +112,18 @@ def _details() -> Iterator[str]:
     )
     for name, function in sorted(catalogues.CATALOGUES.items()):
         yield from _documented(f"--catalogue={name}", function)
-        values = inspect.signature(function).parameters
-        for key in catalogues.option_types(name):
-            if key in values:
-                value = values[key].default
+        for key, parameter in inspect.signature(function).parameters.items():
+            if key != "source":
+                value = parameter.default
                 shown = ",".join(map(str, value)) if isinstance(value, tuple) else value
                 yield f"  --option={key}={shown}"
     yield from _documented(
         "Every catalogue: --option=variants=0 --option=deviation=0.25", catalogues.variants_of
     )
     yield from _documented("Settings", settings.Settings)
-    for name, section in structured.to_dict(settings.Settings()).items():
-        if isinstance(section, dict):
-            kind = type(getattr(settings.Settings(), name))
-            yield from _documented(f"--config.{name}", kind)
+    for field in dataclasses.fields(settings.Settings):
+        if dataclasses.is_dataclass(field.type):
+            yield from _documented(f"--config.{field.name}", field.type)
 
 
 def _documented(title: str, kind: Any) -> Iterator[str]:

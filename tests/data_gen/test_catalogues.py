@@ -201,8 +201,9 @@ def test_sweet_home_and_its_properties(tmp_path):
     entries = catalogue.models
     assert [e.model_id for e in entries[:2]] == ["lib/me#chair", "lib/me#chair-2"]
     assert len({e.model_id for e in entries}) == 5
+    model = entries[0].load()
     assert entries[0].category == "Chairs"
-    assert entries[0].load().parameters["name"] == "Grüner Stuhl"
+    assert model.parameters["name"] == "Grüner Stuhl"
     # Depth is along x (the front), width along y.
     for number, extent in ((0, [1, 2, 4]), (1, [1, 1, 3]), (4, [1, 1, 1])):
         assert proportions(entries[number]) == extent
