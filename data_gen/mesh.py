@@ -123,7 +123,7 @@ class Model:
         """The model transformed by a matrix; we reverse its faces if the matrix mirrors."""
         determinant = np.linalg.det(matrix)
         if not np.isfinite(matrix).all() or determinant == 0:
-            raise ValueError(f"matrix: got {matrix.tolist()}, expected an invertible one")
+            raise UnusableModelError(f"matrix: got {matrix.tolist()}, not invertible")
         # Normals transform with the inverse transpose.
         normals = unit_vectors(self.normals @ np.linalg.inv(matrix))
         turn = slice(None, None, -1 if determinant < 0 else 1)
