@@ -108,11 +108,18 @@ class Model:
         key = np.unique(np.minimum(one, two) * len(self.vertices) + np.maximum(one, two))
         return np.stack(np.divmod(key, len(self.vertices)), axis=1)
 
+    @functools.cached_property
+    def has_alpha(self) -> np.ndarray:
+        """`Material.has_alpha` of each material; thousands may share a texture."""
+        of_texture = {id(m.texture): m for m in self.materials}
+        known = {key: m.has_alpha for key, m in of_texture.items()}
+        return np.array([known[id(m.texture)] for m in self.materials])
+
     def transformed(self, matrix: Float[np.ndarray, "3 3"]) -> "Model":
         """The model transformed by a matrix; we reverse its faces if the matrix mirrors."""
         determinant = np.linalg.det(matrix)
         if not np.isfinite(matrix).all() or determinant == 0:
-            raise ValueError(f"matrix: got {matrix.tolist()}, expected an invertible one")
+            raise UnusableModelError(f"matrix: got {matrix.tolist()}, not invertible")
         # Normals transform with the inverse transpose.
         normals = unit_vectors(self.normals @ np.linalg.inv(matrix))
         turn = slice(None, None, -1 if determinant < 0 else 1)
@@ -295,8 +302,7 @@ def crease_normals(
 
 def faces_with_alpha(model: Model) -> Int[np.ndarray, " n"]:
     """Indices of the faces whose texture has alpha."""
-    alpha = np.array([m.has_alpha for m in model.materials])
-    return np.flatnonzero(alpha[model.face_material])
+    return np.flatnonzero(model.has_alpha[model.face_material])
 
 
 def opacity_at(
@@ -305,11 +311,10 @@ def opacity_at(
     """Opacity at points of faces, given by barycentric weights: material times nearest texel."""
     owner = model.face_material[face]
     result = np.array([m.opacity for m in model.materials])[owner]
-    for index, material in enumerate(model.materials):
-        if material.texture is None or not material.has_alpha:
-            continue
-        here = np.flatnonzero(owner == index)
+    for index in np.flatnonzero(model.has_alpha):
+        material, here = model.materials[index], np.flatnonzero(owner == index)
         uv = (model.uv[face[here]] * weights[here][..., None]).sum(axis=1)
+        assert material.texture is not None
         result[here] *= texels(material.texture, uv)[:, 3] / 255.0
     return result
 

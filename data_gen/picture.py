@@ -62,8 +62,8 @@ def flatten(model: Model) -> ModelArrays:
     starts = [start.get(id(m.texture), 0) for m in model.materials]
     sizes = [(1, 1) if m.texture is None else m.texture.shape[:2] for m in model.materials]
     opacity = np.array([m.opacity for m in model.materials], np.float32)
-    seen = [model.materials[i] for i in np.unique(model.face_material)]
-    opaque = all(np.float32(m.opacity) >= 0.99 and not m.has_alpha for m in seen)
+    seen = np.unique(model.face_material)
+    opaque = (opacity[seen] >= np.float32(0.99)).all() and not model.has_alpha[seen].any()
     return ModelArrays(
         vertices=model.vertices.astype(np.float32),
         corners=model.corners().astype(np.float32),

@@ -75,9 +75,9 @@ def material(
     texture: np.ndarray | None, name: str,
 ) -> Material:  # fmt: skip
     """A material; we clip the values to their ranges."""
-    both = np.nan_to_num(np.stack([diffuse, specular]))
-    both /= np.where(both > _LARGE, 255, 1).max(axis=1, keepdims=True)
-    (r, g, b), (x, y, z) = both.clip(0, 1).tolist()
+    both = np.array([diffuse, specular], np.float64)
+    both /= np.where(both.max(axis=1, keepdims=True) > _LARGE, 255, 1)
+    (r, g, b), (x, y, z) = np.fmin(np.fmax(both, 0), 1).tolist()  # 0 in place of NaN
     shininess, opacity = min(max(shininess, 1.0), 1000.0), min(max(opacity, 0.0), 1.0)
     return Material((r, g, b), (x, y, z), shininess, opacity, texture, one_line(name))
 

@@ -146,8 +146,9 @@ class Assets:
     def texture(self, name: str, folder: str = "") -> np.ndarray | None:
         """The texture in a file of `open`, decoded once; None and a warning if it fails."""
         key = folder, name
+        is_new = key not in self._textures
         picture = self.decoded(key, repr(name), lambda: self.open(name, folder))
-        if picture is not None and not picture[..., 3].any():
+        if is_new and picture is not None and not picture[..., 3].any():
             self.warn("alpha 0 in a whole texture, opaque is used", repr(name))
             opaque = np.full(picture.shape[:2], 255, np.uint8)
             self._textures[key] = picture = self.with_alpha(picture, opaque)

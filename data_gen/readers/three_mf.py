@@ -21,7 +21,8 @@ _READ = ("/core/", "/production/", "/material/", "/materials/", "/trianglesets/"
 
 # Parts that are no surface, as PrusaSlicer, Bambu Studio and their relatives mark them.
 _SLICER = re.compile(
-    rb"(modifier|negative|support)_?(part|volume|block|enforce)|ParameterModifier", re.IGNORECASE
+    rb"[\"'](parameter|negative|modifier|support)_?(modifier|volume|part|block|enforce)",
+    re.IGNORECASE,
 )
 
 _KNOWN = ("mesh", "components", "vertices", "triangles", "trianglesets", "metadatagroup")

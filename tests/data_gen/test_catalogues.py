@@ -182,6 +182,10 @@ name#5=bad numbers
 model#5=/models/a/chair.obj
 width#5=wide
 modelRotation#5=1 2 3
+model#6=/models/a/chair.obj
+width#6=1e-200
+depth#6=1e-200
+height#6=1e-200
 name#six=no number
 """
 
@@ -200,7 +204,9 @@ def test_sweet_home_and_its_properties(tmp_path):
     catalogue = open_catalogue("sh3f", make_library(tmp_path / "lib.sh3f"))
     entries = catalogue.models
     assert [e.model_id for e in entries[:2]] == ["lib/me#chair", "lib/me#chair-2"]
-    assert len({e.model_id for e in entries}) == 5
+    assert len({e.model_id for e in entries}) == 6
+    with refused(UnusableModelError, "matrix", "e-201"):
+        entries[5].load()
     model = entries[0].load()
     assert entries[0].category == "Chairs"
     assert model.parameters["name"] == "Grüner Stuhl"
@@ -212,7 +218,7 @@ def test_sweet_home_and_its_properties(tmp_path):
             entry.load()
     assert entries[3].model_id == "lib/traversal \U0001f600"
     (tmp_path / "a.sh3f").mkdir()
-    assert len(open_catalogue("sh3f", tmp_path).models) == 5
+    assert len(open_catalogue("sh3f", tmp_path).models) == 6
     text = "a=1\nb : 2\nc 3\n! no\n  d\\ e=x\\\n   y\\u0041\\n\nempty=\n=nothing\nslash=\\\\\nlast"
     assert sh3f.parse_properties(text) == {
         "a": "1", "b": "2", "c": "3", "d e": "xyA\n", "empty": "", "": "nothing",
