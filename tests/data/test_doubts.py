@@ -123,6 +123,7 @@ CONVENTIONS = [
     (of(lambda plane: plane[:, ::-1], *IMAGES), "left to right", "flip"),
     (of(lambda plane: plane[::-1], *IMAGES), "upside down", "flip"),
     (of(lambda plane: plane[::-1, ::-1], *IMAGES), "180 degrees"),
+    (lambda s: of(lambda plane: plane[::-1, ::-1], *IMAGES)(cut(s)), "180 degrees"),
     (of(lambda plane: np.roll(plane, 50, axis=1), *IMAGES), "onto the mask", "docs/data.md"),
     (of(lambda mask: ~mask, "mask"), "mask of the background", "invert"),
     (inner(lambda k: k * [[1.33, 1, 1], [1, 1.33, 1], [1, 1, 1]]), "1.3", "focal length"),
