@@ -147,8 +147,10 @@ class _Silhouette:
         if not shown.any():
             return 0.0
         seen = (depth > 0) & ((pixels >= 0) & (pixels < self._size)).all(axis=1)
-        near = self._distance[cells] <= _NEAR
-        inside = (near & seen[shown]).sum() / seen.sum() if self._cut else near.sum() / len(shown)
+        if not self._cut:
+            seen[:] = True
+        near = (self._distance[cells] <= _NEAR) & seen[shown]
+        inside = near.sum() / max(1, seen.sum())
         empty = np.ones_like(self._mask)
         empty[cells] = False
         covered = ndimage.distance_transform_edt(empty)[self._mask] <= self._gap
@@ -341,7 +343,7 @@ def _about_samples(seen: np.ndarray, compared: list[_Compared]) -> Iterator[str]
     width = float(np.median(widths or 1))
     widths = [] if 1 / _RATIO < width < _RATIO else widths
     depths = [each.depth for each in compared if each.depth]
-    outside = [each for each in compared if not each.inside]
+    outside = [each for each in compared if not (each.inside or remedy or far.any() or off.any())]
     for some, text in (
         (widths, f"points {width:.3g} times as wide as the mask: check the focal "
          "length (a field of view is that of the width or of the height), the scale of the points, "
@@ -350,7 +352,7 @@ def _about_samples(seen: np.ndarray, compared: list[_Compared]) -> Iterator[str]
         (outside, "a volume that does not contain the points: index occupancy [x, y, z], over "
          "[-1, 1] x [-1, 1] x [0, 2]"),
     ):  # fmt: skip
-        if len(some) > enough and not what:  # else they may follow from what was named
+        if len(some) > enough and not what:  # else they may follow from it
             yield f"{len(some)} {of_compared} {text}"
 
 

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from psgn_jax.commands import inspect_records as inspect
 from psgn_jax.data import camera, framing
 from psgn_jax.data.dataset import RecordReader, doubts_of, write_dataset
+from psgn_jax.data.doubts import fit
 
 GL, PYTORCH3D = np.diag([1, -1, -1, 1]), np.diag([-1, -1, 1])
 Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # z becomes y
@@ -174,6 +175,7 @@ def test_right_records_and_few_that_do_not_fit_give_no_word(tmp_path, caplog, ca
     gl = outer(lambda e: GL @ e)
     unusual = [gl(right[0]), hung(right[1]), *map(with_volume, right[2:9])]
     assert not found(tmp_path / "right", caplog, train=[*unusual, *right[9:]])
+    assert fit(inner(lambda k: k + centre(0, 30))(cut(right[0]))) == 0  # no point is in the image
     for number, change in enumerate((cut, rolled)):
         assert not found(tmp_path / str(number), caplog, train=map(change, right[:8]))
     assert inspect.main([str(tmp_path / "right"), "--samples=1"]) == 0
