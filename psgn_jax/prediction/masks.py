@@ -39,13 +39,9 @@ LEAST_CERTAINTY = 0.8
 DOUBTFUL_BELOW = 0.945
 """`certainty` below which a warning says that the mask may be wrong."""
 BORDER = 0.02
-"""It also says so if the mask is at most this fraction of the photo's larger side away from its
-border, as things behind the object often are."""
-_DOUBTFUL = (
-    "the mask may be wrong: look at the result *_overlay.png (in Python: cloud.mask); if it is, "
-    "choose the object by box=x0,y0,x1,y1 or point=x,y, or mend the result *_mask.png and put it "
-    "beside the photo"
-)
+"""It also says so if nobody has chosen the object, and the mask is at most this fraction of the
+photo's larger side away from its border, as things behind the object often are."""
+_HINTS = {"box": "box=x0,y0,x1,y1", "point": "point=x,y"}
 # Pixels that are connected by probabilities above the first value belong to one part. Parts smaller
 # than this fraction of the largest one are not taken for the object.
 JOINED, LEAST_PART = 0.1, 0.1
@@ -96,7 +92,7 @@ class _Hints(NamedTuple):
     inside: np.ndarray  # pixels in the box, bool [h, w]
     crops: list[Box]  # what the network sees
     at: np.ndarray | None  # (row, column) of the point
-    given: bool
+    given: set[str]  # "box", "point"
 
 
 class MaskOptions(TypedDict, total=False):
@@ -295,18 +291,25 @@ def _by_network(
     if method.startswith("rembg"):
         return FoundMask(mask, method)
     percent = int(100 * certain)  # rounded down, so that a refused mask never prints 80 %
+    others = [how for key, how in _HINTS.items() if key not in hints.given]
     if certain < LEAST_CERTAINTY and not accept:
         raise UncertainMaskError(
             f"it is not certain which part is the object ({percent}%, expected at least "
-            f"{LEAST_CERTAINTY:.0%}); give its mask, box=x0,y0,x1,y1 or point=x,y, or accept "
-            f"this one (accept_mask){note}",
+            f"{LEAST_CERTAINTY:.0%}); give {', '.join([*others, 'its mask'])}, or accept this one "
+            f"(accept_mask){note}",
             mask,
         )
     (height, width), (top, bottom, left, right) = mask.shape, box_of(mask)
     gap = min(top, left, height - bottom, width - right)
-    doubtful = certain < DOUBTFUL_BELOW or gap <= BORDER * max(mask.shape)
-    told = doubtful and not hints.given  # once: then the user has chosen the object
-    return FoundMask(mask, f"network, {percent}% certain", (_DOUBTFUL,) * told, doubtful)
+    unsure, near = certain < DOUBTFUL_BELOW, gap <= BORDER * max(mask.shape)
+    why = "not certain" if unsure else "it nearly touches the border"
+    give = f"give {' or '.join(others)}, or " if others else ""
+    warning = (
+        f"the mask may be wrong ({why}): look at the result *_overlay.png (in Python: cloud.mask); "
+        f"if it is, {give}mend the result *_mask.png and put it beside the photo"
+    )
+    told = unsure or (near and not hints.given)
+    return FoundMask(mask, f"network, {percent}% certain", (warning,) * told, unsure or near)
 
 
 def _in_crop(image: np.ndarray, method: str, hints: _Hints, crop: Box) -> tuple[float, np.ndarray]:
@@ -317,7 +320,7 @@ def _in_crop(image: np.ndarray, method: str, hints: _Hints, crop: Box) -> tuple[
         model = method.partition(":")[2] or _REMBG
         p = mask_networks.by_rembg(np.ascontiguousarray(image[region]), model)
     else:
-        p = mask_networks.probabilities(image, crop, both_ways=len(hints.crops) > 1)
+        p = mask_networks.probabilities(image, crop, both_ways="box" in hints.given)
     p = np.where(smooth_mask(hints.inside[region], p.shape), p, np.float32(0))
     scale = np.divide(p.shape, (bottom - top, right - left))
     part = part_of(p, None if at is None else (at - (top, left)) * scale)
@@ -388,12 +391,13 @@ def _hints(read: photo.Photo, options: MaskOptions) -> _Hints:
         at = np.array([y, x])
     if (box := options.get("box")) is not None:
         corners = _numbers("box", box, "x0,y0,x1,y1").reshape(2, 2) * scale
+        beyond = np.maximum(-corners, corners - size).max()
         low = np.clip(np.floor(corners[0]), 0, size).astype(int)
         high = np.clip(np.ceil(corners[1]), 0, size).astype(int)
-        if min(high - low) < photo.MIN_SIDE:
+        if min(high - low) < photo.MIN_SIDE or beyond > BORDER * max(size):
             raise ConfigError(
-                f"box={_shown(box)}: accepted: x0,y0,x1,y1 with at least {photo.MIN_SIDE} pixels "
-                f"a side in the image of {read.size[1]}x{read.size[0]}"
+                f"box={_shown(box)}: accepted: x0,y0,x1,y1 in the image of {read.size[1]}x"
+                f"{read.size[0]}, with at least {photo.MIN_SIDE} pixels a side"
             )
         inside[:] = False
         inside[low[1] : high[1], low[0] : high[0]] = True
@@ -401,7 +405,7 @@ def _hints(read: photo.Photo, options: MaskOptions) -> _Hints:
         for margin in (round(share * int(max(high - low))) for share in MARGINS):
             (left, top), (right, bottom) = np.maximum(low - margin, 0), high + margin
             crops.append((int(left), int(top), min(width, int(right)), min(height, int(bottom))))
-    return _Hints(inside, crops, at, given=box is not None or point is not None)
+    return _Hints(inside, crops, at, _HINTS.keys() & options.keys())
 
 
 def _numbers(name: str, hint: Sequence[float], form: str) -> np.ndarray:

@@ -12,7 +12,7 @@ from psgn_jax.config.experiment import ConfigError, from_json
 from psgn_jax.training.loop import train
 from psgn_jax.weights.file import write_weights
 from psgn_jax.weights.leaves import named_leaves
-from psgn_jax.weights.opening import initial_params, open_initial, sources_of
+from psgn_jax.weights.opening import initial_params, open_initial, origins_of
 
 
 def with_init(config, init, **fields):
@@ -92,7 +92,7 @@ def test_several_networks_start_as_their_mean(tmp_path):
         write_weights(file, tiny.weights(config, "float32")._replace(params=params))
     comma = tmp_path / "a, b" / "one.safetensors"
     write_weights(comma, tiny.weights(config))
-    assert list(sources_of(with_init(config, comma)))[1:] == tiny.SOURCES
+    assert origins_of(with_init(config, comma))[1][1:] == tiny.SOURCES
     both = open_initial(with_init(config, f"{files[0]}, {files[1]}"))
     assert both.source.startswith("the mean of ")
     leaves = [named_leaves(params) for params in (*given, both.params)]

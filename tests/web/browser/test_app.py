@@ -154,7 +154,7 @@ def test_a_mask_is_found_as_by_python_or_proposed_and_corrected(open_page, tmp_p
         found = masks.find_mask(np.asarray(Image.open(file)), mask_from="network")
         assert masks.mask_iou(mask_of(page, found.mask.shape), found.mask) > 0.999
         percent = re.findall(r"\d+ ?%", found.method)[0].replace("%", " %")
-        doubt = f"not certain which part is the object ({percent})"
+        doubt = f"may be wrong (it is {percent} certain)"
         assert bool(found.warnings) == (doubt in status(page))
     assert found.warnings
     chair = np.asarray(Image.open(CHAIR))

@@ -122,8 +122,9 @@ async function lookFor(photo, hint) {
   const { mask, certainty } = await findMask(photo, about, run, hint);
   const { width, height } = photo, least = about.border * Math.max(width, height);
   const near = mask.some((on, i) => on && Math.min(i % width, width - 1 - i % width, Math.floor(i / width), height - 1 - Math.floor(i / width)) <= least);
-  const doubt = hint || certainty >= about.doubtful_below && !near ? "" : ` It is not certain which part is the object (${Math.floor(100 * certainty)} %): draw a frame around it or click on it with the tool Find, or correct the mask.`;
-  return { mask, doubt };
+  const unsure = certainty < about.doubtful_below, why = unsure ? `it is ${Math.floor(100 * certainty)} % certain` : "it nearly touches the border";
+  const doubt = ` The mask may be wrong (${why}): draw a frame around the object or click on it with the tool Find, or correct the mask.`;
+  return { mask, doubt: unsure || near && !hint ? doubt : "" };
 }
 
 /** Looks again, in a frame or at a point. */
