@@ -200,16 +200,18 @@ _MAP_OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-texres": 1,
 
 def _map_name(rest: str) -> tuple[str, dict[str, list[str]]]:
     """The file name in a map statement, which may contain spaces, and the options before it."""
-    words = rest.split()
+    words, at = rest.split(), 0  # an index: copies of the rest would take quadratic time
     options: dict[str, list[str]] = {}
-    while words and (
-        (option := words[0].lower()) in _MAP_OPTIONS
-        or (len(words) > 2 and re.fullmatch("-[a-z]+", option))  # such as -colorspace sRGB
+    while at < len(words) and (
+        (option := words[at].lower()) in _MAP_OPTIONS
+        or (len(words) - at > 2 and re.fullmatch("-[a-z]+", option))  # such as -colorspace sRGB
     ):
-        values = itertools.takewhile(lambda word: floats([word], 1), words[1:-1][:3])
+        following = words[at + 1 : min(at + 4, len(words) - 1)]
+        values = itertools.takewhile(lambda word: floats([word], 1), following)
         count = _MAP_OPTIONS.get(option, 1) or len(list(values))
-        options[option], words = words[1 : 1 + count], words[1 + count :]
-    return (" ".join(words) if options else rest), options
+        options[option] = words[at + 1 : at + 1 + count]
+        at += 1 + count
+    return (" ".join(words[at:]) if options else rest), options
 
 
 def read_mtl(data: bytes, assets: Assets, folder: str = "") -> dict[str, Look]:
