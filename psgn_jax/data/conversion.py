@@ -173,7 +173,9 @@ def convert(
 
     job = Job({"source": layout}, inputs, per_shard, converts=True, tries_again=incomplete)
     progress = shards.write(target, job, make)
-    left_out = [text for line in progress.lines for text in line["reason"].split("\n") if text]
+    left_out = [
+        text for line in progress.lines for text in line.get("reason", "").split("\n") if text
+    ]
     if not progress.samples:
         first = (left_out or ["none"])[0]
         raise ValueError(f"SRC {str(source)!r}: no file could be read; first message: {first}")

@@ -398,6 +398,7 @@ def _checked(line: Any) -> Line:
     if not (
         isinstance(line, dict)
         and all(isinstance(line.get(k), str) for k in ("model_id", "category", "split", "status"))
+        and isinstance(line.get("reason", ""), str)
         and isinstance(line.get("samples"), int)
         and isinstance(line.get("splits", {}), dict)
         and sum(_counts(line).values()) == line["samples"] >= 0

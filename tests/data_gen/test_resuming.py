@@ -112,7 +112,10 @@ def test_what_is_damaged_is_refused_or_made_again(once, tmp_path):
     assert make(out, TEN)[1] == ["m3", "m7"]
     assert contents(out) == contents(once)
     lines = (out / shards.REPORT).read_text()
-    for text in (DEEP, "5\n", '{"model_id": 5}\n', "\xff", lines.replace('"split"', '"s"')):
+    wrong = [
+        lines.replace(*pair) for pair in (('"split"', '"s"'), ('"reason": "', '"reason": 1, "'))
+    ]
+    for text in (DEEP, "5\n", '{"model_id": 5}\n', "\xff", *wrong):
         (out / shards.REPORT).write_bytes(text.encode("latin1"))
         with refused(ValueError, shards.REPORT):
             make(out, TEN)
