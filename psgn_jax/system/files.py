@@ -65,7 +65,7 @@ def cache_folder() -> pathlib.Path:
     has no home, as in `docker run -u 1234`.
     """
     if given := os.environ.get("PSGN_CACHE"):
-        return pathlib.Path(given)
+        return pathlib.Path(local_path(given, "PSGN_CACHE"))
     if os.path.isabs(given := os.environ.get("XDG_CACHE_HOME", "")):  # others are ignored
         return pathlib.Path(given, "psgn_jax")
     try:

@@ -60,6 +60,8 @@ def test_the_home_of_a_user_is_found_in_every_path(tmp_path, monkeypatch, capsys
     assert capsys.readouterr().out == f"{tmp_path}/x ['{tmp_path}/a', 'b'] {tmp_path}/c.py\n"
     assert files.local_path("~/results", "out") == f"{tmp_path}/results"
     assert files.local_path("a~/b", "out") == "a~/b"
+    monkeypatch.setenv("PSGN_CACHE", "~/c")
+    assert files.cache_folder() == tmp_path / "c"
     assert files.local_path("~root/x", "out") == f"{os.path.expanduser('~root')}/x"
 
 
