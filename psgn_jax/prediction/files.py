@@ -24,6 +24,7 @@ from psgn_jax.data import photo, resample
 from psgn_jax.prediction import masks
 from psgn_jax.prediction.cloud import FC, Prediction
 from psgn_jax.prediction.formats import DEFAULT_FORMATS, FORMATS, VERSION
+from psgn_jax.prediction.photo_files import images_named, is_result, result_png, same_name
 from psgn_jax.prediction.predictor import Clock, Predictor
 from psgn_jax.prediction.surface import SurfaceError, glb
 from psgn_jax.system.errors import exit_code_of, is_disk_full
@@ -103,10 +104,10 @@ def predict_files(
             found = masks.find_mask(image, given, **how)
         except masks.UncertainMaskError as error:
             file = _propose(error.mask, image, start)
-            proposal = f"; its proposal is {file}" if masks.is_result(file) else ""
+            proposal = f"; its proposal is {file}" if is_result(file) else ""
             raise masks.UncertainMaskError(f"{error}{proposal}", error.mask) from None
         # The proposal of an earlier run would show another mask.
-        if found.doubtful or (given is None and masks.is_result(_with(start, "_mask.png"))):
+        if found.doubtful or (given is None and is_result(_with(start, "_mask.png"))):
             _propose(found.mask, image, start)
         clock.lap("mask")
         return image, found, start, clock
@@ -163,8 +164,8 @@ def _propose(mask: np.ndarray, read: photo.Photo, start: pathlib.Path) -> pathli
     full = resample.smooth_mask(mask, read.size) * np.uint8(255)
     for kind, picture in zip(_PROPOSAL, (overlay, full), strict=True):
         file = _with(start, f"_{kind}.png")
-        if not file.exists() or masks.is_result(file):
-            write_atomic(file, masks.result_png(picture, read.path), sync=False)
+        if not file.exists() or is_result(file):
+            write_atomic(file, result_png(picture, read.path), sync=False)
     return file
 
 
@@ -189,7 +190,7 @@ def _write(
         result.save(folder / name, k)
     for name, content in surfaces.items():
         write_atomic(folder / name, content, sync=False)
-    write_atomic(view, masks.result_png(result.view.image, result.photo.path), sync=False)
+    write_atomic(view, result_png(result.view.image, result.photo.path), sync=False)
 
 
 def _files(name: str, kinds: Sequence[str], samples: int) -> dict[str, int]:
@@ -262,11 +263,11 @@ def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
         path = pathlib.Path(image)
         paths += _images_in(path) if os.path.isdir(path) else [path]
     if paths[1:] or paths != list(map(pathlib.Path, images)):  # a file alone is always meant
-        listed = {(p.parent, masks.same_name(p.stem)) for p in paths}
+        listed = {(p.parent, same_name(p.stem)) for p in paths}
         paths = [
             p
             for p in paths
-            if not _is_mask(p, listed) and not (p.suffix == ".png" and masks.is_result(p))
+            if not _is_mask(p, listed) and not (p.suffix == ".png" and is_result(p))
         ]
     return list(dict.fromkeys(paths))
 
@@ -274,8 +275,8 @@ def _expand(images: Sequence[str | os.PathLike[str]]) -> list[pathlib.Path]:
 def _is_mask(path: pathlib.Path, listed: set[tuple[pathlib.Path, str]]) -> bool:
     """Whether a file is the mask of a photo that is listed or beside it."""
     stem, folder = path.stem[: -len("_mask")], path.parent
-    return masks.same_name(path.stem).endswith("_mask") and (
-        (folder, masks.same_name(stem)) in listed or bool(masks.images_named(folder, stem))
+    return same_name(path.stem).endswith("_mask") and (
+        (folder, same_name(stem)) in listed or bool(images_named(folder, stem))
     )
 
 
@@ -283,8 +284,8 @@ def _images_in(folder: pathlib.Path) -> list[pathlib.Path]:
     """The images of a folder by their suffix, and HEIC files that have no converted copy there."""
     files = [p for p in folder.iterdir() if p.name[0] != "." and p.is_file()]
     images = [p for p in files if p.suffix.lower() in photo.SUFFIXES]
-    copied = {masks.same_name(p.stem) for p in images}
-    others = (p for p in files if masks.same_name(p.stem) not in copied)
+    copied = {same_name(p.stem) for p in images}
+    others = (p for p in files if same_name(p.stem) not in copied)
     return sorted([*images, *(p for p in others if p.suffix.lower() in photo.HEIC)])
 
 
@@ -310,10 +311,10 @@ def _free_start(
         files = {*_files(name, kinds, samples), f"{name}_input.png"} - earlier
         there = any((out / file).exists() for file in files)
         foreign = (record.exists() and not earlier) or any(
-            masks.is_result(out / f"{name}_{kind}.png", other_than=path) for kind in _PROPOSAL
+            is_result(out / f"{name}_{kind}.png", other_than=path) for kind in _PROPOSAL
         )
-        if masks.same_name(name) not in taken and not there and not foreign:
-            taken.add(masks.same_name(name))
+        if same_name(name) not in taken and not there and not foreign:
+            taken.add(same_name(name))
             return out / name
         number += 1
         name = f"{path.stem}-{number}"
@@ -324,8 +325,8 @@ def _mask_of(path: pathlib.Path, mask: str) -> pathlib.Path:
     if not folder.is_dir():
         return folder
     for stem in (f"{path.stem}_mask", path.stem):
-        for found in masks.images_named(folder, stem):
-            if not found.samefile(path) and not masks.is_result(found, other_than=path):
+        for found in images_named(folder, stem):
+            if not found.samefile(path) and not is_result(found, other_than=path):
                 return found
     raise photo.PhotoError(
         f"mask={mask}: expected an image named {path.stem}_mask.* or {path.stem}.* there, besides "

@@ -10,18 +10,11 @@ Without a mask `NAME_mask.*` beside `NAME.jpg`, "auto" tries three methods in th
 nearest to the middle. A box or a point in the photo chooses another one.
 """
 
-import contextlib
-import io
-import os
-import pathlib
-import unicodedata
-import warnings
-import zlib
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
-from PIL import Image, ImageFilter, PngImagePlugin
+from PIL import Image, ImageFilter
 from scipy import ndimage
 
 from psgn_jax.config.experiment import ConfigError
@@ -29,7 +22,7 @@ from psgn_jax.data import photo
 from psgn_jax.data.photo import PhotoError
 from psgn_jax.data.resample import box_of, smooth_mask
 from psgn_jax.prediction import mask_networks
-from psgn_jax.system.untrusted import kind_of
+from psgn_jax.prediction.photo_files import images_named, is_result
 
 METHODS = ("auto", "alpha", "plain", "network", "rembg")
 """Also `rembg:MODEL`."""
@@ -70,7 +63,6 @@ _INVERTED_WITHIN = 0.85  # of the photo, and half of the border: the object is s
 # large if it has this fraction of the largest one's pixels.
 _CUT_OFF, _LARGE_PART = 0.1, 0.25
 _REMBG = "u2net"  # rembg's own default
-_NOTE, _OF = "psgn_jax result", "psgn_jax photo"  # keys of texts in PNG files
 _CLEARLY_BETTER = 0.2  # of an intersection over union
 
 Box = tuple[int, int, int, int]  # left, top, right, bottom
@@ -179,62 +171,6 @@ def _given(
         pixels = photo.turned(pixels, read.orientation)
         warnings.append("the mask was turned as EXIF turns the photo, because it fits better so")
     return FoundMask(pixels, name, tuple(warnings))
-
-
-def images_named(folder: pathlib.Path, stem: str) -> list[pathlib.Path]:
-    """The image files `stem.*` in a folder; HEIC last, which cannot be read.
-
-    Upper and lower case are equal, and so are the Unicode forms of a name, because programs and
-    systems change them; a file of the very same name comes first.
-    """
-    wanted, order = same_name(stem), (*sorted(photo.SUFFIXES), *sorted(photo.HEIC))
-    found = []
-    with contextlib.suppress(OSError):
-        for name in os.listdir(folder):
-            start, suffix = os.path.splitext(name)
-            if same_name(start) == wanted and suffix.lower() in order:
-                found.append((start != stem, order.index(suffix.lower()), name))
-    return [file for *_, name in sorted(found) if (file := folder / name).is_file()]
-
-
-def same_name(name: str) -> str:
-    """A form that is equal for names that people take for the same one."""
-    return unicodedata.normalize("NFC", name).casefold()
-
-
-def result_png(picture: np.ndarray, of: pathlib.Path | None) -> bytes:
-    """A PNG file that `is_result` recognises, made from the photo `of`."""
-    stream, note = io.BytesIO(), PngImagePlugin.PngInfo()
-    note.add_text(_NOTE, str(zlib.crc32(picture.tobytes())))
-    if of is not None:
-        note.add_text(_OF, _number(of))
-    Image.fromarray(picture).save(stream, "png", pnginfo=note, compress_level=1)
-    return stream.getvalue()
-
-
-def _number(photo: pathlib.Path) -> str:
-    # The path itself would tell others about this machine.
-    return str(zlib.crc32(os.fsencode(os.path.abspath(photo))))
-
-
-def is_result(path: pathlib.Path, other_than: pathlib.Path | None = None) -> bool:
-    """Whether a file was written as a result, and its pixels were not changed since.
-
-    With `other_than`, whether it is a result of another photo.
-    """
-    try:
-        if kind_of(path) is not None:
-            return False
-        with (
-            warnings.catch_warnings(action="ignore"),  # of large images
-            Image.open(path, formats=["PNG"]) as file,
-        ):
-            note, of = file.info.get(_NOTE), file.info.get(_OF)
-            if note is None or (other_than and of in (None, _number(other_than))):
-                return False
-            return bool(note == str(zlib.crc32(file.tobytes())))
-    except Exception:  # whatever it is, it is no result
-        return False
 
 
 def check_method(method: str) -> None:

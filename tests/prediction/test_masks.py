@@ -13,7 +13,7 @@ from PIL import Image
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data import photo
 from psgn_jax.data.resample import box_of, smooth_mask
-from psgn_jax.prediction import mask_networks, masks
+from psgn_jax.prediction import mask_networks, masks, photo_files
 
 
 def test_alpha_and_a_plain_background_come_before_the_network():
@@ -195,5 +195,5 @@ def test_names_that_people_take_for_the_same_one_are_paired(tmp_path):
         ("A_mask", ["a_mask.heic"]),
         ("c_mask", []),
     ):
-        assert [file.name for file in masks.images_named(tmp_path, stem)] == expected
-    assert masks.images_named(tmp_path / "absent", "a") == []
+        assert [file.name for file in photo_files.images_named(tmp_path, stem)] == expected
+    assert photo_files.images_named(tmp_path / "absent", "a") == []
