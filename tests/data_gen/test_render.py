@@ -269,7 +269,7 @@ def test_command_has_help_and_refuses_wrong_arguments(tmp_path):
     cases = (
         ("--shard=2/2", "--shard=2/2", "i/n"),
         ("--config.views=abc", "abc"),
-        ("--config=fotos", "--config=fotos", "'photo'"),
+        ("--config=photos", "--config=photos", "'photo'"),
         (f"--config={CONFIG}:nobody", "'nobody'"),
         # The preset sets image.shading=photo, so that only the seed is wrong.
         ("--config=photo --config.image.rays=9 --seed=3", "--seed=3", "--sample"),
