@@ -100,13 +100,10 @@ def test_several_networks_start_as_their_mean(tmp_path):
         want = (np.asarray(leaves[0][name]) + np.asarray(leaves[1][name])) / 2
         np.testing.assert_allclose(mean, want, atol=1e-7, err_msg=name)
     write_weights(files[1], tiny.weights(tiny.config(model__fc_widths=(20,)), "float32"))
-    all_refused(
-        lambda init: open_initial(with_init(config, init)),
-        ConfigError,
-        [
-            (f"{files[0]},{files[1]}", "two.safetensors' has other layers"),
-            (f"{files[0]},nothing", "train.init='nothing'"),
-            (",".join("x" * 150), "train.init='x'"),
-            (f"{files[0]},", "train.init=", "empty"),
-        ],
-    )
+    table = [
+        (f"{files[0]},{files[1]}", "two.safetensors' has other layers"),
+        (f"{files[0]},nothing", "train.init='nothing'"),
+        (",".join("x" * 150), "train.init='x'"),
+        (f"{files[0]},", "train.init=", "empty"),
+    ]
+    all_refused(lambda init: open_initial(with_init(config, init)), ConfigError, table)
