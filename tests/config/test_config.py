@@ -1,5 +1,3 @@
-"""Configurations: every mistake ends in one line naming field, value and what is accepted."""
-
 import runpy
 
 import ml_collections

@@ -1,5 +1,3 @@
-"""Moves of images and points together, while the camera does not change."""
-
 import dataclasses
 
 import numpy as np
@@ -11,21 +9,15 @@ from psgn_jax.data import augment, camera, framing
 from psgn_jax.data.resample import box_of
 
 
-def about_the_middle(size, scale, right, down):
-    """A move in pixels of 192x256 that scales about the image's middle."""
-    middle, pixel = np.array(size) / 2, size[0] / 192
-    down, right = (1 - scale) * middle + np.array([down, right]) * pixel
-    return framing.Move(scale, right, down)
-
-
-MOVES = [(0.88, 0, 0), (1, 14, 0), (0.9, -11, 14), (1.1, 8, 5)]
-
-
-@pytest.mark.parametrize("numbers", MOVES)
+@pytest.mark.parametrize(
+    ("scale", "shift"), [(0.88, (0, 0)), (1, (0, 14)), (0.9, (14, -11)), (1.1, (5, 8))]
+)
 @pytest.mark.parametrize(("category", "size"), [("box", (192, 256)), ("cone", (96, 128))])
-def test_points_stay_on_the_object(category, size, numbers):
+def test_points_stay_on_the_object(category, size, scale, shift):
     view = solids.view_of(category, size, seed=1)
-    move = about_the_middle(size, *numbers)
+    # Scaled about the middle; the shift is in pixels of 192x256.
+    down, right = (1 - scale) * np.array(size) / 2 + np.array(shift) * size[0] / 192
+    move = framing.Move(scale, right, down)
     moved = augment.follow(view, framing.keep_inside(move, view.mask))
     np.testing.assert_array_equal(moved.intrinsics, view.intrinsics)
     np.testing.assert_array_equal(moved.extrinsics, view.extrinsics)
@@ -34,7 +26,7 @@ def test_points_stay_on_the_object(category, size, numbers):
     # For these objects, the error of the move that `framing` states is at most 3.6 pixels.
     assert camera.inside_mask(pixels, moved.mask, 3).mean() > 0.999
     assert camera.inside_mask(pixels, moved.mask, 4).all()
-    assert moved.mask.sum() == pytest.approx(numbers[0] ** 2 * view.mask.sum(), rel=0.05)
+    assert moved.mask.sum() == pytest.approx(scale**2 * view.mask.sum(), rel=0.05)
     # The depth map is moved too: its surface is near the moved points.
     surface = camera.back_project(moved.depth, moved.intrinsics, moved.extrinsics)[::97]
     nearest = np.linalg.norm(surface[:, None] - moved.points, axis=2).min(axis=1)

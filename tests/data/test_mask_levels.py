@@ -81,19 +81,13 @@ def test_two_levels_are_a_mask_and_their_edge_may_be_soft(mask):
         (labels(26001, 26002, 7, np.int64), (26001,)),
         (in_file(labels(7, 255)), 7),
         (in_file(TRIMAP), None),
-        (
-            in_file(np.where(OBJECT, 255, (ROWS // 20 * 16 + COLUMNS // 20) % 95).astype(np.uint8)),
-            255,
-        ),
+        (in_file(labels(255, rest=(ROWS // 20 * 16 + COLUMNS // 20) % 95)), 255),
         (in_file(with_palette(labels(1, 2), *RED_AND_GREEN)), 1),
         (in_file(with_palette(labels(1, 2), *RED_AND_GREEN), transparency=0), 1),
         (in_file(with_palette(labels(1, 2), *[(0, 0, 0)] * 4)), 1),
         (in_file(with_palette(labels(1, 2), *RED_AND_GREEN), "GIF"), None),
         (in_file(with_palette(labels(1, 2), *RED_AND_GREEN).convert("RGB")), (255, 0, 0)),
-        (
-            in_file(np.where(ROWS < 200, ROWS // 10 * 7 % 20, labels(24, 255)).astype(np.uint8)),
-            None,
-        ),
+        (in_file(np.uint8(np.where(ROWS < 200, ROWS // 10 * 7 % 20, labels(24, 255)))), None),
     ],
 )
 def test_several_labels_are_refused_unless_one_is_named(mask, label):

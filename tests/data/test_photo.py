@@ -1,15 +1,13 @@
-"""Every photo gives a valid input of a network, or an error of one line."""
-
 import io
 import json
 import os
 import struct
-import zlib
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.commands import python
+from helpers.obj_text import png_header
 from helpers.refusals import all_refused, refused
 from PIL import Image, ImageCms
 
@@ -88,13 +86,6 @@ def test_modes(tmp_path, mode):
     assert read.image.dtype == np.uint8
     assert np.abs(read.image.astype(int) - image).mean() < 3
     assert read.alpha is None
-
-
-def png_header(width, height):
-    """A PNG of one bit a pixel without its pixels."""
-    content = b"IHDR" + struct.pack(">IIBBBBB", width, height, 1, 0, 0, 0, 0)
-    chunk = struct.pack(">I", 13) + content + struct.pack(">I", zlib.crc32(content))
-    return b"\x89PNG\r\n\x1a\n" + chunk + struct.pack(">I", 0) + b"IDAT"
 
 
 def test_hostile_files_end_in_one_line(tmp_path):

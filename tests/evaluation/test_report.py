@@ -1,5 +1,3 @@
-"""The gallery of an evaluation: numbers, links and order; the pages work in a browser."""
-
 import json
 
 import numpy as np
@@ -10,8 +8,6 @@ from psgn_jax.data import camera
 from psgn_jax.evaluation import report
 from psgn_jax.evaluation.report import Collector
 from psgn_jax.evaluation.results import Evaluation, SampleName
-
-CATEGORIES = ("car", "lamp", "")
 
 
 def made(count=13, label="first", n=40, seed=0):
@@ -24,7 +20,7 @@ def made(count=13, label="first", n=40, seed=0):
          "pred": rng.uniform(-0.5, 0.5, (n, 3)).astype(np.float32)}
         for _ in range(count)
     ]  # fmt: skip
-    names = [SampleName(i, CATEGORIES[i % 3], f"model{i}", 0) for i in range(count)]
+    names = [SampleName(i, ("car", "lamp", "")[i % 3], f"model{i}", 0) for i in range(count)]
     error = rng.permutation(count) * 0.01 + 0.005
     metrics = {"cd_sq_radius2": error, "cd_l1_radius": error**0.5, "fscore": 1 - error}
     evaluation = Evaluation("validation", names, metrics, 0.01, (n, 90))

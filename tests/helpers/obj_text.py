@@ -1,6 +1,8 @@
 """Texts of OBJ files, and small pictures."""
 
 import io
+import struct
+import zlib
 
 import numpy as np
 from PIL import Image
@@ -15,6 +17,13 @@ def png(colour, size=(4, 4), mode="RGB"):
     stream = io.BytesIO()
     Image.new(mode, size, colour).save(stream, "PNG")
     return stream.getvalue()
+
+
+def png_header(width, height):
+    """A PNG of one bit a pixel without its pixels."""
+    content = b"IHDR" + struct.pack(">IIBBBBB", width, height, 1, 0, 0, 0, 0)
+    chunk = struct.pack(">I", 13) + content + struct.pack(">I", zlib.crc32(content))
+    return b"\x89PNG\r\n\x1a\n" + chunk + struct.pack(">I", 0) + b"IDAT"
 
 
 def picture(rows, kind="PNG", **options):

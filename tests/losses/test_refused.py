@@ -1,5 +1,3 @@
-"""What the losses refuse: errors name the argument; inside `jit`, results are NaN."""
-
 import itertools
 
 import jax

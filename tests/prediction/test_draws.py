@@ -1,5 +1,3 @@
-"""Draws depend on seed and sample alone; which are shown, and how far their points vary."""
-
 import jax
 import numpy as np
 import pytest
@@ -16,15 +14,12 @@ from psgn_jax.prediction import draws
 from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.weights.run_folder import Trained
 
-
-@pytest.fixture(scope="module")
-def config():
-    return standin.config(data__image_size=(48, 64), model__random_size=3)
+CONFIG = standin.config(data__image_size=(48, 64), model__random_size=3)
 
 
 @pytest.fixture(scope="module")
-def predictor(config):
-    return Predictor(Trained(config, 7, random_params(config), {}, "runs/x"))
+def predictor():
+    return Predictor(Trained(CONFIG, 7, random_params(CONFIG), {}, "runs/x"))
 
 
 @pytest.fixture
@@ -76,12 +71,12 @@ def test_the_first_cloud_and_its_spread_do_not_depend_on_how_many_are_asked_for(
     assert three.arrays()["spread"].shape == three.points.shape[:2]
 
 
-def test_the_first_cloud_is_that_of_zero_or_the_mean_of_the_draws(config, predictor):
+def test_the_first_cloud_is_that_of_zero_or_the_mean_of_the_draws(predictor):
     plain = {"refine": False, "normal_form": "no", "frame": "keep"}
     zero, mean = (predictor(photo(), first=first, **plain) for first in draws.FIRST)
     batch = {"image": zero.view.image[None], "mask": zero.view.mask[None]}
-    network = networks.build(config.model), random_params(config), batch
-    expected = networks.predict(config, *network, np.zeros((1, 3), np.float32))
+    network = networks.build(CONFIG.model), random_params(CONFIG), batch
+    expected = networks.predict(CONFIG, *network, np.zeros((1, 3), np.float32))
     np.testing.assert_allclose(zero.points, expected, atol=1e-5)
     np.testing.assert_allclose(mean.points[0], zero.draws[1:].mean(axis=0), atol=1e-5)
 

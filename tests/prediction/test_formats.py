@@ -1,5 +1,3 @@
-"""Prediction files are read; other files are refused."""
-
 import io
 import os
 import zipfile

@@ -1,5 +1,3 @@
-"""Masks that are found: by the background, and by the network of the package."""
-
 import io
 import sys
 import types

@@ -1,5 +1,3 @@
-"""From image files to clouds: the output, refused files, and the effect of one bad file."""
-
 import json
 
 import jax
@@ -22,20 +20,12 @@ from psgn_jax.prediction.formats import read_prediction
 from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.weights.run_folder import Trained
 
-
-@pytest.fixture(scope="module")
-def config():
-    return standin.config(model__widths=(4, 6, 8), model__fc_points=5, data__image_size=(24, 32))
+CONFIG = standin.config(model__widths=(4, 6, 8), model__fc_points=5, data__image_size=(24, 32))
 
 
 @pytest.fixture(scope="module")
-def params(config):
-    return random_params(config)
-
-
-@pytest.fixture(scope="module")
-def predictor(config, params):
-    return Predictor(Trained(config, 7, params, {}, "runs/x"))
+def predictor():
+    return Predictor(Trained(CONFIG, 7, random_params(CONFIG), {}, "runs/x"))
 
 
 def photo_of_a_box(height=90, width=120):
@@ -127,10 +117,10 @@ def test_what_a_mask_shows_of_an_object_is_told(predictor):
     assert not predictor(cropped).warnings
 
 
-def test_wrong_arguments(predictor, params):
+def test_wrong_arguments(predictor):
     depth = standin.config(data__inputs=("rgb", "mask", "depth"))
     with refused(ConfigError, "data.inputs", "'rgb' and 'mask'"):
-        Predictor(Trained(depth, 7, params, {}))
+        Predictor(Trained(depth, 7, {}, {}))
     table = [
         ({"samples": 65}, "samples=65", "1 to 64"),  # `psgn view` reads no more
         ({"samples": True}, "samples=True", "1 to 64"),
@@ -140,7 +130,7 @@ def test_wrong_arguments(predictor, params):
         ({"normal_form": "x"}, "normal_form='x'", "auto, yes, no"),
     ]
     all_refused(lambda options: predictor(photo_of_a_box(), **options), ConfigError, table)
-    fixed = Predictor(Trained(standin.config(model__random_size=0), 7, params, {}))
+    fixed = Predictor(Trained(standin.config(model__random_size=0), 7, {}, {}))
     table = [({"samples": 2}, "samples=2"), ({"seed": 1}, "seed=1")]
     all_refused(lambda options: fixed(photo_of_a_box(), **options), ConfigError, table)
 
@@ -360,9 +350,9 @@ def test_a_mask_in_stored_orientation_is_turned(predictor, tmp_path, monkeypatch
         np.testing.assert_array_equal(cloud.mask, upright)
 
 
-def test_the_command_goes_on_after_a_bad_file(config, params, tmp_path):
+def test_the_command_goes_on_after_a_bad_file(tmp_path):
     workdir, out, folder = (tmp_path / name for name in ("run", "out", "in"))
-    write_run(workdir, config, {"params": params})
+    write_run(workdir, CONFIG, {"params": random_params(CONFIG)})
     save(folder / "good.png")
     Image.fromarray(photo_of_a_box()).convert("CMYK").save(folder / "cmyk.jpg")
     save(folder / "one.png", MASK[:1, :1])

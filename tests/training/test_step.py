@@ -1,5 +1,3 @@
-"""The training step: one device and eight, losses, L2, schedules."""
-
 import functools
 
 import jax

@@ -1,5 +1,3 @@
-"""The page in a real browser: it draws and rotates clouds, without errors and without requests."""
-
 import base64
 import dataclasses
 import io

@@ -1,5 +1,3 @@
-"""Networks are opened by name, from files and from folders; the commands list and export them."""
-
 import json
 import pickle
 import shutil

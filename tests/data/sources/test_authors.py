@@ -3,7 +3,7 @@ import resource
 import zlib
 
 import numpy as np
-from helpers.disk import without_room
+from helpers.processes import without_room
 from helpers.refusals import all_refused, check_message
 
 from psgn_jax.commands import convert

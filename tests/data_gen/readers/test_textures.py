@@ -1,10 +1,8 @@
 import io
-import struct
-import zlib
 
 import numpy as np
 import pytest
-from helpers.obj_text import CUBE, FACES, QUADS, png
+from helpers.obj_text import CUBE, FACES, QUADS, png, png_header
 from PIL import Image
 
 from data_gen.readers import textures
@@ -13,15 +11,8 @@ from data_gen.readers.model_files import Budget
 from data_gen.readers.textures import decode_texture
 
 
-def huge_png(side):
-    """A small PNG whose header states side x side pixels."""
-    data = png((0, 0, 0))
-    head = b"IHDR" + struct.pack(">II", side, side) + data[24:29]
-    return data[:12] + head + struct.pack(">I", zlib.crc32(head)) + data[33:]
-
-
 def test_large_textures_are_not_decoded_or_reduced(write, monkeypatch):
-    write("big.png", huge_png(30_000))
+    write("big.png", png_header(30_000, 30_000))
     write("m.mtl", "newmtl a\nKd .2 .4 .6\nmap_Kd big.png\n")
     model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}"))
     assert model.materials[0].texture is None

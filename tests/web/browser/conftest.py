@@ -1,5 +1,3 @@
-"""A page with a small network."""
-
 import pytest
 from helpers import weights as helper
 

@@ -1,7 +1,7 @@
-"""The page in a real browser: it predicts the same points as Python, and shows errors.
+"""The page in a real browser.
 
-The page's content security policy forbids `eval`, which Playwright's `wait_for_function` needs.
-Tests therefore evaluate expressions repeatedly.
+Its content security policy forbids `eval`, which Playwright's `wait_for_function` needs. Tests
+therefore evaluate expressions repeatedly.
 """
 
 import pathlib
@@ -373,9 +373,6 @@ def test_the_example_of_an_export(browser, run, runtime, serve, tmp_path, predic
     page.close()
 
 
-SAMPLES = 8  # clouds of the page, which have a common scale and camera
-
-
 def test_photos_have_the_same_cloud_through_every_door(open_page, serve, runtime, tmp_path):
     """The command, the call from Python and the page, with the weights of the package.
 
@@ -399,6 +396,7 @@ def test_photos_have_the_same_cloud_through_every_door(open_page, serve, runtime
         with np.load(tmp_path / f"{path.stem}.npz") as archive:
             np.testing.assert_array_equal(archive["points"][0], cloud)
         give(page, path, *[mask] * mask.exists())
-        own, cloud = clouds(page)[0][0], model(path, samples=SAMPLES).points[0]
+        # The eight clouds of the page have a common scale and camera.
+        own, cloud = clouds(page)[0][0], model(path, samples=8).points[0]
         assert np.mean(np.abs(own - cloud).max(axis=1) < 1e-3) > 0.97, path
         assert emd_exact(own, cloud).cost / len(own) < 1e-3, path
