@@ -160,9 +160,8 @@ def test_faults_of_camera_and_frame_are_named_together(tmp_path, caplog):
     check_message(camera_line, "Blender")
     check_message(frame_line, "+y is up", "turn_to_view")
     large = of(lambda p: 1000 * p, "points")
-    check_message(
-        found(tmp_path / "2", caplog, train=map(large, samples()))[1], "farthest", "radius"
-    )
+    _, radius_line = found(tmp_path / "2", caplog, train=map(large, samples()))
+    check_message(radius_line, "farthest", "radius")
 
 
 def test_right_records_and_few_that_do_not_fit_give_no_word(tmp_path, caplog, capsys):

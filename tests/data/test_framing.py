@@ -9,15 +9,13 @@ from psgn_jax.data import augment, camera, framing
 from psgn_jax.data.resample import box_of
 
 
-@pytest.mark.parametrize(
-    ("scale", "shift"), [(0.88, (0, 0)), (1, (0, 14)), (0.9, (14, -11)), (1.1, (5, 8))]
-)
+@pytest.mark.parametrize("numbers", [(0.88, 0, 0), (1, 14, 0), (0.9, -11, 14), (1.1, 8, 5)])
 @pytest.mark.parametrize(("category", "size"), [("box", (192, 256)), ("cone", (96, 128))])
-def test_points_stay_on_the_object(category, size, scale, shift):
+def test_points_stay_on_the_object(category, size, numbers):
     view = solids.view_of(category, size, seed=1)
-    # Scaled about the middle; the shift is in pixels of 192x256.
-    down, right = (1 - scale) * np.array(size) / 2 + np.array(shift) * size[0] / 192
-    move = framing.Move(scale, right, down)
+    scale, *shift = numbers  # about the middle; in pixels of 192x256
+    shift = (1 - scale) * np.array(size[::-1]) / 2 + np.array(shift) * size[0] / 192
+    move = framing.Move(scale, *shift)
     moved = augment.follow(view, framing.keep_inside(move, view.mask))
     np.testing.assert_array_equal(moved.intrinsics, view.intrinsics)
     np.testing.assert_array_equal(moved.extrinsics, view.extrinsics)
@@ -35,7 +33,6 @@ def test_points_stay_on_the_object(category, size, scale, shift):
 
 @pytest.mark.parametrize("size", [(192, 256), (48, 64)])
 def test_a_sample_is_placed_as_a_photo_is(size):
-    """A sample of any size is placed as a prediction places the same image."""
     view = solids.view_of("cylinder", size)
     placed = augment.place(view)
     want = framing.place(view.image, view.mask)
@@ -79,9 +76,8 @@ def test_reframe_scatters_as_configured_and_places_a_share():
     assert np.std(rows) == pytest.approx(0.96 * 0.03 * 96, abs=0.6)
     assert np.abs(scales).max() < 0.201
     view = solids.view_of("cone", (96, 128))
-    results = [
-        augment.reframe(view, np.random.default_rng(s), DataConfig(place=0.3)) for s in range(60)
-    ]
+    some = DataConfig(place=0.3)
+    results = [augment.reframe(view, np.random.default_rng(s), some) for s in range(60)]
     share = np.mean([result is not view for result in results])
     assert 0.15 < share < 0.45
 
@@ -108,9 +104,8 @@ def test_reframe_places_other_angles_as_if_seen_by_the_authors_camera():
     # The points do not depend on the angle.
     np.testing.assert_allclose(results[1].points, results[2].points, atol=1e-5)
     with_depth = dataclasses.replace(views[1], depth=np.ones((192, 256), np.float32))
-    assert (
-        augment.reframe(with_depth, np.random.default_rng(2), DataConfig(place=1e-9)) is with_depth
-    )
+    kept = augment.reframe(with_depth, np.random.default_rng(2), DataConfig(place=1e-9))
+    assert kept is with_depth
 
 
 def seen_from(points, tilt):

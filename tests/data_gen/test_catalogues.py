@@ -228,9 +228,8 @@ def test_sweet_home_and_its_properties(tmp_path):
 
 def test_bombs_and_damaged_members_are_refused_and_traversal_finds_nothing(tmp_path):
     vertices = b"v 0 0 0\n"
-    library = make_library(
-        tmp_path / "bomb.sh3f", "model#1=/b.obj\n", [("b.obj", vertices * (4 << 20))]
-    )
+    bomb = [("b.obj", vertices * (4 << 20))]
+    library = make_library(tmp_path / "bomb.sh3f", "model#1=/b.obj\n", bomb)
     (entry,) = open_catalogue("sh3f", library).models
     with refused(UnusableModelError, "zip bomb"):
         entry.load()

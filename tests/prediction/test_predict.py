@@ -186,9 +186,8 @@ def test_masks_by_name(predictor, tmp_path):
     save(folder / "c.png", 0 * MASK)
 
     def predicted(mask=None, images=images, **how):
-        found = predict_files(
-            lambda: predictor, [images], tmp_path / "out", mask=mask, mask_options=how
-        )
+        given = {"mask": mask, "mask_options": how}
+        found = predict_files(lambda: predictor, [images], tmp_path / "out", **given)
         return {path.stem: result for path, result in found}
 
     a, b, c, d = predicted(str(folder)).values()

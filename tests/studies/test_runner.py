@@ -117,10 +117,7 @@ def test_means_differences_and_their_errors():
     assert change.error_samples == pytest.approx(np.std([0, 2, 0], ddof=1) / np.sqrt(3))
     assert change.better == 0
     for metric, better in (("precision", 1), ("emd_radius", 0), ("visible_share", math.nan)):
-        pair = {
-            "a": [measured({metric: [1.0, 2]}, "ab")],
-            "b": [measured({metric: [3.0, 4]}, "ab")],
-        }
+        pair = {k: [measured({metric: v}, "ab")] for k, v in (("a", [1.0, 2]), ("b", [3.0, 4]))}
         *_, change = lib.summarise(pair, dataclasses.replace(study, metrics={metric: metric}))
         np.testing.assert_equal(change.better, better)
     # The first two samples are views of one model: deviations of 2/3 and -2/3 in all.

@@ -21,7 +21,6 @@ from psgn_jax.training import step
 
 pytestmark = pytest.mark.usefixtures("keep_compiled")
 TINY = {"model__name": "vanilla", "model__widths": (4, 6, 8)}
-QUICK = {"xla_backend_optimization_level": 0}
 
 
 @functools.cache
@@ -29,7 +28,7 @@ def compiled(config, devices):
     """The function that creates the state, the training step (both compiled once), and the mesh."""
     mesh = step.data_mesh(list(devices) if devices else None)
     create, train_step = step.create_training(config, tasks.create(config), mesh)
-    return jax.jit(create, compiler_options=QUICK), train_step, mesh
+    return jax.jit(create), train_step, mesh
 
 
 def run(config, steps, devices=None):
@@ -80,7 +79,7 @@ def test_the_loss_of_the_best_draw_and_its_gradient(winner_points, mean_weight):
     r = networks.random_input(config, 0, 4, train=True)
 
     def value_and_grad(loss, params):
-        return jax.jit(jax.value_and_grad(loss, has_aux=True), compiler_options=QUICK)(params)
+        return jax.jit(jax.value_and_grad(loss, has_aux=True))(params)
 
     def chooses(pred, gt):
         few = [chosen_points(cloud, winner_points) for cloud in (pred, gt)]
@@ -95,9 +94,7 @@ def test_the_loss_of_the_best_draw_and_its_gradient(winner_points, mean_weight):
         return loss + mean_weight * first, best
 
     (want, want_best), want_grads = value_and_grad(plain, params)
-    (have, best), grads = value_and_grad(
-        lambda params: task.min_of_n_loss(params, batch, r), params
-    )
+    (have, best), grads = value_and_grad(lambda p: task.min_of_n_loss(p, batch, r), params)
     np.testing.assert_allclose(have, want, rtol=1e-6)
     np.testing.assert_array_equal(best.winner, want_best.winner)
     np.testing.assert_allclose(best.distances, want_best.distances, rtol=1e-5)
