@@ -7,22 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.commands import python
-from helpers.obj_text import png_header
+from helpers.obj_text import GREY, png_header, scene
 from helpers.refusals import all_refused, refused
 from PIL import Image, ImageCms
 
 from psgn_jax.data import framing, photo, resample
-
-GREY = 191
-
-
-def scene(height=120, width=160, box=(30, 90, 50, 130), colour=(200, 60, 20), back=(GREY,) * 3):
-    image = np.full((height, width, 3), back, np.uint8)
-    top, bottom, left, right = box
-    image[top:bottom, left:right] = colour
-    mask = np.zeros((height, width), bool)
-    mask[top:bottom, left:right] = True
-    return image, mask
 
 
 def saved(tmp_path, image, name="photo.png", **options):

@@ -9,7 +9,7 @@ import pytest
 from helpers import processes
 from helpers.commands import ROOT
 from helpers.refusals import check_message
-from helpers.small_renders import SMALL, contents
+from helpers.solid_models import SMALL, contents
 
 from data_gen import cluster, job, settings
 from data_gen.catalogues.open_catalogue import open_catalogue

@@ -7,6 +7,7 @@ import zlib
 import numpy as np
 from PIL import Image
 
+GREY = 191
 _SQUARE = ("-1 -1", "1 -1", "1 1", "-1 1")
 CUBE = "".join(f"v {xy} {z}\n" for z in (-1, 1) for xy in _SQUARE)
 QUADS = ["4 3 2 1", "5 6 7 8", "1 2 6 5", "2 3 7 6", "3 4 8 7", "4 1 5 8"]
@@ -31,6 +32,16 @@ def picture(rows, kind="PNG", **options):
     stream = io.BytesIO()
     Image.fromarray(np.array(rows, np.uint8)).save(stream, kind, **options)
     return stream.getvalue()
+
+
+def scene(height=120, width=160, box=(30, 90, 50, 130), colour=(200, 60, 20), back=(GREY,) * 3):
+    """A photo of a box, and its mask."""
+    image = np.full((height, width, 3), back, np.uint8)
+    top, bottom, left, right = box
+    image[top:bottom, left:right] = colour
+    mask = np.zeros((height, width), bool)
+    mask[top:bottom, left:right] = True
+    return image, mask
 
 
 RED_BLUE = picture([[(255, 0, 0), (0, 0, 255)]])

@@ -8,6 +8,14 @@ from psgn_jax.config.experiment import parse, to_dict
 
 SOLIDS = pathlib.Path(__file__).resolve().parents[1] / "oracles" / "solids"
 """Records of 24 training and 11 validation samples, 16x32 pixels with depth."""
+TINY = {"model__name": "vanilla", "model__widths": (4, 6, 8)}
+VAE = TINY | {
+    "model__posterior": True,
+    "model__posterior_widths": (3, 4, 5),
+    "model__posterior_hidden": 6,
+    "loss__kl_weight": 1e-2,
+    "loss__kl_warmup_steps": 4,
+}
 
 
 def config(**changes):

@@ -16,7 +16,7 @@ from helpers import standin
 from helpers.commands import ROOT
 from helpers.processes import wait_for, wait_until
 from helpers.refusals import all_refused, refused
-from helpers.standin import quick_environment, write_config, write_solids
+from helpers.standin import TINY, VAE, quick_environment, write_config, write_solids
 
 from psgn_jax.config.experiment import ConfigError, from_json
 from psgn_jax.data import loader
@@ -28,7 +28,6 @@ from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.run_folder import locked
 
 pytestmark = pytest.mark.usefixtures("keep_compiled")
-TINY = {"model__name": "vanilla", "model__widths": (4, 6, 8)}
 LARGE = {"data__image_size": (192, 256)}
 EVERY = {"train__images_every": 6, "train__log_every": 4, "eval__max_samples": 6}
 changed = functools.partial(standin.config, **TINY, **EVERY)
@@ -220,9 +219,8 @@ def test_a_run_in_parts_ends_with_the_same_bits(tmp_path):
     The parts end between two lines of metrics, two checkpoints and two evaluations.
     """
     config = functools.partial(
-        standin.config, **TINY, model__posterior=True, model__posterior_widths=(2, 2, 2),
-        model__posterior_hidden=4, loss__kl_weight=0.01, data__flip=True, data__stretch=0.2,
-        data__colour_jitter=0.3, train__log_every=4,
+        standin.config, **VAE, data__flip=True, data__stretch=0.2, data__colour_jitter=0.3,
+        train__log_every=4,
     )  # fmt: skip
     train(config(), tmp_path / "whole")
     train(config(train__steps=5), tmp_path / "run")

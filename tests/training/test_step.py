@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers import standin
 from helpers.commands import python
+from helpers.standin import TINY, VAE
 from helpers.weights import random_params
 
 from psgn_jax import tasks
@@ -20,7 +21,6 @@ from psgn_jax.tasks import points
 from psgn_jax.training import step
 
 pytestmark = pytest.mark.usefixtures("keep_compiled")
-TINY = {"model__name": "vanilla", "model__widths": (4, 6, 8)}
 
 
 @functools.cache
@@ -104,15 +104,6 @@ def test_the_loss_of_the_best_draw_and_its_gradient(winner_points, mean_weight):
         np.testing.assert_allclose(have, want, rtol=1e-3, atol=1e-5 * scale)
 
 
-VAE = TINY | {
-    "model__posterior": True,
-    "model__posterior_widths": (3, 4, 5),
-    "model__posterior_hidden": 6,
-    "loss__kl_weight": 1e-2,
-    "loss__kl_warmup_steps": 4,
-}
-
-
 @pytest.mark.slow
 def test_training_with_a_posterior():
     config = standin.config(optim__learning_rate=3e-3, loss__l2="none", **VAE)
@@ -149,7 +140,7 @@ from psgn_jax.training.loop import train
 jax.config.update("jax_num_cpu_devices", 8)
 here = runpy.run_path("tests/training/test_step.py")
 assert len(jax.devices()) == 8
-for kind in (here["TINY"] | {"loss__min_of_n": 2}, here["VAE"]):
+for kind in (standin.TINY | {"loss__min_of_n": 2}, standin.VAE):
     config = standin.config(**kind, optim__eps=1e-3)
     one, one_history = here["run"](config, 3, jax.devices()[:1])
     all_, all_history = here["run"](config, 3, jax.devices())
