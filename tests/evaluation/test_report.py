@@ -2,6 +2,7 @@ import json
 
 import numpy as np
 import pytest
+from helpers.javascript import data_of
 from helpers.refusals import refused
 
 from psgn_jax.data import camera
@@ -25,11 +26,6 @@ def made(count=13, label="first", n=40, seed=0):
     metrics = {"cd_sq_radius2": error, "cd_l1_radius": error**0.5, "fscore": 1 - error}
     evaluation = Evaluation("validation", names, metrics, 0.01, (n, 90))
     return report.Reported(label, evaluation, cases, n // 4)
-
-
-def data_of(path):
-    text = path.read_text()
-    return json.loads(text.split('<script type="application/json" id="data">')[1].split("</")[0])
 
 
 def test_numbers_and_files_of_two_runs(tmp_path):

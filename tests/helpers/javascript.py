@@ -1,4 +1,4 @@
-"""Runs functions of JavaScript modules in node."""
+"""Runs functions of JavaScript modules in node, and reads the data of a page."""
 
 import base64
 import json
@@ -6,6 +6,11 @@ import shutil
 import subprocess
 
 NODE = shutil.which("node")
+
+
+def data_of(page):
+    text = page.read_text()
+    return json.loads(text.split('<script type="application/json" id="data">')[1].split("</")[0])
 
 
 def node(body, modules, **values):

@@ -29,6 +29,9 @@ DRAWN = """(photo => photo.getContext("2d").getImageData(0, 0, photo.width, phot
 LOADING = """/^Loading: [1-9]\\d*\\.\\d of \\d+\\.\\d MB/
   .test(document.getElementById("status").textContent)"""
 
+SETTLED = """/points in|Draw around/.test(document.getElementById("status").textContent)
+  || !document.getElementById("problem").hidden"""
+
 
 @pytest.fixture(scope="module")
 def address(site, serve):
@@ -47,7 +50,6 @@ def open_page(opened, address):
 
 
 def wait(page, expression):
-    """Waits until an expression is true."""
     end = time.monotonic() + SECONDS
     while not page.evaluate(expression):
         assert time.monotonic() < end, (expression, status(page), problem(page))
@@ -67,15 +69,10 @@ def settled(page, action):
     page.evaluate("document.getElementById('status').textContent = ''")
     page.evaluate("document.getElementById('problem').hidden = true")
     action()
-    wait(
-        page,
-        "/points in|Draw around/.test(document.getElementById('status').textContent)"
-        " || !document.getElementById('problem').hidden",
-    )
+    wait(page, SETTLED)
 
 
 def give(page, *paths, to="#file"):
-    """Chooses files and waits."""
     settled(page, lambda: page.set_input_files(to, [str(path) for path in paths]))
 
 
