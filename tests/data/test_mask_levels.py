@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from helpers.commands import PHOTOS
 from helpers.javascript import NODE, node
+from helpers.obj_text import picture
 from helpers.refusals import all_refused, refused
 from PIL import Image, ImageFilter
 
@@ -32,16 +33,13 @@ TRIMAP = np.where(AWAY < 36, 255, np.where(AWAY < 44, 128, 0)).astype(np.uint8)
 
 
 def with_palette(indices, *colours):
-    picture = Image.fromarray(indices, "P")
-    picture.putpalette(np.array(colours, np.uint8).tobytes())
-    return picture
+    image = Image.fromarray(indices, "P")
+    image.putpalette(np.array(colours, np.uint8).tobytes())
+    return image
 
 
-def in_file(picture, kind="PNG", **options):
-    stream = io.BytesIO()
-    picture = picture if isinstance(picture, Image.Image) else Image.fromarray(picture)
-    picture.save(stream, kind, **options)
-    return stream
+def in_file(image, kind="PNG", **options):
+    return io.BytesIO(picture(image, kind, **options))
 
 
 RED_AND_GREEN = [(0, 0, 0), (255, 0, 0), (0, 255, 0)]

@@ -1,7 +1,8 @@
-"""Texts of OBJ files, and small pictures."""
+"""Texts of OBJ files, small pictures, and archives."""
 
 import io
 import struct
+import zipfile
 import zlib
 
 import numpy as np
@@ -15,9 +16,7 @@ FACES = "".join(f"f {q}\n" for q in QUADS)
 
 
 def png(colour, size=(4, 4), mode="RGB"):
-    stream = io.BytesIO()
-    Image.new(mode, size, colour).save(stream, "PNG")
-    return stream.getvalue()
+    return picture(Image.new(mode, size, colour))
 
 
 def png_header(width, height):
@@ -27,10 +26,21 @@ def png_header(width, height):
     return b"\x89PNG\r\n\x1a\n" + chunk + struct.pack(">I", 0) + b"IDAT"
 
 
-def picture(rows, kind="PNG", **options):
-    """An image of given pixels as a file."""
+def picture(image, kind="PNG", **options):
+    """An image, an array or lists of bytes as a file."""
+    image = np.array(image, np.uint8) if isinstance(image, list) else image
+    image = Image.fromarray(image) if isinstance(image, np.ndarray) else image
     stream = io.BytesIO()
-    Image.fromarray(np.array(rows, np.uint8)).save(stream, kind, **options)
+    image.save(stream, kind, **options)
+    return stream.getvalue()
+
+
+def zipped(files):
+    """A ZIP archive of texts or bytes by name."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
     return stream.getvalue()
 
 
