@@ -3,7 +3,6 @@ import os
 import signal
 import subprocess
 import sys
-import warnings
 
 import pytest
 from helpers import processes
@@ -29,13 +28,9 @@ OPTIONS = settings.parse({**SMALL, "job": {**SMALL["job"], "models_per_worker": 
 def dask(monkeypatch):
     """A cluster of two worker processes with one thread each."""
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    with (
-        warnings.catch_warnings(action="ignore"),
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None,
-            scheduler_port=0, silence_logs=50,
-        ) as found,
-    ):  # fmt: skip
+    workers = {"n_workers": 2, "threads_per_worker": 1, "processes": True}
+    quiet = {"dashboard_address": None, "scheduler_port": 0, "silence_logs": 50}
+    with distributed.LocalCluster(**workers, **quiet) as found:
         yield found
 
 
