@@ -140,20 +140,13 @@ def runtime():
     return given
 
 
-class Quiet(http.server.SimpleHTTPRequestHandler):
-    """A plain file server, such as `python -m http.server`."""
-
-    def log_message(self, *_):
-        pass
-
-
 @pytest.fixture(scope="session")
 def serve():
-    """Serves a folder; returns its address."""
+    """Serves a folder plainly, as `python -m http.server` does; returns its address."""
     servers = []
 
     def start(folder):
-        handler = functools.partial(Quiet, directory=str(folder))
+        handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(folder))
         server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
         threading.Thread(target=server.serve_forever, daemon=True).start()
         servers.append(server)

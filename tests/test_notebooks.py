@@ -1,5 +1,3 @@
-"""Every notebook runs from top to bottom."""
-
 import importlib.util
 import json
 import pathlib

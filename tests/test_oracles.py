@@ -28,10 +28,8 @@ def test_a_run_of_six_steps(tmp_path):
     leaves = {name: f"{a.dtype}{list(a.shape)}" for name, a in found.leaves.items()}
     assert leaves == GOLDEN["leaves"]
     measured = [*read_metrics(run / "metrics.jsonl"), evaluate_run(open_run(run, "last")).means]
-    tolerances = [1e-3] * len(GOLDEN["metrics"]) + [1e-4]
-    for line, golden, rtol in zip(
-        measured, [*GOLDEN["metrics"], GOLDEN["means"]], tolerances, strict=True
-    ):
+    wanted = [*((line, 1e-3) for line in GOLDEN["metrics"]), (GOLDEN["means"], 1e-4)]
+    for line, (golden, rtol) in zip(measured, wanted, strict=True):
         for name, value in golden.items():
             if isinstance(value, int | float):
                 np.testing.assert_allclose(line[name], value, rtol, 1e-6, err_msg=name)

@@ -1,5 +1,3 @@
-"""Evaluation counts every sample once and names its averages."""
-
 import csv
 import dataclasses
 import json

@@ -1,5 +1,3 @@
-"""Configurations: every mistake ends in one line naming field, value and what is accepted."""
-
 import runpy
 
 import ml_collections
@@ -9,18 +7,9 @@ from helpers.refusals import all_refused, check_message, refused
 
 from psgn_jax.commands import train
 from psgn_jax.commands.default_data import ensure_default_data
-from psgn_jax.config import files
+from psgn_jax.config import Config, ConfigError, files, parse, to_dict
 from psgn_jax.config.command_line import Flags
-from psgn_jax.config.experiment import (
-    Config,
-    ConfigError,
-    check_paths,
-    check_used,
-    from_json,
-    parse,
-    to_dict,
-    to_json,
-)
+from psgn_jax.config.experiment import check_paths, check_used, from_json, to_json
 from psgn_jax.config.structured import flatten, suggestion
 from psgn_jax.models.networks import build
 

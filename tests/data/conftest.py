@@ -1,5 +1,3 @@
-"""Small synthetic samples, data sets and batch files."""
-
 import pathlib
 import shutil
 import types

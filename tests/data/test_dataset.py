@@ -33,10 +33,8 @@ def test_round_trip_of_every_field(sample):
     assert (back.depth > 0).tolist() == sample.mask.tolist()
     with refused(ValueError, "model 'm1', view 3", "'extra'", "JSON object"):
         encode(dataclasses.replace(sample, extra="[1]"))
-    swapped = {
-        name: getattr(sample, name).astype(">f4")
-        for name in ("depth", "points", "intrinsics", "extrinsics")
-    }
+    names = ("depth", "points", "intrinsics", "extrinsics")
+    swapped = {name: getattr(sample, name).astype(">f4") for name in names}
     assert encode(dataclasses.replace(sample, **swapped)) == encode(sample)
 
 
@@ -132,9 +130,7 @@ def test_wrong_manifests(copied):
     ])  # fmt: skip
 
 
-def test_folders_without_the_data_and_missing_shards_are_refused_by_name(
-    dataset, tmp_path, copied, monkeypatch
-):
+def test_missing_data_and_shards_are_refused_by_name(dataset, tmp_path, copied, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "meshes").mkdir()
     all_refused(lambda where: RecordReader(*where), RecordError, [

@@ -1,5 +1,3 @@
-"""Data sets in other conventions than the schema's are named; right ones are not."""
-
 import dataclasses
 import re
 
@@ -66,9 +64,8 @@ def centre(right, down):
 def with_volume(sample, change=np.asarray):
     """The cells of the points are occupied."""
     occupancy = np.zeros((32, 32, 32), np.bool_)
-    occupancy[tuple(np.floor(np.add(sample.points, [1, 1, 0]) * 16).astype(int).clip(0, 31).T)] = (
-        True
-    )
+    cells = np.floor(np.add(sample.points, [1, 1, 0]) * 16).astype(int).clip(0, 31)
+    occupancy[tuple(cells.T)] = True
     return dataclasses.replace(sample, occupancy=change(occupancy))
 
 
@@ -88,10 +85,9 @@ def rolled(sample):
     return image(outer(lambda e: np.vstack([turn @ e[:3], e[3]]))(sample))
 
 
-def hung(sample):
-    return outer(lambda e: e + e[:, 2:3] * [0, 0, 0, -0.3])(
-        of(lambda p: p + np.array([0, 0, 0.3]), "points")(sample)
-    )
+def hung(height):
+    camera_of = outer(lambda e: e + e[:, 2:3] * [0, 0, 0, -height])
+    return lambda sample: camera_of(of(lambda p: p + np.array([0, 0, height]), "points")(sample))
 
 
 def about_z(degrees):
@@ -133,8 +129,7 @@ CONVENTIONS = [
     (of(lambda d: 50 * d, "depth"), "depth", "unit", "divide"),
     (of(lambda d: np.where(d > 0, 5 / np.maximum(d, 1), 0), "depth"), "inverse depth"),
     (of(lambda d: np.where(d > 0, d, 1e8), "depth"), "depth outside of the mask"),
-    (lambda s: outer(lambda e: e + e[:, 2:3] * [0, 0, 0, -0.5])(
-        of(lambda p: p + np.array([0, 0, 0.5]), "points")(s)), "lowest point", "0.5", "origin"),
+    (hung(0.5), "lowest point", "0.5", "origin"),
     (of(lambda p: 0 * p + 0.1, "points"), "6 of 6", "in one place"),
     (of(lambda plane: 0 * plane, "mask", "depth"), "empty mask"),
 ]  # fmt: skip
@@ -165,15 +160,14 @@ def test_faults_of_camera_and_frame_are_named_together(tmp_path, caplog):
     check_message(camera_line, "Blender")
     check_message(frame_line, "+y is up", "turn_to_view")
     large = of(lambda p: 1000 * p, "points")
-    check_message(
-        found(tmp_path / "2", caplog, train=map(large, samples()))[1], "farthest", "radius"
-    )
+    _, radius_line = found(tmp_path / "2", caplog, train=map(large, samples()))
+    check_message(radius_line, "farthest", "radius")
 
 
 def test_right_records_and_few_that_do_not_fit_give_no_word(tmp_path, caplog, capsys):
     right = list(samples(40))
     gl = outer(lambda e: GL @ e)
-    unusual = [gl(right[0]), hung(right[1]), *map(with_volume, right[2:9])]
+    unusual = [gl(right[0]), hung(0.3)(right[1]), *map(with_volume, right[2:9])]
     assert not found(tmp_path / "right", caplog, train=[*unusual, *right[9:]])
     assert fit(inner(lambda k: k + centre(0, 30))(cut(right[0]))) == 0  # no point is in the image
     for number, change in enumerate((cut, rolled)):

@@ -1,5 +1,3 @@
-"""Moves of images and points together, while the camera does not change."""
-
 import dataclasses
 
 import numpy as np
@@ -11,21 +9,13 @@ from psgn_jax.data import augment, camera, framing
 from psgn_jax.data.resample import box_of
 
 
-def about_the_middle(size, scale, right, down):
-    """A move in pixels of 192x256 that scales about the image's middle."""
-    middle, pixel = np.array(size) / 2, size[0] / 192
-    down, right = (1 - scale) * middle + np.array([down, right]) * pixel
-    return framing.Move(scale, right, down)
-
-
-MOVES = [(0.88, 0, 0), (1, 14, 0), (0.9, -11, 14), (1.1, 8, 5)]
-
-
-@pytest.mark.parametrize("numbers", MOVES)
+@pytest.mark.parametrize("numbers", [(0.88, 0, 0), (1, 14, 0), (0.9, -11, 14), (1.1, 8, 5)])
 @pytest.mark.parametrize(("category", "size"), [("box", (192, 256)), ("cone", (96, 128))])
 def test_points_stay_on_the_object(category, size, numbers):
     view = solids.view_of(category, size, seed=1)
-    move = about_the_middle(size, *numbers)
+    scale, *shift = numbers  # about the middle; in pixels of 192x256
+    shift = (1 - scale) * np.array(size[::-1]) / 2 + np.array(shift) * size[0] / 192
+    move = framing.Move(scale, *shift)
     moved = augment.follow(view, framing.keep_inside(move, view.mask))
     np.testing.assert_array_equal(moved.intrinsics, view.intrinsics)
     np.testing.assert_array_equal(moved.extrinsics, view.extrinsics)
@@ -34,7 +24,7 @@ def test_points_stay_on_the_object(category, size, numbers):
     # For these objects, the error of the move that `framing` states is at most 3.6 pixels.
     assert camera.inside_mask(pixels, moved.mask, 3).mean() > 0.999
     assert camera.inside_mask(pixels, moved.mask, 4).all()
-    assert moved.mask.sum() == pytest.approx(numbers[0] ** 2 * view.mask.sum(), rel=0.05)
+    assert moved.mask.sum() == pytest.approx(scale**2 * view.mask.sum(), rel=0.05)
     # The depth map is moved too: its surface is near the moved points.
     surface = camera.back_project(moved.depth, moved.intrinsics, moved.extrinsics)[::97]
     nearest = np.linalg.norm(surface[:, None] - moved.points, axis=2).min(axis=1)
@@ -43,7 +33,6 @@ def test_points_stay_on_the_object(category, size, numbers):
 
 @pytest.mark.parametrize("size", [(192, 256), (48, 64)])
 def test_a_sample_is_placed_as_a_photo_is(size):
-    """A sample of any size is placed as a prediction places the same image."""
     view = solids.view_of("cylinder", size)
     placed = augment.place(view)
     want = framing.place(view.image, view.mask)
@@ -87,9 +76,8 @@ def test_reframe_scatters_as_configured_and_places_a_share():
     assert np.std(rows) == pytest.approx(0.96 * 0.03 * 96, abs=0.6)
     assert np.abs(scales).max() < 0.201
     view = solids.view_of("cone", (96, 128))
-    results = [
-        augment.reframe(view, np.random.default_rng(s), DataConfig(place=0.3)) for s in range(60)
-    ]
+    some = DataConfig(place=0.3)
+    results = [augment.reframe(view, np.random.default_rng(s), some) for s in range(60)]
     share = np.mean([result is not view for result in results])
     assert 0.15 < share < 0.45
 
@@ -116,9 +104,8 @@ def test_reframe_places_other_angles_as_if_seen_by_the_authors_camera():
     # The points do not depend on the angle.
     np.testing.assert_allclose(results[1].points, results[2].points, atol=1e-5)
     with_depth = dataclasses.replace(views[1], depth=np.ones((192, 256), np.float32))
-    assert (
-        augment.reframe(with_depth, np.random.default_rng(2), DataConfig(place=1e-9)) is with_depth
-    )
+    kept = augment.reframe(with_depth, np.random.default_rng(2), DataConfig(place=1e-9))
+    assert kept is with_depth
 
 
 def seen_from(points, tilt):

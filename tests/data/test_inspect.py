@@ -28,9 +28,7 @@ def test_a_folder_that_cannot_be_written_can_be_checked(copied, capsys, monkeypa
     assert inspect.main([str(copied), "--samples", "1", "--sheet", "x.png"]) == 2
 
 
-def test_samples_off_their_masks_are_flagged_and_odd_proportions_fit_on_a_sheet(
-    make, rng, tmp_path, capsys
-):
+def test_samples_off_their_masks_are_flagged_and_odd_sizes_fit(make, rng, tmp_path, capsys):
     odd = []
     for size in ((4096, 8), (8, 4096)):
         fields = {"image": np.zeros((*size, 3), np.uint8), "mask": np.ones(size, bool)}

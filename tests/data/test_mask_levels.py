@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from helpers.commands import PHOTOS
 from helpers.javascript import NODE, node
+from helpers.obj_text import picture
 from helpers.refusals import all_refused, refused
 from PIL import Image, ImageFilter
 
@@ -32,16 +33,13 @@ TRIMAP = np.where(AWAY < 36, 255, np.where(AWAY < 44, 128, 0)).astype(np.uint8)
 
 
 def with_palette(indices, *colours):
-    picture = Image.fromarray(indices, "P")
-    picture.putpalette(np.array(colours, np.uint8).tobytes())
-    return picture
+    image = Image.fromarray(indices, "P")
+    image.putpalette(np.array(colours, np.uint8).tobytes())
+    return image
 
 
-def in_file(picture, kind="PNG", **options):
-    stream = io.BytesIO()
-    picture = picture if isinstance(picture, Image.Image) else Image.fromarray(picture)
-    picture.save(stream, kind, **options)
-    return stream
+def in_file(image, kind="PNG", **options):
+    return io.BytesIO(picture(image, kind, **options))
 
 
 RED_AND_GREEN = [(0, 0, 0), (255, 0, 0), (0, 255, 0)]
@@ -81,19 +79,13 @@ def test_two_levels_are_a_mask_and_their_edge_may_be_soft(mask):
         (labels(26001, 26002, 7, np.int64), (26001,)),
         (in_file(labels(7, 255)), 7),
         (in_file(TRIMAP), None),
-        (
-            in_file(np.where(OBJECT, 255, (ROWS // 20 * 16 + COLUMNS // 20) % 95).astype(np.uint8)),
-            255,
-        ),
+        (in_file(labels(255, rest=(ROWS // 20 * 16 + COLUMNS // 20) % 95)), 255),
         (in_file(with_palette(labels(1, 2), *RED_AND_GREEN)), 1),
         (in_file(with_palette(labels(1, 2), *RED_AND_GREEN), transparency=0), 1),
         (in_file(with_palette(labels(1, 2), *[(0, 0, 0)] * 4)), 1),
         (in_file(with_palette(labels(1, 2), *RED_AND_GREEN), "GIF"), None),
         (in_file(with_palette(labels(1, 2), *RED_AND_GREEN).convert("RGB")), (255, 0, 0)),
-        (
-            in_file(np.where(ROWS < 200, ROWS // 10 * 7 % 20, labels(24, 255)).astype(np.uint8)),
-            None,
-        ),
+        (in_file(np.uint8(np.where(ROWS < 200, ROWS // 10 * 7 % 20, labels(24, 255)))), None),
     ],
 )
 def test_several_labels_are_refused_unless_one_is_named(mask, label):

@@ -1,30 +1,17 @@
-"""Every photo gives a valid input of a network, or an error of one line."""
-
 import io
 import json
 import os
 import struct
-import zlib
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.commands import python
+from helpers.obj_text import GREY, png_header, scene
 from helpers.refusals import all_refused, refused
 from PIL import Image, ImageCms
 
 from psgn_jax.data import framing, photo, resample
-
-GREY = 191
-
-
-def scene(height=120, width=160, box=(30, 90, 50, 130), colour=(200, 60, 20), back=(GREY,) * 3):
-    image = np.full((height, width, 3), back, np.uint8)
-    top, bottom, left, right = box
-    image[top:bottom, left:right] = colour
-    mask = np.zeros((height, width), bool)
-    mask[top:bottom, left:right] = True
-    return image, mask
 
 
 def saved(tmp_path, image, name="photo.png", **options):
@@ -88,13 +75,6 @@ def test_modes(tmp_path, mode):
     assert read.image.dtype == np.uint8
     assert np.abs(read.image.astype(int) - image).mean() < 3
     assert read.alpha is None
-
-
-def png_header(width, height):
-    """A PNG of one bit a pixel without its pixels."""
-    content = b"IHDR" + struct.pack(">IIBBBBB", width, height, 1, 0, 0, 0, 0)
-    chunk = struct.pack(">I", 13) + content + struct.pack(">I", zlib.crc32(content))
-    return b"\x89PNG\r\n\x1a\n" + chunk + struct.pack(">I", 0) + b"IDAT"
 
 
 def test_hostile_files_end_in_one_line(tmp_path):

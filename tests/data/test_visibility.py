@@ -1,5 +1,3 @@
-"""Visible and hidden points, compared with a slow reference."""
-
 import numpy as np
 
 from psgn_jax.data import camera, visibility

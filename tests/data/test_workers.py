@@ -1,5 +1,3 @@
-"""Worker processes after the trainer is killed, after signals to the group, and in scripts."""
-
 import os
 import signal
 import subprocess
@@ -51,11 +49,6 @@ def start(dataset, tmp_path):
             os.kill(process, signal.SIGKILL)
 
 
-def wait_for(condition, process, log):
-    assert processes.wait_until(lambda: condition() or process.poll() is not None)
-    assert process.poll() is None, log.read_text()
-
-
 def is_starting(process):
     """Whether there are itself, the resource tracker and a worker."""
     return len(processes.of_group(process.pid)) > 2
@@ -63,7 +56,7 @@ def is_starting(process):
 
 def test_workers_that_start_end_with_a_killed_trainer(start):
     process, log = start(2, 1)
-    wait_for(lambda: is_starting(process), process, log)
+    processes.wait_for(lambda: is_starting(process), process, log)
     process.kill()
     process.wait()
     assert processes.wait_until(lambda: not processes.of_group(process.pid))
@@ -72,9 +65,9 @@ def test_workers_that_start_end_with_a_killed_trainer(start):
 def test_signals_to_the_whole_group_are_the_trainers_alone(start):
     """While a worker starts, and while it works."""
     process, log = start(1, 2)
-    wait_for(lambda: is_starting(process), process, log)
+    processes.wait_for(lambda: is_starting(process), process, log)
     os.killpg(process.pid, signal.SIGTERM)
-    wait_for(lambda: log.read_text().count("batch") > 3, process, log)
+    processes.wait_for(lambda: log.read_text().count("batch") > 3, process, log)
     os.killpg(process.pid, signal.SIGINT)
     assert process.wait(60) == 0, log.read_text()
     lines = log.read_text().splitlines()

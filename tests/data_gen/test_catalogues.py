@@ -5,11 +5,10 @@ import itertools
 import os
 import pickle
 import struct
-import zipfile
 
 import numpy as np
 import pytest
-from helpers.obj_text import CUBE, FACES
+from helpers.obj_text import CUBE, FACES, zipped
 from helpers.refusals import all_refused, check_message, refused
 
 from data_gen.catalogues import sh3f
@@ -191,12 +190,9 @@ name#six=no number
 
 
 def make_library(path, properties=PROPERTIES, extra=()):
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr(sh3f.PROPERTIES, properties.encode("latin-1"))
-        archive.writestr("models/a/chair.obj", BOX)
-        archive.writestr("models/b/chair.obj", BOX)
-        for name, data in extra:
-            archive.writestr(name, data)
+    files = {sh3f.PROPERTIES: properties.encode("latin-1")}
+    files |= {"models/a/chair.obj": BOX, "models/b/chair.obj": BOX, **dict(extra)}
+    path.write_bytes(zipped(files))
     return path
 
 
@@ -228,9 +224,8 @@ def test_sweet_home_and_its_properties(tmp_path):
 
 def test_bombs_and_damaged_members_are_refused_and_traversal_finds_nothing(tmp_path):
     vertices = b"v 0 0 0\n"
-    library = make_library(
-        tmp_path / "bomb.sh3f", "model#1=/b.obj\n", [("b.obj", vertices * (4 << 20))]
-    )
+    bomb = [("b.obj", vertices * (4 << 20))]
+    library = make_library(tmp_path / "bomb.sh3f", "model#1=/b.obj\n", bomb)
     (entry,) = open_catalogue("sh3f", library).models
     with refused(UnusableModelError, "zip bomb"):
         entry.load()

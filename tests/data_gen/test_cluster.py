@@ -3,13 +3,12 @@ import os
 import signal
 import subprocess
 import sys
-import warnings
 
 import pytest
 from helpers import processes
 from helpers.commands import ROOT
 from helpers.refusals import check_message
-from helpers.small_renders import SMALL, contents
+from helpers.solid_models import SMALL, contents
 
 from data_gen import cluster, job, settings
 from data_gen.catalogues.open_catalogue import open_catalogue
@@ -29,13 +28,9 @@ OPTIONS = settings.parse({**SMALL, "job": {**SMALL["job"], "models_per_worker": 
 def dask(monkeypatch):
     """A cluster of two worker processes with one thread each."""
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    with (
-        warnings.catch_warnings(action="ignore"),
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None,
-            scheduler_port=0, silence_logs=50,
-        ) as found,
-    ):  # fmt: skip
+    workers = {"n_workers": 2, "threads_per_worker": 1, "processes": True}
+    quiet = {"dashboard_address": None, "scheduler_port": 0, "silence_logs": 50}
+    with distributed.LocalCluster(**workers, **quiet) as found:
         yield found
 
 

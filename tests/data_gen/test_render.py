@@ -12,8 +12,7 @@ from helpers import processes
 from helpers.commands import ROOT, psgn_each
 from helpers.obj_text import CUBE, FACES
 from helpers.refusals import check_message, refused
-from helpers.small_renders import SMALL, contents
-from helpers.solid_models import model_of, squares, view
+from helpers.solid_models import SMALL, contents, model_of, squares, view
 
 from data_gen import cameras, engine, job, lights, pool, settings
 from data_gen.catalogues import shapes

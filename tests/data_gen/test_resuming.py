@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from helpers import drawn_solids as solids
 from helpers.refusals import refused
-from helpers.small_renders import contents
+from helpers.solid_models import contents
 
 from data_gen import job, settings
 from data_gen.catalogues.choosing import Choice

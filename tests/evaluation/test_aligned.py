@@ -1,5 +1,3 @@
-"""Metrics after the best scale and shift of the prediction."""
-
 import jax
 import numpy as np
 import pytest

@@ -8,17 +8,12 @@ from helpers.refusals import refused
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.evaluation import baselines
 
-
-@pytest.fixture(scope="module")
-def case():
-    """A configuration and random parameters."""
-    config = weights.config(model__fc_points=136)
-    return config, weights.random_params(config)
+CONFIG = weights.config(model__fc_points=136)
 
 
 @pytest.fixture(scope="module")
-def rows(case):
-    return baselines.measure(*case, "validation")
+def rows():
+    return baselines.measure(CONFIG, weights.random_params(CONFIG), "validation")
 
 
 def test_what_the_rows_are_worth(rows):
@@ -49,8 +44,8 @@ def test_intervals_and_files(rows):
     assert document["rows"]["floor"]["cd_sq_radius2"][0] == rows[0]["floor"][:, 0].mean()
 
 
-def test_splits_that_cannot_be_compared_are_refused(case):
+def test_splits_that_cannot_be_compared_are_refused():
     with refused(ConfigError, "split='train'"):
-        baselines.measure(*case, "train")
+        baselines.measure(CONFIG, None, "train")
     with refused(ConfigError, "split='validation'", 20000):
         baselines.measure(weights.config(model__fc_points=10_000), None, "validation")

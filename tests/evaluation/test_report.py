@@ -1,17 +1,14 @@
-"""The gallery of an evaluation: numbers, links and order; the pages work in a browser."""
-
 import json
 
 import numpy as np
 import pytest
+from helpers.javascript import data_of
 from helpers.refusals import refused
 
 from psgn_jax.data import camera
 from psgn_jax.evaluation import report
 from psgn_jax.evaluation.report import Collector
 from psgn_jax.evaluation.results import Evaluation, SampleName
-
-CATEGORIES = ("car", "lamp", "")
 
 
 def made(count=13, label="first", n=40, seed=0):
@@ -24,16 +21,11 @@ def made(count=13, label="first", n=40, seed=0):
          "pred": rng.uniform(-0.5, 0.5, (n, 3)).astype(np.float32)}
         for _ in range(count)
     ]  # fmt: skip
-    names = [SampleName(i, CATEGORIES[i % 3], f"model{i}", 0) for i in range(count)]
+    names = [SampleName(i, ("car", "lamp", "")[i % 3], f"model{i}", 0) for i in range(count)]
     error = rng.permutation(count) * 0.01 + 0.005
     metrics = {"cd_sq_radius2": error, "cd_l1_radius": error**0.5, "fscore": 1 - error}
     evaluation = Evaluation("validation", names, metrics, 0.01, (n, 90))
     return report.Reported(label, evaluation, cases, n // 4)
-
-
-def data_of(path):
-    text = path.read_text()
-    return json.loads(text.split('<script type="application/json" id="data">')[1].split("</")[0])
 
 
 def test_numbers_and_files_of_two_runs(tmp_path):

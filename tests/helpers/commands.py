@@ -37,10 +37,12 @@ print(json.dumps(done))
 """
 
 
-def run(*command, **options):
-    """A command in a process of its own; its output is captured as text."""
+def run(*command, code=0, **options):
+    """A command in a process of its own, with its exit code; its output is captured as text."""
     command = [*map(str, command)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=600, **options)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600, **options)
+    assert done.returncode == code, done.stdout + done.stderr
+    return done
 
 
 def python(code, *arguments, cwd=ROOT, **environment):
@@ -62,6 +64,4 @@ def psgn_each(*commands, cwd=ROOT, imports=_USUAL, **environment):
 
 def _succeeds(arguments, cwd, environment):
     environment = {**os.environ, "JAX_PLATFORMS": "cpu", "PYTHONPATH": str(ROOT), **environment}
-    done = run(sys.executable, *arguments, cwd=cwd, env=environment)
-    assert done.returncode == 0, done.stderr
-    return done
+    return run(sys.executable, *arguments, cwd=cwd, env=environment)

@@ -1,4 +1,4 @@
-"""Runs functions of JavaScript modules in node."""
+"""Runs functions of JavaScript modules in node, and reads the data of a page."""
 
 import base64
 import json
@@ -8,21 +8,23 @@ import subprocess
 NODE = shutil.which("node")
 
 
+def data_of(page):
+    text = page.read_text()
+    return json.loads(text.split('<script type="application/json" id="data">')[1].split("</")[0])
+
+
 def node(body, modules, **values):
     """Runs the body of an async function of `input` in node; returns its result.
 
     Args:
       body: body of the function, as text.
       modules: files of the modules, by the names that the body uses.
-      **values: fields of `input`. Arrays become Float32Array if they are of floats, otherwise
-        Uint8Array. Arrays in the result become flat lists.
+      **values: fields of `input`. Arrays are of bytes or bits and become Uint8Array. Arrays in the
+        result become flat lists.
     """
 
     def plain(array):
-        floats = array.dtype.kind == "f"
-        content = array.astype("<f4" if floats else "u1").tobytes()
-        kind = "Float32Array" if floats else "Uint8Array"
-        return {"kind": kind, "base64": base64.b64encode(content).decode()}
+        return {"base64": base64.b64encode(array.tobytes()).decode()}
 
     imports = "\n".join(
         f"import * as {name} from {json.dumps(path.as_uri())};" for name, path in modules.items()
@@ -30,9 +32,7 @@ def node(body, modules, **values):
     code = f"""
 {imports}
 import fs from "node:fs";
-const kinds = {{ Float32Array, Uint8Array }};
-const bytes = (text) => Uint8Array.from(Buffer.from(text, "base64"));
-const array = (v) => new kinds[v.kind](bytes(v.base64).buffer);
+const array = (v) => Uint8Array.from(Buffer.from(v.base64, "base64"));
 const input = JSON.parse(fs.readFileSync(0), (_, v) => v?.base64 === undefined ? v : array(v));
 const result = await (async () => {{ {body} }})();
 process.stdout.write(JSON.stringify(result, (_, v) => ArrayBuffer.isView(v) ? Array.from(v) : v));

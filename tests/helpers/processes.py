@@ -1,8 +1,9 @@
-"""Processes of a process group, and modules that none may import."""
+"""Processes of a process group, without room on the disk, and modules that none may import."""
 
 import contextlib
 import importlib.metadata
 import pathlib
+import resource
 import sys
 import time
 
@@ -29,6 +30,23 @@ def wait_until(condition, seconds=60.0):
             return False
         time.sleep(0.02)
     return True
+
+
+def wait_for(condition, process, log):
+    """Waits until `condition` is true, which must be before the process ends."""
+    assert wait_until(lambda: condition() or process.poll() is not None, 300), log.read_text()
+    assert process.poll() is None, log.read_text()
+
+
+@contextlib.contextmanager
+def without_room(largest=1000):
+    """Writes of this process fail if they would make a file larger than `largest` bytes."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def write_modules(folder, mark):

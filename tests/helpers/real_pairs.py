@@ -1,4 +1,4 @@
-"""Pairs of clouds like those during a training, for tests and benchmarks of the losses."""
+"""Pairs of clouds, random or like those of a training, for tests and benchmarks of the losses."""
 
 import functools
 import itertools
@@ -8,6 +8,13 @@ import numpy as np
 from psgn_jax.data.sources import authors
 
 KINDS = ("near", "far", "init", "dup", "grid")
+
+
+def clouds(rng, n, m, scale=1.0, offset=0.0):
+    """Clouds of n and m points, normally distributed, float32; the second one is shifted."""
+    a = rng.normal(size=(n, 3)) * scale + offset
+    b = (rng.normal(size=(m, 3)) + 0.3) * scale + offset
+    return a.astype(np.float32), b.astype(np.float32)
 
 
 @functools.cache

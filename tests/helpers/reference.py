@@ -8,12 +8,6 @@ def pairwise_sq(a, b):
     return ((a[:, None, :] - b[None, :, :]) ** 2).sum(-1)
 
 
-def nearest(a, b):
-    """(squared distance, lowest index of the nearest) for every point of a."""
-    d = pairwise_sq(a, b)
-    return d.min(1), d.argmin(1)
-
-
 def _nearest_sq(pred, gt):
     """Squared distances to the nearest: of the points of pred, and of those of gt."""
     d = pairwise_sq(pred, gt)

@@ -1,10 +1,23 @@
-"""Models of plain solids, and a camera."""
+"""Models of plain solids, a camera, and settings of small renders."""
+
+import pathlib
 
 import numpy as np
 
 from data_gen import cameras
 from data_gen.catalogues import shapes
 from data_gen.mesh import build_model
+from psgn_jax.data import shards
+
+SMALL = {
+    "views": 1,
+    "num_points": 600,
+    "models_per_shard": 2,
+    "camera": {"image_size": (48, 64)},
+    "job": {"variant": "scalar", "workers": 1, "seconds_per_model": 60.0},
+    # With few pixels and points, the distances between depth and points are larger.
+    "checks": {"depth": 0.1, "inside": 0.9},
+}
 
 
 def model_of(solid, **kwargs):
@@ -47,3 +60,10 @@ def joined(*solids_):
         np.concatenate([p.vertices for p in solids_]),
         np.concatenate([p.faces + n for p, n in zip(solids_, sizes[:-1], strict=True)]),
     )
+
+
+def contents(folder):
+    """The contents of all files except the report and `job.json`."""
+    own = (shards.REPORT, shards.JOB)
+    files = (p for p in pathlib.Path(folder).iterdir() if p.name not in own)
+    return {p.name: p.read_bytes() for p in files}

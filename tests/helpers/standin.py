@@ -1,11 +1,21 @@
-"""A stand-in for a configuration and its data: steps take milliseconds."""
+"""A stand-in for a configuration, its data and its environment: steps take milliseconds."""
 
+import os
 import pathlib
+import shutil
 
-from psgn_jax.config.experiment import parse
+from psgn_jax.config.experiment import parse, to_dict
 
 SOLIDS = pathlib.Path(__file__).resolve().parents[1] / "oracles" / "solids"
 """Records of 24 training and 11 validation samples, 16x32 pixels with depth."""
+TINY = {"model__name": "vanilla", "model__widths": (4, 6, 8)}
+VAE = TINY | {
+    "model__posterior": True,
+    "model__posterior_widths": (3, 4, 5),
+    "model__posterior_hidden": 6,
+    "loss__kl_weight": 1e-2,
+    "loss__kl_warmup_steps": 4,
+}
 
 
 def config(**changes):
@@ -26,3 +36,30 @@ def config(**changes):
         section, _, field = name.partition("__")
         tree[section] = {**tree.get(section, {}), field: value} if field else value
     return parse(tree)
+
+
+def write_solids(folder):
+    """Copies the records of `SOLIDS`; returns the folder."""
+    return shutil.copytree(SOLIDS, folder, dirs_exist_ok=True)
+
+
+def write_config(path, config):
+    """Writes a file for `--config`; returns its path."""
+    path.write_text(
+        "import ml_collections\n\n\ndef get_config():\n"
+        f"    return ml_collections.ConfigDict({to_dict(config)!r})\n"
+    )
+    return path
+
+
+def quick_environment(folder):
+    """An environment in which each program is compiled once, as by `keep_compiled`."""
+    return os.environ | {
+        "JAX_PLATFORMS": "cpu",
+        "PSGN_CONVOLUTIONS": "xla",
+        "JAX_COMPILATION_CACHE_DIR": str(folder / "cache"),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+        "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
+        # XLA warns that cached programs might be for another machine, even on the same machine.
+        "TF_CPP_MIN_LOG_LEVEL": "3",
+    }

@@ -22,8 +22,8 @@ SOURCES = [
 
 def config(**changes):
     """The configuration of the tiny network, with changes as in `standin.config`."""
-    tiny = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__random_size": 0}
-    return standin.config(**{"loss__l2": "none", **tiny, **changes})
+    tiny = {**standin.TINY, "model__random_size": 0, "loss__l2": "none"}
+    return standin.config(**{**tiny, **changes})
 
 
 @functools.cache

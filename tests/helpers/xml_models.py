@@ -1,7 +1,6 @@
 """Small COLLADA and 3MF files."""
 
-import io
-import zipfile
+from helpers.obj_text import zipped
 
 HALVES = "<triangles count='2' material='m'>{inputs}<p>{p}</p></triangles>"
 VERTEX = "<input semantic='VERTEX' source='#v' offset='0'/>"
@@ -62,11 +61,9 @@ def primitive(tag, body, points="0 0 0 1 0 0 1 1 0 0 1 0"):
 
 def three_mf(objects=SHAPE, items="<item objectid='1'/>", head="", settings=""):
     space = "xmlns='http://schemas.microsoft.com/3dmanufacturing/core/2015/02' xmlns:p='p'"
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        archive.writestr("Metadata/model_settings.config", settings)
-        for name, inner in {"a": objects, "b": SHAPE}.items():
-            build = f"<build>{items}</build>" if name == "a" else ""
-            text = f"{head}<model {space}><resources>{inner}</resources>{build}</model>"
-            archive.writestr(f"3D/{name}.model", text)
-    return stream.getvalue()
+    files = {"Metadata/model_settings.config": settings}
+    for name, inner in {"a": objects, "b": SHAPE}.items():
+        build = f"<build>{items}</build>" if name == "a" else ""
+        text = f"{head}<model {space}><resources>{inner}</resources>{build}</model>"
+        files[f"3D/{name}.model"] = text
+    return zipped(files)

@@ -2,7 +2,7 @@ import jax
 import numpy as np
 import pytest
 from helpers import reference
-from helpers.real_pairs import KINDS, authors_clouds, pairs_of
+from helpers.real_pairs import KINDS, authors_clouds, clouds, pairs_of
 
 from psgn_jax import losses
 
@@ -23,12 +23,6 @@ def check(a, b, found, tolerance=0.01, *, converged=True):
     assert np.all(np.asarray(found.prices) >= 0)
 
 
-def clouds(rng, n, scale=1.0, offset=0.0):
-    a = rng.normal(size=(n, 3)) * scale + offset
-    b = (rng.normal(size=(n, 3)) + 0.3) * scale + offset
-    return a.astype(np.float32), b.astype(np.float32)
-
-
 @pytest.mark.parametrize(("n", "pairs"), [(384, 6), pytest.param(1024, 8, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", KINDS)
 def test_real_pairs(authors_batches, rng, kind, n, pairs):
@@ -39,7 +33,7 @@ def test_real_pairs(authors_batches, rng, kind, n, pairs):
 
 
 def test_any_tolerance_and_budget_and_prices_prove_the_gap(rng):
-    a, b = clouds(rng, 128)
+    a, b = clouds(rng, 128, 128)
     for tolerance in (0.1, 0.001):
         check(a, b, solve(a, b, tolerance=tolerance), tolerance)
     gaps = {}
@@ -62,7 +56,7 @@ def test_any_tolerance_and_budget_and_prices_prove_the_gap(rng):
 def test_any_scale_and_offset_and_degenerate_clouds(rng):
     # A large offset leaves few significant digits: many points then coincide, or all of them.
     for scale, offset in ((1e-6, 0), (1e6, 0), (1, 1e3), (1, -1e6), (1e6, -1e12), (1e-6, 1e3)):
-        a, b = clouds(rng, 128, scale, offset)
+        a, b = clouds(rng, 128, 128, scale, offset)
         check(a, b, solve(a, b))
     for a, b in degenerate(rng).values():
         a, b = np.asarray(a, np.float32), np.asarray(b, np.float32)
@@ -75,7 +69,7 @@ def lattice(rng, n):
 
 
 def degenerate(rng):
-    a, b = clouds(rng, 128)
+    a, b = clouds(rng, 128, 128)
     ends = np.float32([[0, 0, 0], [1, 0, 0]])
     return {
         "two points": (0 * a, 0 * b + 1),
@@ -92,5 +86,5 @@ def degenerate(rng):
 
 
 def test_more_points_than_the_table_of_distances_has(rng):
-    a, b = clouds(rng, 1100)
+    a, b = clouds(rng, 1100, 1100)
     check(a, b, solve(a, b))

@@ -1,5 +1,3 @@
-"""Losses and weighted sums by name, and the errors for wrong names."""
-
 import jax
 import jax.numpy as jnp
 import numpy as np

@@ -4,6 +4,7 @@ import jax
 import numpy as np
 import pytest
 from helpers import reference
+from helpers.real_pairs import clouds
 
 from psgn_jax import losses
 from psgn_jax.evaluation import clouds as metrics_lib
@@ -14,13 +15,8 @@ mean = losses.emd_mean
 mean_and_grad = jax.value_and_grad(losses.emd_mean, argnums=(0, 1))
 
 
-def clouds(rng, n=N):
-    a = rng.normal(size=(n, 3)).astype(np.float32)
-    return a, (rng.normal(size=(n, 3)) * [1, 2, 0.5] + 0.2).astype(np.float32)
-
-
 def test_equals_reference_within_the_gap(rng):
-    a, b = clouds(rng)
+    a, b = clouds(rng, N, N)
     best = reference.emd_sum(a, b)
     matched = losses.matched_distances(a, b)
     total = float(matched.distance.sum())
@@ -32,7 +28,7 @@ def test_equals_reference_within_the_gap(rng):
 
 
 def test_exact(rng):
-    a, b = clouds(rng, 5)
+    a, b = clouds(rng, 5, 5)
     found = losses.emd_exact(a, b)
     d = reference.distances(a, b)
     by_hand = min(d[np.arange(5), list(s)].sum() for s in itertools.permutations(range(5)))
@@ -54,7 +50,7 @@ def test_gradient_equals_directional_difference(rng):
 
 
 def test_a_second_call_compiles_nothing(rng, caplog):
-    pair = clouds(rng)
+    pair = clouds(rng, N, N)
     batch = losses.map_pairs(losses.emd_mean)
     for call in (lambda: losses.emd_mean(*pair), lambda: batch(*(x[None] for x in pair))):
         call()
@@ -66,7 +62,7 @@ def test_a_second_call_compiles_nothing(rng, caplog):
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_with_64_bits(rng, dtype):
-    a, b = (x.astype(dtype) for x in clouds(rng, 40))
+    a, b = (x.astype(dtype) for x in clouds(rng, 40, 40))
     with jax.enable_x64(True):
         value, grad = jax.jit(jax.value_and_grad(losses.emd_mean))(a, b)
         assert value.dtype == grad.dtype == dtype
@@ -77,6 +73,6 @@ def test_with_64_bits(rng, dtype):
 
 
 def test_a_larger_truth_is_thinned_at_random(rng):
-    a, b = clouds(rng)
+    a, b = clouds(rng, N, N)
     subset = metrics_lib.emd(a, np.concatenate([b, b + 100]))
     assert subset.emd > 10  # about half of the chosen points are from the distant copy

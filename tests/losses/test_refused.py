@@ -1,5 +1,3 @@
-"""What the losses refuse: errors name the argument; inside `jit`, results are NaN."""
-
 import itertools
 
 import jax
@@ -77,18 +75,15 @@ def test_wrong_options():
 def test_wrong_batches_and_volumes():
     mapped, best = losses.map_pairs(losses.chamfer_sq_mean), losses.min_of_n(losses.chamfer_sq)
     solid = np.ones((2, 2), bool)
-    all_refused(
-        lambda call: call[0](*call[1:]),
-        ValueError,
-        [
-            ((mapped, jnp.zeros((2, 5, 3)), jnp.zeros((3, 5, 3))), "2, 3 pairs"),
-            ((mapped, ONES, ONES[:3]), "[4, 3] and [3, 3]"),
-            ((best, ONES, ONES), "preds: got shape (4, 3)", "[draws, n, 3]"),
-            ((best, ONES[None][:0], ONES), "preds: got shape (0, 4, 3)"),
-            ((losses.soft_iou, solid.astype(np.uint8), solid), "pred: got uint8"),
-            ((losses.iou, solid.astype(np.uint8), solid), "pred: got uint8"),
-            ((losses.iou, jnp.zeros(3), jnp.zeros(4)), "(3,)", "(4,)"),
-            ((losses.iou, solid, solid.astype(np.int32)), "gt: got int32"),
-            ((losses.iou, solid, solid.astype(np.float32)), "gt: got float32", "bool"),
-        ],
-    )
+    table = [
+        ((mapped, jnp.zeros((2, 5, 3)), jnp.zeros((3, 5, 3))), "2, 3 pairs"),
+        ((mapped, ONES, ONES[:3]), "[4, 3] and [3, 3]"),
+        ((best, ONES, ONES), "preds: got shape (4, 3)", "[draws, n, 3]"),
+        ((best, ONES[None][:0], ONES), "preds: got shape (0, 4, 3)"),
+        ((losses.soft_iou, solid.astype(np.uint8), solid), "pred: got uint8"),
+        ((losses.iou, solid.astype(np.uint8), solid), "pred: got uint8"),
+        ((losses.iou, jnp.zeros(3), jnp.zeros(4)), "(3,)", "(4,)"),
+        ((losses.iou, solid, solid.astype(np.int32)), "gt: got int32"),
+        ((losses.iou, solid, solid.astype(np.float32)), "gt: got float32", "bool"),
+    ]
+    all_refused(lambda call: call[0](*call[1:]), ValueError, table)

@@ -12,9 +12,6 @@ from psgn_jax.models import layers
 from psgn_jax.models.cpu_convolution import convolutions_for
 from psgn_jax.models.networks import build
 
-# Most of the time of these tests is compilation.
-quick_jit = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
-
 
 # Layers of the authors' published networks, in order: (kind, kernel size, input channels, output
 # channels). Source: github.com/fanhqme/PointSetGeneration, demo/runsingleimage.py (two branches)
@@ -108,7 +105,7 @@ def initialised(config: ModelConfig):
 
 @functools.cache
 def _jitted(config: ModelConfig, intermediates: bool):
-    return quick_jit(functools.partial(build(config).apply, capture_intermediates=intermediates))
+    return jax.jit(functools.partial(build(config).apply, capture_intermediates=intermediates))
 
 
 def apply(config: ModelConfig, params, x, r=None, *, intermediates=False):
@@ -173,7 +170,7 @@ def test_every_pixel_random_number_and_parameter_reaches_the_output():
     def weighted(params, x, r):
         return jnp.sum(network.apply({"params": params}, x, r) * weights)
 
-    gradients = quick_jit(jax.grad(weighted, argnums=(0, 1, 2)))(params, x, r)
+    gradients = jax.jit(jax.grad(weighted, argnums=(0, 1, 2)))(params, x, r)
     by_parameter, by_pixel, by_random = jax.device_get(gradients)
     assert np.all(np.any(by_pixel != 0, axis=-1))
     assert np.all(np.any(by_pixel != 0, axis=(0, 1, 2)))
@@ -243,17 +240,17 @@ def test_eight_draws_cost_no_eight_encoders(name, most):
 def test_wrong_arrays():
     plain, random = tiny_config(), tiny_config(random_size=4)
     x, r = arguments(random)
-    all_refused(
-        lambda case: jax.eval_shape(build(case[0]).init, jax.random.key(0), *case[1:]),
-        ValueError,
-        [
-            ((plain, x[:, :16]), "x has the shape (2, 16, 48, 4)", "(32, 48, 4)"),
-            ((plain, x, r), "r is of the shape (2, 4)", "None"),
-            ((random, x), "r is None", "(2, 'draws', 4)"),
-            ((random, x, r[:1]), "r is of the shape (1, 4)", "(2, 'draws', 4)"),
-            ((random, x, r[:, :3]), "r is of the shape (2, 3)", "(2, 'draws', 4)"),
-        ],
-    )
+
+    def called(case):
+        jax.eval_shape(build(case[0]).init, jax.random.key(0), *case[1:])
+
+    all_refused(called, ValueError, [
+        ((plain, x[:, :16]), "x has the shape (2, 16, 48, 4)", "(32, 48, 4)"),
+        ((plain, x, r), "r is of the shape (2, 4)", "None"),
+        ((random, x), "r is None", "(2, 'draws', 4)"),
+        ((random, x, r[:1]), "r is of the shape (1, 4)", "(2, 'draws', 4)"),
+        ((random, x, r[:, :3]), "r is of the shape (2, 3)", "(2, 'draws', 4)"),
+    ])  # fmt: skip
 
 
 def test_with_xla_a_network_has_forward_mode(monkeypatch):

@@ -1,5 +1,3 @@
-"""The posterior network, its divergence, and the volume that it reads."""
-
 import jax
 import numpy as np
 import pytest

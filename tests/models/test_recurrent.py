@@ -9,14 +9,11 @@ from psgn_jax.models import networks, recurrent
 from psgn_jax.models.recurrent import occupancy, unpool, voxel_cross_entropy
 
 
-def build(width_multiplier=1.0):
-    return networks.build_r2n2(ModelConfig(), VoxelConfig(width_multiplier=width_multiplier))
-
-
 @pytest.mark.parametrize("size", [127, 128])
 def test_sizes_of_the_published_network(size):
+    network = networks.build_r2n2(ModelConfig(), VoxelConfig())
     views = jnp.zeros((3, 2, size, size, 3))
-    out, variables = jax.eval_shape(build().init_with_output, jax.random.key(0), views)
+    out, variables = jax.eval_shape(network.init_with_output, jax.random.key(0), views)
     assert out.shape == (3, 32, 32, 32, 2)
     encoder = variables["params"]["encoder"]
     # After six poolings, 127 and 128 pixels become 3x3 cells with 256 channels.

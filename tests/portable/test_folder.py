@@ -1,5 +1,3 @@
-"""The folder of `psgn export`: its files give JAX's points, its examples need no clone."""
-
 # ruff: noqa: E402
 
 import hashlib

@@ -1,5 +1,3 @@
-"""A prediction from Python: its files, which keep the frame, its colours, page and camera."""
-
 import io
 import sys
 
@@ -177,11 +175,6 @@ def test_outliers_are_found_and_left_out(tmp_path):
     assert np.load(tmp_path / "a.npz")["points"].shape == (1, 302, 3)
 
 
-@pytest.fixture(scope="module")
-def model():
-    return psgn_jax.load()
-
-
 def outside(cloud, points=None):
     """The share of the points that do not project onto the mask."""
     points = cloud.points[0] if points is None else points
@@ -189,7 +182,8 @@ def outside(cloud, points=None):
     return (~camera.inside_mask(pixels, cloud.view.mask, 1)).mean()
 
 
-def test_the_network_predicts_right_side_up_and_clouds_are_fitted_to_the_mask(model):
+def test_the_network_predicts_right_side_up_and_clouds_are_fitted_to_the_mask():
+    model = psgn_jax.load()
     for name in ("boat", "chair"):
         cloud = model(PHOTOS / f"{name}.jpg", normal_form="no", refine=False)
         points, height = cloud.points[0], [0, 0, cloud.points[..., 2].max()]

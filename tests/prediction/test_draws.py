@@ -1,9 +1,8 @@
-"""Draws depend on seed and sample alone; which are shown, and how far their points vary."""
-
 import jax
 import numpy as np
 import pytest
 from helpers import reference, standin
+from helpers.obj_text import scene
 from helpers.refusals import refused
 from helpers.weights import random_params
 
@@ -16,15 +15,13 @@ from psgn_jax.prediction import draws
 from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.weights.run_folder import Trained
 
-
-@pytest.fixture(scope="module")
-def config():
-    return standin.config(data__image_size=(48, 64), model__random_size=3)
+CONFIG = standin.config(data__image_size=(48, 64), model__random_size=3)
+PHOTO, _ = scene(48, 64, (12, 36, 20, 48))
 
 
 @pytest.fixture(scope="module")
-def predictor(config):
-    return Predictor(Trained(config, 7, random_params(config), {}, "runs/x"))
+def predictor():
+    return Predictor(Trained(CONFIG, 7, random_params(CONFIG), {}, "runs/x"))
 
 
 @pytest.fixture
@@ -35,12 +32,6 @@ def shuffled(rng):
     orders = [rng.permutation(40) for _ in range(8)]
     clouds = np.stack([(base + move)[order] for move, order in zip(moves, orders, strict=True)])
     return clouds.astype(np.float32), base + moves, orders
-
-
-def photo(colour=(200, 60, 20)):
-    image = np.full((48, 64, 3), 191, np.uint8)
-    image[12:-12, 20:-16] = colour
-    return image
 
 
 @pytest.mark.parametrize("samples", [2, 3, 5])
@@ -65,9 +56,9 @@ def test_the_spread_is_that_of_matched_points(shuffled):
 
 
 def test_the_first_cloud_and_its_spread_do_not_depend_on_how_many_are_asked_for(predictor):
-    one, three = (predictor(photo(), samples=k) for k in (1, 3))
+    one, three = (predictor(PHOTO, samples=k) for k in (1, 3))
     np.testing.assert_array_equal(one.points[0], three.points[0])
-    np.testing.assert_array_equal(predictor(photo(), samples=3).points, three.points)
+    np.testing.assert_array_equal(predictor(PHOTO, samples=3).points, three.points)
     assert one.spread.shape == (one.points.shape[1],)
     # The 16 draws are the same ones in another order.
     np.testing.assert_allclose(one.spread, three.spread, rtol=1e-4)
@@ -76,12 +67,12 @@ def test_the_first_cloud_and_its_spread_do_not_depend_on_how_many_are_asked_for(
     assert three.arrays()["spread"].shape == three.points.shape[:2]
 
 
-def test_the_first_cloud_is_that_of_zero_or_the_mean_of_the_draws(config, predictor):
+def test_the_first_cloud_is_that_of_zero_or_the_mean_of_the_draws(predictor):
     plain = {"refine": False, "normal_form": "no", "frame": "keep"}
-    zero, mean = (predictor(photo(), first=first, **plain) for first in draws.FIRST)
+    zero, mean = (predictor(PHOTO, first=first, **plain) for first in draws.FIRST)
     batch = {"image": zero.view.image[None], "mask": zero.view.mask[None]}
-    network = networks.build(config.model), random_params(config), batch
-    expected = networks.predict(config, *network, np.zeros((1, 3), np.float32))
+    network = networks.build(CONFIG.model), random_params(CONFIG), batch
+    expected = networks.predict(CONFIG, *network, np.zeros((1, 3), np.float32))
     np.testing.assert_allclose(zero.points, expected, atol=1e-5)
     np.testing.assert_allclose(mean.points[0], zero.draws[1:].mean(axis=0), atol=1e-5)
 
@@ -96,8 +87,7 @@ def test_a_draw_depends_on_seed_sample_and_number_alone():
 
 @pytest.mark.slow
 def test_evaluation_with_draws():
-    tiny = {"model__name": "vanilla", "model__widths": (4, 6, 8), "model__fc_points": 16}
-    config = standin.config(**tiny, eval__emd_tolerance=0.05)
+    config = standin.config(**standin.TINY, model__fc_points=16, eval__emd_tolerance=0.05)
     model, params = networks.build(config.model), random_params(config)
     result = tasks.create(config).evaluate(params, draws=3)
     best, mean = (result.metrics[f"cd_sq_radius2_{what}_of_3"] for what in ("best", "mean"))

@@ -1,10 +1,8 @@
-"""Prediction files are read; other files are refused."""
-
 import io
 import os
-import zipfile
 
 import numpy as np
+from helpers.obj_text import zipped
 from helpers.refusals import refused
 
 from psgn_jax.prediction.formats import PredictionFileError, read_prediction
@@ -49,20 +47,14 @@ np.savez(WHOLE, **arrays())
 WHOLE = WHOLE.getvalue()
 
 
-def archive(content):
-    """A file whose points.npy has this content."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as file:
-        file.writestr("points.npy", content)
-    return stream.getvalue()
-
-
 # The content of a file, or arrays that replace those of a prediction; what the error names.
 MILLION = {"points": np.zeros((1, 10**6, 3), "f4"), "seen": np.ones((1, 10**6), bool)}
 WRONG = {
-    "nested": (archive(b"\x93NUMPY\x01\x00" + len(NESTED).to_bytes(2, "little") + NESTED),),
-    "claims": (archive(header(10**12)), "points is float32 [1, 1000000000000, 3]"),
-    "bomb": (archive(bytes(140 << 20)), "points"),
+    "nested": (
+        zipped({"points.npy": b"\x93NUMPY\x01\x00" + len(NESTED).to_bytes(2, "little") + NESTED}),
+    ),
+    "claims": (zipped({"points.npy": header(10**12)}), "points is float32 [1, 1000000000000, 3]"),
+    "bomb": (zipped({"points.npy": bytes(140 << 20)}), "points"),
     "text": (b"nothing",),
     "cut": (WHOLE[:3000],),
     "flipped": (WHOLE[:300] + b"x" * 200 + WHOLE[500:],),

@@ -1,5 +1,3 @@
-"""Masks that are found: by the background, and by the network of the package."""
-
 import io
 import sys
 import types
@@ -7,6 +5,7 @@ import types
 import numpy as np
 import pytest
 from helpers.commands import PHOTOS
+from helpers.obj_text import picture
 from helpers.refusals import all_refused, refused
 from PIL import Image
 
@@ -25,9 +24,7 @@ def test_alpha_and_a_plain_background_come_before_the_network():
     found = masks.find_mask(image)
     assert found.method == "plain"
     np.testing.assert_array_equal(found.mask, mask)
-    stream = io.BytesIO()
-    Image.fromarray(image).save(stream, "JPEG", quality=75)
-    found = masks.find_mask(stream)
+    found = masks.find_mask(io.BytesIO(picture(image, "JPEG", quality=75)))
     assert found.method == "plain"
     assert masks.mask_iou(found.mask, mask) > 0.9
     found = masks.find_mask(np.dstack([image, np.uint8(255) * (away < 100)]))

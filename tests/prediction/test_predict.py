@@ -1,5 +1,3 @@
-"""From image files to clouds: the output, refused files, and the effect of one bad file."""
-
 import json
 
 import jax
@@ -8,6 +6,7 @@ import pytest
 import trimesh
 from helpers import standin
 from helpers.commands import psgn_each
+from helpers.obj_text import scene
 from helpers.refusals import all_refused, check_message, refused
 from helpers.weights import random_params, write_run
 from PIL import Image
@@ -22,49 +21,35 @@ from psgn_jax.prediction.formats import read_prediction
 from psgn_jax.prediction.predictor import Predictor
 from psgn_jax.weights.run_folder import Trained
 
-
-@pytest.fixture(scope="module")
-def config():
-    return standin.config(model__widths=(4, 6, 8), model__fc_points=5, data__image_size=(24, 32))
+CONFIG = standin.config(model__widths=(4, 6, 8), model__fc_points=5, data__image_size=(24, 32))
 
 
 @pytest.fixture(scope="module")
-def params(config):
-    return random_params(config)
+def predictor():
+    return Predictor(Trained(CONFIG, 7, random_params(CONFIG), {}, "runs/x"))
 
 
-@pytest.fixture(scope="module")
-def predictor(config, params):
-    return Predictor(Trained(config, 7, params, {}, "runs/x"))
-
-
-def photo_of_a_box(height=90, width=120):
-    image = np.full((height, width, 3), 191, np.uint8)
-    image[height // 4 : -height // 4, width // 3 : -width // 3] = (200, 60, 20)
-    return image
-
-
-MASK = np.zeros((90, 120), np.uint8)
-MASK[30:60, 40:80] = 255
+BOX, _ = scene(90, 120, (22, 67, 40, 80))
+MASK = np.uint8(255) * scene(90, 120, (30, 60, 40, 80))[1]
 
 
 def save(path, image=None, **options):
     """Writes an image, by default a photo of a box."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(photo_of_a_box() if image is None else image).save(path, **options)
+    Image.fromarray(BOX if image is None else image).save(path, **options)
     return path
 
 
 def test_arrays_in_arrays_out(predictor):
-    result = predictor(photo_of_a_box(), samples=2, seed=1)
+    result = predictor(BOX, samples=2, seed=1)
     n = 5 + 12 * 16
     assert result.points.shape == result.colours.shape == (2, n, 3)
     assert result.branch.tolist() == [FC] * 5 + [DECONV] * (n - 5)
     assert result.mask_from == "plain"
-    assert np.abs(predictor(photo_of_a_box(), samples=2, seed=2).points - result.points).max() > 0
+    assert np.abs(predictor(BOX, samples=2, seed=2).points - result.points).max() > 0
     assert np.abs(result.points[0] - result.points[1]).max() > 0
-    alpha = (photo_of_a_box()[..., :1] != 191) * np.uint8(255)
-    rgba = np.concatenate([photo_of_a_box(), alpha], axis=2)
+    alpha = (BOX[..., :1] != 191) * np.uint8(255)
+    rgba = np.concatenate([BOX, alpha], axis=2)
     with jax.numpy_dtype_promotion("strict"):  # of the caller
         rgba = predictor(rgba, samples=2, seed=1)
     # Behind a transparent photo, pages show the background of the renderings.
@@ -74,9 +59,8 @@ def test_arrays_in_arrays_out(predictor):
 
 
 def test_what_was_placed_has_normal_form_and_projects_as_before(predictor):
-    image = photo_of_a_box()
-    raw = predictor(image, frame="place", samples=2, normal_form="no")
-    result = predictor(image, frame="place", samples=2)
+    raw = predictor(BOX, frame="place", samples=2, normal_form="no")
+    result = predictor(BOX, frame="place", samples=2)
     flat = result.points.reshape(-1, 3)
     assert flat[:, 2].min() == pytest.approx(0, abs=1e-6)
     assert np.linalg.norm(flat, axis=1).max() == pytest.approx(1, abs=1e-5)
@@ -86,8 +70,8 @@ def test_what_was_placed_has_normal_form_and_projects_as_before(predictor):
         before, _ = camera.project(other, raw.view.intrinsics, raw.view.extrinsics)
         np.testing.assert_allclose(seen, before, atol=1e-2)
     np.testing.assert_array_equal(result.colours, raw.colours)
-    assert predictor(image, frame="keep").scale == 1
-    assert predictor(image, frame="keep", normal_form="yes").scale != 1
+    assert predictor(BOX, frame="keep").scale == 1
+    assert predictor(BOX, frame="keep", normal_form="yes").scale != 1
 
 
 @pytest.mark.parametrize(
@@ -95,42 +79,39 @@ def test_what_was_placed_has_normal_form_and_projects_as_before(predictor):
 )
 def test_an_inverted_mask_is_turned_and_that_is_said(predictor, high, wide, top):
     """Of an object of 2.4 to 33 % of the photo, in the middle or at its border."""
-    image, mask = photo_of_a_box(), np.zeros((90, 120), bool)
-    mask[top : top + high, 20 : 20 + wide] = True
-    turned = predictor(image, ~mask)
+    _, mask = scene(90, 120, (top, top + high, 20, 20 + wide))
+    turned = predictor(BOX, ~mask)
     assert turned.warnings[0] == "the mask covers the border: it was inverted"
     assert len(turned.warnings) == 1 + (top + high == 90)  # cut off
-    for right in predictor(image, mask), predictor(image, ~mask, invert_mask=True):
+    for right in predictor(BOX, mask), predictor(BOX, ~mask, invert_mask=True):
         assert right.warnings == turned.warnings[1:]
         np.testing.assert_array_equal(right.points, turned.points)
-    np.testing.assert_array_equal(predictor(image, ~mask, invert_mask=False).mask, ~mask)
+    np.testing.assert_array_equal(predictor(BOX, ~mask, invert_mask=False).mask, ~mask)
 
 
 def test_what_a_mask_shows_of_an_object_is_told(predictor):
-    image = photo_of_a_box()
     for rows, columns, message in (
         ((20, 60), (0, 50), "border cuts the object off (left)"),
         ((0, 90), (30, 120), "border cuts the object off (top, bottom, right)"),
         ((20, 60), (10, 25), ""),
     ):
-        mask = np.zeros((90, 120), bool)
-        mask[slice(*rows), slice(*columns)] = True
-        assert message in "".join(predictor(image, mask).warnings)
-        assert bool(message) == bool(predictor(image, mask).warnings)
+        _, mask = scene(90, 120, (*rows, *columns))
+        assert message in "".join(predictor(BOX, mask).warnings)
+        assert bool(message) == bool(predictor(BOX, mask).warnings)
     mask[70:75, 80:85] = True  # a speck
-    assert not predictor(image, mask).warnings
+    assert not predictor(BOX, mask).warnings
     mask[60:80, 80:95] = True
-    assert "two large parts" in predictor(image, mask).warnings[0]
+    assert "two large parts" in predictor(BOX, mask).warnings[0]
     cropped = np.zeros((90, 120, 4), np.uint8)  # a cut-out
     cropped[:, 10:110] = cropped[20:60] = (200, 60, 20, 255)
     assert predictor(cropped).mask_from == "alpha"
     assert not predictor(cropped).warnings
 
 
-def test_wrong_arguments(predictor, params):
+def test_wrong_arguments(predictor):
     depth = standin.config(data__inputs=("rgb", "mask", "depth"))
     with refused(ConfigError, "data.inputs", "'rgb' and 'mask'"):
-        Predictor(Trained(depth, 7, params, {}))
+        Predictor(Trained(depth, 7, {}, {}))
     table = [
         ({"samples": 65}, "samples=65", "1 to 64"),  # `psgn view` reads no more
         ({"samples": True}, "samples=True", "1 to 64"),
@@ -139,10 +120,10 @@ def test_wrong_arguments(predictor, params):
         ({"frame": "x"}, "frame='x'", "auto, place, keep"),
         ({"normal_form": "x"}, "normal_form='x'", "auto, yes, no"),
     ]
-    all_refused(lambda options: predictor(photo_of_a_box(), **options), ConfigError, table)
-    fixed = Predictor(Trained(standin.config(model__random_size=0), 7, params, {}))
+    all_refused(lambda options: predictor(BOX, **options), ConfigError, table)
+    fixed = Predictor(Trained(standin.config(model__random_size=0), 7, {}, {}))
     table = [({"samples": 2}, "samples=2"), ({"seed": 1}, "seed=1")]
-    all_refused(lambda options: fixed(photo_of_a_box(), **options), ConfigError, table)
+    all_refused(lambda options: fixed(BOX, **options), ConfigError, table)
 
 
 def test_files_and_folders(predictor, tmp_path):
@@ -153,7 +134,7 @@ def test_files_and_folders(predictor, tmp_path):
     images = [folder, folder / "deep" / "a.png", folder / "a.png"]
     results = list(predict_files(lambda: predictor, images, out, samples=2, seed=5))
     assert [path.name for path, _ in results] == ["A.bmp", "a.png", "b.jpg", "a.png"]
-    alone = predictor(photo_of_a_box(), samples=2, seed=5)
+    alone = predictor(BOX, samples=2, seed=5)
     # The clouds do not depend on the other images.
     np.testing.assert_array_equal(results[1][1].points, alone.points)
     names = {p.name for p in out.iterdir()}
@@ -196,9 +177,8 @@ def test_masks_by_name(predictor, tmp_path):
     save(folder / "c.png", 0 * MASK)
 
     def predicted(mask=None, images=images, **how):
-        found = predict_files(
-            lambda: predictor, [images], tmp_path / "out", mask=mask, mask_options=how
-        )
+        given = {"mask": mask, "mask_options": how}
+        found = predict_files(lambda: predictor, [images], tmp_path / "out", **given)
         return {path.stem: result for path, result in found}
 
     a, b, c, d = predicted(str(folder)).values()
@@ -342,9 +322,7 @@ def test_a_mask_that_is_not_certain_is_proposed(predictor, tmp_path, monkeypatch
 
 def test_a_mask_in_stored_orientation_is_turned(predictor, tmp_path, monkeypatch):
     """Of a square photo, or one turned by 180 degrees, the proportions do not tell."""
-    image = np.full((90, 90, 3), 191, np.uint8)
-    image[10:40, 50:80] = (200, 60, 20)
-    upright = (image != 191).any(axis=2)
+    image, upright = scene(90, 90, (10, 40, 50, 80))
     found = upright.astype(np.float32)
     monkeypatch.setattr(mask_networks, "probabilities", lambda image, box, **_: found)
     exif = Image.Exif()
@@ -360,11 +338,11 @@ def test_a_mask_in_stored_orientation_is_turned(predictor, tmp_path, monkeypatch
         np.testing.assert_array_equal(cloud.mask, upright)
 
 
-def test_the_command_goes_on_after_a_bad_file(config, params, tmp_path):
+def test_the_command_goes_on_after_a_bad_file(tmp_path):
     workdir, out, folder = (tmp_path / name for name in ("run", "out", "in"))
-    write_run(workdir, config, {"params": params})
+    write_run(workdir, CONFIG, {"params": random_params(CONFIG)})
     save(folder / "good.png")
-    Image.fromarray(photo_of_a_box()).convert("CMYK").save(folder / "cmyk.jpg")
+    Image.fromarray(BOX).convert("CMYK").save(folder / "cmyk.jpg")
     save(folder / "one.png", MASK[:1, :1])
     save(folder / "blank.png", np.full((80, 80, 3), (0, 0, 255), np.uint8))
     (folder / "text.png").write_text("no image")

@@ -1,5 +1,3 @@
-"""Clouds averaged with those of the mirror image, and fitted to the mask."""
-
 import jax
 import jax.numpy as jnp
 import numpy as np

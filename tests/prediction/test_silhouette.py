@@ -1,5 +1,3 @@
-"""Clouds fitted to the mask of their image."""
-
 import jax
 import numpy as np
 import pytest

@@ -1,5 +1,3 @@
-"""Surfaces: closed, near the cloud, with the photo's outline and colours, read by others."""
-
 import dataclasses
 import json
 import subprocess

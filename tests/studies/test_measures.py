@@ -1,5 +1,3 @@
-"""What each study measures, on arrays whose answer is known, and its figure."""
-
 import numpy as np
 import pytest
 

@@ -1,16 +1,13 @@
-"""The runner of studies: resuming, sharing by `only`, tables with errors; finished runs."""
-
 import csv
 import dataclasses
 import math
-import pathlib
 import types
 
 import numpy as np
 import pytest
 from helpers import drawn_solids
 from helpers.refusals import all_refused, refused
-from helpers.small_runs import write_solids
+from helpers.standin import SOLIDS
 
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.data.dataset import write_dataset
@@ -27,11 +24,7 @@ TINY = {
     "eval.batch_size": 8, "eval.emd_tolerance": 0,
 }  # fmt: skip
 STUDY = dataclasses.replace(completion.STUDY, base=TINY)
-
-
-@pytest.fixture(scope="module")
-def records(tmp_path_factory):
-    return str(write_solids(tmp_path_factory.mktemp("records")))
+RECORDS = str(SOLIDS)
 
 
 def logs(folder):
@@ -41,9 +34,9 @@ def logs(folder):
 
 
 @pytest.mark.slow
-def test_a_study_is_shared_stopped_resumed_and_repeated(records, tmp_path, monkeypatch):
-    folder, options = tmp_path / "a", {"data": records, "seeds": 2}
-    assert lib.run(STUDY, folder, data=records, only="rgbd:1") == ""
+def test_a_study_is_shared_stopped_resumed_and_repeated(tmp_path, monkeypatch):
+    folder, options = tmp_path / "a", {"data": RECORDS, "seeds": 2}
+    assert lib.run(STUDY, folder, data=RECORDS, only="rgbd:1") == ""
     (alone,) = logs(folder)
     train, started = lib.loop.train, []
 
@@ -75,10 +68,10 @@ def test_a_study_is_shared_stopped_resumed_and_repeated(records, tmp_path, monke
         assert (folder / name).read_bytes().startswith(b"\x89PNG")
 
     # Again, also on another split, without a further training.
-    again = lib.run(STUDY, folder, **options, measure=[f"{records}:train"])
+    again = lib.run(STUDY, folder, **options, measure=[f"{RECORDS}:train"])
     assert again.startswith(text)
     assert (folder / "completion.csv").read_text() == numbers
-    assert (folder / f"completion-{pathlib.Path(records).name}-train.md").is_file()
+    assert (folder / f"completion-{SOLIDS.name}-train.md").is_file()
     assert logs(folder) == finished
 
     # Finished runs are measured by another study.
@@ -86,11 +79,11 @@ def test_a_study_is_shared_stopped_resumed_and_repeated(records, tmp_path, monke
     assert f"{runs[1]} - {runs[0]}" in lib.run(branches.STUDY, tmp_path / "b", finished=runs)
 
 
-def test_other_records_and_what_does_not_fit(records, tmp_path):
+def test_other_records_and_what_does_not_fit(tmp_path):
     drawn = drawn_solids.samples(2, seed=0, image_size=(12, 16))
     flat = [dataclasses.replace(s, depth=None) for s in drawn]
     write_dataset(tmp_path / "flat", {"train": flat, "validation": flat}, source="")
-    run = lambda options: lib.run(STUDY, tmp_path / "work", **{"data": records, **options})  # noqa: E731
+    run = lambda options: lib.run(STUDY, tmp_path / "work", **{"data": RECORDS, **options})  # noqa: E731
     all_refused(run, ConfigError, [
         ({"data": str(tmp_path / "flat")}, "data=", tmp_path / "flat", "'depth'"),
         ({"only": "rgb"}, "only=rgb", "CONFIG:SEED", "rgbd"),
@@ -124,10 +117,7 @@ def test_means_differences_and_their_errors():
     assert change.error_samples == pytest.approx(np.std([0, 2, 0], ddof=1) / np.sqrt(3))
     assert change.better == 0
     for metric, better in (("precision", 1), ("emd_radius", 0), ("visible_share", math.nan)):
-        pair = {
-            "a": [measured({metric: [1.0, 2]}, "ab")],
-            "b": [measured({metric: [3.0, 4]}, "ab")],
-        }
+        pair = {k: [measured({metric: v}, "ab")] for k, v in (("a", [1.0, 2]), ("b", [3.0, 4]))}
         *_, change = lib.summarise(pair, dataclasses.replace(study, metrics={metric: metric}))
         np.testing.assert_equal(change.better, better)
     # The first two samples are views of one model: deviations of 2/3 and -2/3 in all.

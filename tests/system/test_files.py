@@ -5,7 +5,7 @@ import pathlib
 import stat
 
 import pytest
-from helpers.disk import without_room
+from helpers.processes import without_room
 from helpers.refusals import all_refused, check_message, refused
 
 from psgn_jax.config.command_line import Flags

@@ -1,5 +1,3 @@
-"""Tasks on volumes, end to end, on boxes whose volumes are known."""
-
 import dataclasses
 import itertools
 import json
@@ -143,11 +141,11 @@ def points_run(data, tmp_path_factory):
 def refined(data, points_run, tmp_path_factory):
     workdir = tmp_path_factory.mktemp("refine") / "run"
     settings = config(data, task="refiner", voxels__from_cd=str(points_run))
-    return settings, workdir, train(settings, workdir)
+    return workdir, train(settings, workdir)
 
 
-def test_a_refiner_keeps_its_source_and_threshold(refined, points_run, tmp_path):
-    settings, workdir, outcome = refined
+def test_a_refiner_keeps_its_source_and_threshold(data, refined, points_run, tmp_path):
+    workdir, outcome = refined
     assert set(outcome.state.params) == {*(f"conv{i}" for i in range(5)), "occupancy"}
     (found,) = entries(workdir, "eval")
     assert found["one_minus_iou"] == pytest.approx(1 - found["iou"])
@@ -157,8 +155,7 @@ def test_a_refiner_keeps_its_source_and_threshold(refined, points_run, tmp_path)
     before, kept = open_run(points_run, "best"), open_run(workdir / "frozen" / "from_cd", "last")
     assert before[0] == kept[0]
     jax.tree.map(np.testing.assert_array_equal, before[1], kept[1])
-    moved = dataclasses.replace(settings.voxels, from_cd="/no/such")
-    moved = dataclasses.replace(settings, voxels=moved)
+    moved = config(data, task="refiner", voxels__from_cd="/no/such")
     assert refiner.open_source(moved, workdir, "from_cd").step == 2
     result = evaluate_run(open_run(workdir), out=tmp_path / "out")
     assert result.means["iou"] == pytest.approx(found["iou"], rel=1e-6)
@@ -173,13 +170,13 @@ def test_a_refiner_predicts_no_points_and_sources_must_fit(data, points_run, ref
         wrong = config(data, task="refiner", voxels__from_cd=str(source), **changes)
         return refiner.open_source(wrong, tmp_path, "from_cd")
 
-    run = open_run(refined[1])
+    run = open_run(refined[0])
     all_refused(lambda wrong: wrong(), ConfigError, [
-        (lambda: psgn_jax.load(refined[1]), "task='refiner'", "'points'"),
+        (lambda: psgn_jax.load(refined[0]), "task='refiner'", "'points'"),
         (lambda: evaluate_run(run, draws=2), "task='refiner'", "'points'"),
         (lambda: report_runs(tmp_path / "pages", [run]), "task='refiner'", "'points'"),
         (lambda: opened("/no/such"), "voxels.from_cd='/no/such'", "'points'"),
-        (lambda: opened(refined[1]), refined[1], "'refiner'", "'points'"),
+        (lambda: opened(refined[0]), refined[0], "'refiner'", "'points'"),
         (lambda: opened(points_run, data__image_size=(32, 32)),
          "data.image_size=(32, 32)", "(16, 32)", "voxels.from_cd"),
     ])  # fmt: skip

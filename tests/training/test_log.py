@@ -1,11 +1,9 @@
-"""Metrics after kills: no line is lost or duplicated."""
-
 import json
 import time
 
 import numpy as np
 import pytest
-from helpers.disk import without_room
+from helpers.processes import without_room
 
 from psgn_jax.config.experiment import TrainConfig
 from psgn_jax.training.log import MetricsWriter, TrainingLog, read_metrics

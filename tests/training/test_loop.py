@@ -1,6 +1,4 @@
-"""Training end to end on a small data set: one tiny run, resumed, killed, stopped, refused."""
-
-import dataclasses
+import functools
 import json
 import logging
 import pathlib
@@ -16,9 +14,9 @@ import numpy as np
 import pytest
 from helpers import standin
 from helpers.commands import ROOT
-from helpers.processes import wait_until
+from helpers.processes import wait_for, wait_until
 from helpers.refusals import all_refused, refused
-from helpers.small_runs import quick_environment, write_config, write_solids
+from helpers.standin import TINY, VAE, quick_environment, write_config, write_solids
 
 from psgn_jax.config.experiment import ConfigError, from_json
 from psgn_jax.data import loader
@@ -30,24 +28,16 @@ from psgn_jax.weights.checkpoint import Checkpoints
 from psgn_jax.weights.run_folder import locked
 
 pytestmark = pytest.mark.usefixtures("keep_compiled")
-TINY = {"model__name": "vanilla", "model__widths": (4, 6, 8)}
 LARGE = {"data__image_size": (192, 256)}
+EVERY = {"train__images_every": 6, "train__log_every": 4, "eval__max_samples": 6}
+changed = functools.partial(standin.config, **TINY, **EVERY)
+CONFIG = changed()
 
 
 @pytest.fixture(scope="module")
-def config():
-    return standin.config(**TINY, train__images_every=6, train__log_every=4, eval__max_samples=6)
-
-
-@pytest.fixture(scope="module")
-def run(config, tmp_path_factory):
+def run(tmp_path_factory):
     workdir = tmp_path_factory.mktemp("train") / "run"
-    return workdir, train(config, workdir)
-
-
-def changed(config, section, **fields):
-    section_of = dataclasses.replace(getattr(config, section), **fields)
-    return dataclasses.replace(config, **{section: section_of})
+    return workdir, train(CONFIG, workdir)
 
 
 def newest(workdir):
@@ -67,10 +57,10 @@ def assert_same_leaves(have, want):
         np.testing.assert_array_equal(have.leaves[name], leaf, err_msg=name)
 
 
-def test_a_run_leaves_everything_behind(run, config):
+def test_a_run_leaves_everything_behind(run):
     workdir, outcome = run
     assert (outcome.stopped_by, int(outcome.state.step)) == (None, 12)
-    assert from_json((workdir / "config.json").read_text()) == config
+    assert from_json((workdir / "config.json").read_text()) == CONFIG
     entries = lines(workdir)
     assert [e["step"] for e in entries if e["kind"] == "train"] == [4, 8, 12]
     assert [e["step"] for e in entries if e["kind"] == "eval"] == [6, 12]
@@ -81,32 +71,31 @@ def test_a_run_leaves_everything_behind(run, config):
     assert checkpoints.best_step() in (6, 12)
 
 
-def test_a_finished_run_has_nothing_to_do_and_another_is_refused(run, config, caplog, monkeypatch):
+def test_a_finished_run_has_nothing_to_do_and_another_is_refused(run, caplog, monkeypatch):
     before = lines(run[0])
     with caplog.at_level(logging.INFO, "absl"):
-        train(changed(config, "train", keep_checkpoints=3), run[0])  # a harmless change
+        train(changed(train__keep_checkpoints=3), run[0])  # a harmless change
     assert lines(run[0]) == before
     assert "nothing to do" in caplog.text
     caplog.clear()
-    other = changed(changed(config, "model", fc_points=16), "optim", b1=0.8)
-    other = changed(other, "train", steps=20)
+    other = changed(model__fc_points=16, optim__b1=0.8, train__steps=20)
     with refused(ConfigError, run[0], "model.fc_points=8 (now 16)", "optim.b1=0.9 (now 0.8)"):
         train(other, run[0])
     assert "compiling" not in caplog.text
     with locked(run[0]), refused(ConfigError, run[0]):
-        train(config, run[0])
+        train(CONFIG, run[0])
     monkeypatch.setattr(distributed, "gather", lambda own: [own, {**own, "optim.b1": 0.5}])
     with refused(ConfigError, "optim.b1=0.9", "0.5"):
-        train(config, run[0].parent / "other")
+        train(CONFIG, run[0].parent / "other")
 
 
-def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, monkeypatch, caplog):
+def test_scores_belong_to_their_records_wherever_these_are(tmp_path, monkeypatch, caplog):
     moved, workdir = tmp_path / "moved", tmp_path / "run"
 
     def scores(path=moved, **fields):
         caplog.clear()
         with caplog.at_level(logging.WARNING, "absl"):
-            train(changed(config, "data", path=str(path), **fields), workdir)
+            train(changed(data__path=str(path), **fields), workdir)
         return Checkpoints(workdir / "checkpoints", read_only=True).scores
 
     first = scores(write_solids(tmp_path / "records"))
@@ -114,7 +103,7 @@ def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, mon
     shutil.move(tmp_path / "records", moved)
     assert scores() == first
     assert "the evaluation" not in caplog.text
-    there = scores(eval_split="train")
+    there = scores(data__eval_split="train")
     assert "(records, data.eval_split)" in caplog.text
     back = scores()  # without a further checkpoint
     assert there.keys() == back.keys() == {12}
@@ -131,7 +120,7 @@ def test_scores_belong_to_their_records_wherever_these_are(config, tmp_path, mon
     assert "(records)" in caplog.text
 
 
-def test_non_finite_loss_stops_naming_metric_and_step(config, tmp_path, monkeypatch):
+def test_non_finite_loss_stops_naming_metric_and_step(tmp_path, monkeypatch):
     def train_batches(cfg, read=loader.train_batches, **arguments):
         batches = read(cfg, **arguments)
         for number, batch in enumerate(batches, arguments["start_step"] + 1):
@@ -141,7 +130,7 @@ def test_non_finite_loss_stops_naming_metric_and_step(config, tmp_path, monkeypa
 
     monkeypatch.setattr(loader, "train_batches", train_batches)
     with refused(NonFiniteError, "loss", "step 5", "optim.learning_rate"):
-        train(config, tmp_path / "run")
+        train(CONFIG, tmp_path / "run")
     assert Checkpoints(tmp_path / "run" / "checkpoints", read_only=True).steps() == [3]
 
 
@@ -165,10 +154,10 @@ def test_what_does_not_fit_is_named_before_anything_is_written(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def command(config, tmp_path_factory):
+def command(tmp_path_factory):
     """A function that starts `psgn_jax.main` on the tiny configuration in a workdir."""
     folder = tmp_path_factory.mktemp("commands")
-    file = write_config(folder / "tiny.py", config)
+    file = write_config(folder / "tiny.py", CONFIG)
     environment = quick_environment(folder)
 
     def start(workdir, *flags):
@@ -193,25 +182,21 @@ def newest_step(workdir):
     return max((int(name) for name in saved(workdir) if name.isdigit()), default=0)
 
 
-def wait_for(condition, process, workdir):
-    assert wait_until(lambda: condition() or process.poll() is not None, 300), log_of(workdir)
-    assert process.poll() is None, log_of(workdir)
-
-
 @pytest.mark.slow
 def test_killed_stopped_and_out_of_space_a_run_ends_with_the_same_bits(command, tmp_path):
     steps, workdir, reference = "--config.train.steps=60", tmp_path / "run", tmp_path / "reference"
+    log = tmp_path / "run.log"
     assert command(reference, steps).wait() == 0
     for end in (-signal.SIGKILL, 128 + signal.SIGTERM, 5):
         process = command(workdir, steps)
         goal = newest_step(workdir) + 6
-        wait_for(lambda goal=goal: newest_step(workdir) >= goal, process, workdir)
+        wait_for(lambda goal=goal: newest_step(workdir) >= goal, process, log)
         if end == 5:  # a full disk
             resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (20_000, resource.RLIM_INFINITY))
         elif end > 0:
             process.send_signal(signal.SIGTERM)
         else:
-            wait_for(lambda: any("tmp" in name for name in saved(workdir)), process, workdir)
+            wait_for(lambda: any("tmp" in name for name in saved(workdir)), process, log)
             process.kill()  # while a checkpoint is being written
         assert process.wait() == end, log_of(workdir)
     assert log_of(workdir).splitlines()[-1].startswith(f"error: {workdir}")
@@ -233,14 +218,13 @@ def test_a_run_in_parts_ends_with_the_same_bits(tmp_path):
 
     The parts end between two lines of metrics, two checkpoints and two evaluations.
     """
-    config = standin.config(
-        **TINY, model__posterior=True, model__posterior_widths=(2, 2, 2), model__posterior_hidden=4,
-        loss__kl_weight=0.01, data__flip=True, data__stretch=0.2, data__colour_jitter=0.3,
+    config = functools.partial(
+        standin.config, **VAE, data__flip=True, data__stretch=0.2, data__colour_jitter=0.3,
         train__log_every=4,
     )  # fmt: skip
-    train(config, tmp_path / "whole")
-    train(changed(config, "train", steps=5), tmp_path / "run")
-    train(config, tmp_path / "run")
+    train(config(), tmp_path / "whole")
+    train(config(train__steps=5), tmp_path / "run")
+    train(config(), tmp_path / "run")
     assert_same_leaves(newest(tmp_path / "run"), newest(tmp_path / "whole"))
     found, wanted = (
         [e for e in lines(tmp_path / name) if e["kind"] == "train" and e["step"] % 4 == 0]

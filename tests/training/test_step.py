@@ -1,5 +1,3 @@
-"""The training step: one device and eight, losses, L2, schedules."""
-
 import functools
 
 import jax
@@ -8,6 +6,7 @@ import numpy as np
 import pytest
 from helpers import standin
 from helpers.commands import python
+from helpers.standin import TINY, VAE
 from helpers.weights import random_params
 
 from psgn_jax import tasks
@@ -22,8 +21,6 @@ from psgn_jax.tasks import points
 from psgn_jax.training import step
 
 pytestmark = pytest.mark.usefixtures("keep_compiled")
-TINY = {"model__name": "vanilla", "model__widths": (4, 6, 8)}
-QUICK = {"xla_backend_optimization_level": 0}
 
 
 @functools.cache
@@ -31,7 +28,7 @@ def compiled(config, devices):
     """The function that creates the state, the training step (both compiled once), and the mesh."""
     mesh = step.data_mesh(list(devices) if devices else None)
     create, train_step = step.create_training(config, tasks.create(config), mesh)
-    return jax.jit(create, compiler_options=QUICK), train_step, mesh
+    return jax.jit(create), train_step, mesh
 
 
 def run(config, steps, devices=None):
@@ -82,7 +79,7 @@ def test_the_loss_of_the_best_draw_and_its_gradient(winner_points, mean_weight):
     r = networks.random_input(config, 0, 4, train=True)
 
     def value_and_grad(loss, params):
-        return jax.jit(jax.value_and_grad(loss, has_aux=True), compiler_options=QUICK)(params)
+        return jax.jit(jax.value_and_grad(loss, has_aux=True))(params)
 
     def chooses(pred, gt):
         few = [chosen_points(cloud, winner_points) for cloud in (pred, gt)]
@@ -97,9 +94,7 @@ def test_the_loss_of_the_best_draw_and_its_gradient(winner_points, mean_weight):
         return loss + mean_weight * first, best
 
     (want, want_best), want_grads = value_and_grad(plain, params)
-    (have, best), grads = value_and_grad(
-        lambda params: task.min_of_n_loss(params, batch, r), params
-    )
+    (have, best), grads = value_and_grad(lambda p: task.min_of_n_loss(p, batch, r), params)
     np.testing.assert_allclose(have, want, rtol=1e-6)
     np.testing.assert_array_equal(best.winner, want_best.winner)
     np.testing.assert_allclose(best.distances, want_best.distances, rtol=1e-5)
@@ -107,15 +102,6 @@ def test_the_loss_of_the_best_draw_and_its_gradient(winner_points, mean_weight):
     scale = max(float(np.abs(g).max()) for g in jax.tree.leaves(want_grads))
     for have, want in zip(*map(jax.tree.leaves, (grads, want_grads)), strict=True):
         np.testing.assert_allclose(have, want, rtol=1e-3, atol=1e-5 * scale)
-
-
-VAE = TINY | {
-    "model__posterior": True,
-    "model__posterior_widths": (3, 4, 5),
-    "model__posterior_hidden": 6,
-    "loss__kl_weight": 1e-2,
-    "loss__kl_warmup_steps": 4,
-}
 
 
 @pytest.mark.slow
@@ -154,7 +140,7 @@ from psgn_jax.training.loop import train
 jax.config.update("jax_num_cpu_devices", 8)
 here = runpy.run_path("tests/training/test_step.py")
 assert len(jax.devices()) == 8
-for kind in (here["TINY"] | {"loss__min_of_n": 2}, here["VAE"]):
+for kind in (standin.TINY | {"loss__min_of_n": 2}, standin.VAE):
     config = standin.config(**kind, optim__eps=1e-3)
     one, one_history = here["run"](config, 3, jax.devices()[:1])
     all_, all_history = here["run"](config, 3, jax.devices())

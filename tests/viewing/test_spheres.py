@@ -1,5 +1,3 @@
-"""Spheres are drawn where the camera sees their points; near ones cover far ones; shadows."""
-
 import numpy as np
 import pytest
 from PIL import Image
@@ -46,9 +44,6 @@ def test_the_near_one_hides_the_far_one_and_the_shadow_lies_below():
     assert (with_shadow <= without).all()
 
 
-SEVERAL = ("points", "colours", "seen")
-
-
 def test_the_command_on_predictions(rng, tmp_path, capsys):
     points = rng.uniform(-0.3, 0.3, (1, 50, 3)).astype(np.float32)
     arrays = {"image": np.full((*SIZE, 3), 191, np.uint8), "points": points}
@@ -73,7 +68,8 @@ def test_the_command_on_predictions(rng, tmp_path, capsys):
     wider, _ = red("--branch")
     assert wider > wide
     assert red("--columns=1000000000")[0] == wide
-    np.savez(file, **{k: v.repeat(5, 0) if k in SEVERAL else v for k, v in arrays.items()})
+    five = {name: arrays[name].repeat(5, 0) for name in ("points", "colours", "seen")}
+    np.savez(file, **arrays | five)
     columns = [red(*flags)[0] for flags in ((), ("--clouds=2",))]
     # The image, and each cloud from two sides; the first file had one cloud.
     assert np.diff([wide, *columns[::-1]]).tolist() == [2 * (wide - 24) // 3, 4 * (wide - 24) // 3]

@@ -1,5 +1,3 @@
-"""The page in a real browser: it draws and rotates clouds, without errors and without requests."""
-
 import base64
 import dataclasses
 import io
@@ -9,6 +7,7 @@ import shutil
 import numpy as np
 import pytest
 import trimesh
+from helpers.javascript import data_of
 from helpers.refusals import all_refused, check_message
 from PIL import Image
 
@@ -35,11 +34,6 @@ def make_case(name="chair 1", samples=3, n=300, seed=0):
         about="chair",
         metrics=tuple(f"CD {k}" for k in range(samples)),
     )
-
-
-def data_of(path):
-    text = path.read_text()
-    return json.loads(text.split('<script type="application/json" id="data">')[1].split("</")[0])
 
 
 def test_coordinates_come_back(tmp_path):

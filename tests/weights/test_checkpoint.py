@@ -1,5 +1,3 @@
-"""Checkpoints are read as saved, damage is detected, the newest and the best are kept."""
-
 import logging
 
 import jax.numpy as jnp

@@ -1,5 +1,3 @@
-"""A file of weights can be written and read back; damaged and foreign files are refused."""
-
 import dataclasses
 import json
 import os

@@ -1,6 +1,5 @@
 """`train.init`: a training starts from the parameters of another one."""
 
-import dataclasses
 import json
 
 import numpy as np
@@ -15,17 +14,13 @@ from psgn_jax.weights.leaves import named_leaves
 from psgn_jax.weights.opening import initial_params, open_initial, origins_of
 
 
-def with_init(config, init, **fields):
-    train = dataclasses.replace(config.train, init=str(init), **fields)
-    return dataclasses.replace(config, train=train)
-
-
 def test_a_training_begins_with_the_trained_network(tmp_path):
-    base = tiny.config(train__steps=2, train__eval_every=2, optim__learning_rate=1e-9)
+    two = {"train__steps": 2, "train__eval_every": 2, "optim__learning_rate": 1e-9}
+    base = tiny.config(**two)
     path = tmp_path / "w.safetensors"
     weights = tiny.weights(base, "float32")
     write_weights(path, weights)
-    config = with_init(base, path)
+    config = tiny.config(**two, train__init=str(path))
     outcome = train(config, tmp_path / "run")
     lines = [json.loads(x) for x in (tmp_path / "run" / "metrics.jsonl").read_text().splitlines()]
     first, last = (line for line in lines if line["kind"] == "eval")
@@ -48,7 +43,7 @@ def test_a_training_begins_with_the_trained_network(tmp_path):
 
 
 def test_layers_that_do_not_fit_are_named_and_left_out_only_when_asked():
-    config = with_init(tiny.config(), "w")
+    config = tiny.config(train__init="w")
     other = tiny.config(model__fc_widths=(20,))
     trained, drawn = tiny.random_params(config, 0), tiny.random_params(other, 1)
     shapes = {name: leaf.shape for name, leaf in named_leaves(trained).items()}
@@ -57,17 +52,17 @@ def test_layers_that_do_not_fit_are_named_and_left_out_only_when_asked():
     flag = '"(' + "".join(f"'{layer}'," for layer in layers) + ')"'
     with refused(ConfigError, "train.init=", *layers, f"train.init_skip={flag}"):
         initial_params(config, drawn, trained)
-    partial = with_init(config, "w", init_skip=tuple(layers))
+    partial = tiny.config(train__init="w", train__init_skip=tuple(layers))
     for name, leaf in named_leaves(initial_params(partial, drawn, trained)).items():
         source = drawn if name.rpartition(".")[0] in layers else trained
         np.testing.assert_array_equal(leaf, named_leaves(source)[name], err_msg=name)
-    pattern = with_init(config, "w", init_skip=("x*",))
+    pattern = tiny.config(train__init="w", train__init_skip=("x*",))
     with refused(ConfigError, "train.init_skip", "'x*'", *layers):
         initial_params(pattern, drawn, trained)
 
 
 def test_a_new_random_input_changes_little_at_first():
-    config = with_init(tiny.config(model__random_size=4), "w")
+    config = tiny.config(model__random_size=4, train__init="w")
     trained, drawn = tiny.random_params(tiny.config(), 0), tiny.random_params(config, 1)
     taken, new = named_leaves(initial_params(config, drawn, trained)), named_leaves(drawn)
     (name,) = taken.keys() - named_leaves(trained).keys()
@@ -77,7 +72,7 @@ def test_a_new_random_input_changes_little_at_first():
 
 def test_a_network_of_another_task_is_refused(tmp_path):
     write_weights(tmp_path / "w.safetensors", tiny.weights(tiny.config()))
-    volume = with_init(tiny.config(task="volume"), tmp_path / "w.safetensors")
+    volume = tiny.config(task="volume", train__init=str(tmp_path / "w.safetensors"))
     with refused(ConfigError, "train.init=", "'points'", "'volume'"):
         open_initial(volume)
     with refused(ConfigError, "init_skip=('a',)", "train.init"):
@@ -92,21 +87,18 @@ def test_several_networks_start_as_their_mean(tmp_path):
         write_weights(file, tiny.weights(config, "float32")._replace(params=params))
     comma = tmp_path / "a, b" / "one.safetensors"
     write_weights(comma, tiny.weights(config))
-    assert origins_of(with_init(config, comma))[1][1:] == tiny.SOURCES
-    both = open_initial(with_init(config, f"{files[0]}, {files[1]}"))
+    assert origins_of(tiny.config(train__init=str(comma)))[1][1:] == tiny.SOURCES
+    both = open_initial(tiny.config(train__init=f"{files[0]}, {files[1]}"))
     assert both.source.startswith("the mean of ")
     leaves = [named_leaves(params) for params in (*given, both.params)]
     for name, mean in leaves[2].items():
         want = (np.asarray(leaves[0][name]) + np.asarray(leaves[1][name])) / 2
         np.testing.assert_allclose(mean, want, atol=1e-7, err_msg=name)
     write_weights(files[1], tiny.weights(tiny.config(model__fc_widths=(20,)), "float32"))
-    all_refused(
-        lambda init: open_initial(with_init(config, init)),
-        ConfigError,
-        [
-            (f"{files[0]},{files[1]}", "two.safetensors' has other layers"),
-            (f"{files[0]},nothing", "train.init='nothing'"),
-            (",".join("x" * 150), "train.init='x'"),
-            (f"{files[0]},", "train.init=", "empty"),
-        ],
-    )
+    table = [
+        (f"{files[0]},{files[1]}", "two.safetensors' has other layers"),
+        (f"{files[0]},nothing", "train.init='nothing'"),
+        (",".join("x" * 150), "train.init='x'"),
+        (f"{files[0]},", "train.init=", "empty"),
+    ]
+    all_refused(lambda init: open_initial(tiny.config(train__init=init)), ConfigError, table)

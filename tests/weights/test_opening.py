@@ -1,5 +1,3 @@
-"""Networks are opened by name, from files and from folders; the commands list and export them."""
-
 import json
 import pickle
 import shutil
@@ -43,15 +41,12 @@ def test_names_of_shipped_weights(shipped, file):
     assert (network.source, network.source_kind, network.step) == ("small-2", "weights", 50)
     assert network.scores == {"cd_sq_radius2": 0.0123}
     assert weights_path(str(file)) == file
-    all_refused(
-        lambda arguments: open_weights(**arguments),
-        ConfigError,
-        [
-            ({"source": "smal-1"}, "weights='smal-1'", "'small-1'", "the folder of a run"),
-            ({"source": "small-1", "checkpoint": "last"}, "checkpoint=last"),
-            ({"source": file.parent, "argument": "network"}, f"network={file.parent}", "no run"),
-        ],
-    )
+    table = [
+        ({"source": "smal-1"}, "weights='smal-1'", "'small-1'", "the folder of a run"),
+        ({"source": "small-1", "checkpoint": "last"}, "checkpoint=last"),
+        ({"source": file.parent, "argument": "network"}, f"network={file.parent}", "no run"),
+    ]
+    all_refused(lambda arguments: open_weights(**arguments), ConfigError, table)
     flags = types.SimpleNamespace(workdir="runs/x", weights="small-1")
     with refused(ConfigError, "weights=small-1"):
         network_of(flags)

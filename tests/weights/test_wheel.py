@@ -11,11 +11,11 @@ import venv
 
 import numpy as np
 import pytest
-from helpers import commands, shapenet_trees
+from helpers import shapenet_trees
 from helpers import weights as tiny
-from helpers.commands import ROOT
+from helpers.commands import ROOT, run
 from helpers.processes import write_modules
-from helpers.small_runs import quick_environment, write_solids
+from helpers.standin import quick_environment, write_solids
 from PIL import Image
 
 import psgn_jax
@@ -23,12 +23,6 @@ from psgn_jax.weights.file import write_weights
 from psgn_jax.weights.opening import DEFAULT
 
 pytestmark = pytest.mark.slow
-
-
-def run(*command, **options):
-    done = commands.run(*command, **options)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
 
 
 def build_wheel(folder):
@@ -79,7 +73,7 @@ def psgn(packages, tmp_path):
     Image.fromarray(image).save(tmp_path / "work" / "photo.png")
 
     def psgn(*arguments):
-        printed = run(*script, *arguments, cwd=tmp_path / "work", env=environment)
+        printed = run(*script, *arguments, cwd=tmp_path / "work", env=environment).stdout
         executed = tmp_path / "executed"
         assert not executed.exists(), executed.read_text()
         return printed

@@ -3,7 +3,7 @@ import resource
 import zlib
 
 import numpy as np
-from helpers.disk import without_room
+from helpers.processes import without_room
 from helpers.refusals import all_refused, check_message
 
 from psgn_jax.commands import convert
@@ -150,11 +150,9 @@ def test_conversion_refuses_wrong_folders(dataset, tmp_path, authors_file, capsy
 def test_real_batches(authors_batches):
     """All 1,504 samples: 94.7 % of the points inside the mask; the fit is above .99 in 98 %."""
     found, sizes, doubts = [], [], Doubts()
-    for name in ("15.gz", "3.gz"):
+    for name, split in (("15.gz", "validation"), ("3.gz", "train")):
         for number, entry in enumerate(authors.read_batch(authors_batches / name)):
-            assert authors.split_of(authors_batches / name, entry.sample.model_id) == (
-                "validation" if name == "15.gz" else "train"
-            )
+            assert authors.split_of(authors_batches / name, entry.sample.model_id) == split
             if number % 4 == 0:
                 sample = entry.sample
                 pixels, _ = camera.project(sample.points, sample.intrinsics, sample.extrinsics)

@@ -1,5 +1,3 @@
-"""The layouts of 3D-R2N2 and of Occupancy Networks: samples, conversion, damage."""
-
 import dataclasses
 import os
 

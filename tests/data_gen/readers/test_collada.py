@@ -1,9 +1,7 @@
-import zipfile
-
 import numpy as np
 import pytest
 from helpers.looks import BLUE, RED, area, colours
-from helpers.obj_text import RED_BLUE, png
+from helpers.obj_text import RED_BLUE, png, zipped
 from helpers.refusals import all_refused, check_message
 from helpers.xml_models import COLOURED, HALVES, INSTANCE, VERTEX, dae, mesh, primitive, source
 
@@ -175,12 +173,9 @@ def test_collada_what_is_not_read_is_named(write):
         check_message(load_model(write("a.dae", text)).warnings[0], *words)
 
 
-def test_collada_archives(write, tmp_path):
+def test_collada_archives(write):
     def read(texts):
-        with zipfile.ZipFile(tmp_path / "a.zae", "w", zipfile.ZIP_DEFLATED) as archive:
-            for name, content in texts.items():
-                archive.writestr(name, content)
-        return load_model(tmp_path / "a.zae")
+        return load_model(write("a.zae", zipped(texts)))
 
     inside = {"b/._a.dae": "", "b/a.dae": textured(), "b/halves.png": RED_BLUE}  # of a Mac
     assert colours(read(inside)) == [RED] * 2

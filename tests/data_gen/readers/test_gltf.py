@@ -9,13 +9,12 @@ import json
 import re
 import sys
 import urllib.parse
-import zipfile
 
 import numpy as np
 import pytest
 from helpers.gltf_files import CORNERS, SQUARE, TWO, Gltf
 from helpers.looks import area, colours
-from helpers.obj_text import RED_BLUE, picture
+from helpers.obj_text import RED_BLUE, picture, zipped
 from helpers.refusals import all_refused, refused
 
 from data_gen.mesh import UnusableModelError, face_normals, opacity_at
@@ -477,10 +476,9 @@ def test_a_missing_buffer_is_unreadable_in_a_folder_and_refused_in_an_archive(wr
     with refused(UnusableModelError, "gone.bin") as caught:
         load_model(path)
     assert caught.value.status == "unreadable"
-    with zipfile.ZipFile(path.with_name("a.zip"), "w") as archive:
-        archive.write(path, "a.gltf")
+    archive = ZipFiles(write("a.zip", zipped({"a.gltf": path.read_bytes()})))
     with refused(UnusableModelError, "gone.bin") as caught:
-        load_model("a.gltf", ZipFiles(path.with_name("a.zip")))
+        load_model("a.gltf", archive)
     assert caught.value.status == "refused"
     write("a.gltf", g.text("../gone.bin"))
     write("../gone.bin", g.data)

@@ -1,13 +1,11 @@
 import bz2
 import gzip
-import io
 import lzma
 import random
 import re
-import zipfile
 
 import pytest
-from helpers.obj_text import CUBE, FACES
+from helpers.obj_text import CUBE, FACES, zipped
 from helpers.refusals import all_refused
 from helpers.xml_models import dae, primitive
 
@@ -16,13 +14,6 @@ from data_gen.readers import load
 from data_gen.readers.load import READERS, load_model
 
 OBJ = CUBE + FACES
-
-
-def zipped(text):
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        archive.writestr("a.obj", text)
-    return stream.getvalue()
 
 
 @pytest.mark.parametrize("kind", sorted(READERS))
@@ -36,7 +27,7 @@ def test_reasons(write, kind):
         (gzip.compress(OBJ.encode()), "gzip"),
         (bz2.compress(OBJ.encode()), "bzip2"),
         (lzma.compress(OBJ.encode()), "xz"),
-        (zipped(OBJ), {"zae": ".dae", "3mf": "3MF"}.get(kind, "zip")),
+        (zipped({"a.obj": OBJ}), {"zae": ".dae", "3mf": "3MF"}.get(kind, "zip")),
     )
     all_refused(lambda data: load_model(write(f"a.{kind}", data)), UnusableModelError, table)
 

@@ -1,10 +1,6 @@
-import io
-import struct
-import zlib
-
 import numpy as np
 import pytest
-from helpers.obj_text import CUBE, FACES, QUADS, png
+from helpers.obj_text import CUBE, FACES, QUADS, picture, png, png_header
 from PIL import Image
 
 from data_gen.readers import textures
@@ -13,42 +9,32 @@ from data_gen.readers.model_files import Budget
 from data_gen.readers.textures import decode_texture
 
 
-def huge_png(side):
-    """A small PNG whose header states side x side pixels."""
-    data = png((0, 0, 0))
-    head = b"IHDR" + struct.pack(">II", side, side) + data[24:29]
-    return data[:12] + head + struct.pack(">I", zlib.crc32(head)) + data[33:]
-
-
 def test_large_textures_are_not_decoded_or_reduced(write, monkeypatch):
-    write("big.png", huge_png(30_000))
+    write("big.png", png_header(30_000, 30_000))
     write("m.mtl", "newmtl a\nKd .2 .4 .6\nmap_Kd big.png\n")
     model = load_model(write("a.obj", f"mtllib m.mtl\n{CUBE}usemtl a\n{FACES}"))
     assert model.materials[0].texture is None
     assert model.materials[0].diffuse == (0.2, 0.4, 0.6)
     assert "more pixels than the limit" in model.warnings[0]
-    stream = io.BytesIO()
-    Image.new("RGB", (4000, 2000), (200, 100, 50)).save(stream, "JPEG")
+    large = picture(Image.new("RGB", (4000, 2000), (200, 100, 50)), "JPEG")
     monkeypatch.setattr(textures, "MAX_DECODED_PIXELS", 1_000_000)
-    texture = decode_texture(stream.getvalue(), Budget(), 512)
+    texture = decode_texture(large, Budget(), 512)
     assert texture.shape == (256, 512, 4)
     np.testing.assert_allclose(texture[0, 0], [200, 100, 50, 255], atol=4)
 
 
 @pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA", "I;16", "CMYK"])
 def test_modes_of_pictures(mode):
-    stream = io.BytesIO()
-    Image.new("L", (300, 200), 255).convert(mode).save(stream, "TIFF")
-    texture = decode_texture(stream.getvalue(), Budget(), 100)
+    white = picture(Image.new("L", (300, 200), 255).convert(mode), "TIFF")
+    texture = decode_texture(white, Budget(), 100)
     assert texture.shape == (67, 100, 4)
     assert texture.dtype == np.uint8
 
 
 @pytest.mark.parametrize("order", "<>")
 def test_grey_of_16_bits(order):
-    stream = io.BytesIO()
-    Image.fromarray(np.full((2, 2), 128 << 8, f"{order}u2")).save(stream, "TIFF")
-    assert decode_texture(stream.getvalue(), Budget())[0, 0].tolist() == [127, 127, 127, 255]
+    grey = picture(np.full((2, 2), 128 << 8, f"{order}u2"), "TIFF")
+    assert decode_texture(grey, Budget())[0, 0].tolist() == [127, 127, 127, 255]
 
 
 @pytest.mark.parametrize("alpha", [0, 255])

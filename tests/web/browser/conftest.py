@@ -1,5 +1,3 @@
-"""A page with a small network."""
-
 import pytest
 from helpers import weights as helper
 
@@ -9,12 +7,8 @@ from psgn_jax.weights.run_folder import Trained
 @pytest.fixture(scope="session")
 def run():
     """A network with a random input and random parameters."""
-    config = helper.config(
-        data__image_size=(96, 128),
-        model__name="vanilla",
-        model__random_size=3,
-        model__fc_points=40,  # few, so that only one bijection with the mirror image is optimal
-    )
+    # Few points, so that only one bijection with the mirror image is optimal.
+    config = helper.config(data__image_size=(96, 128), model__random_size=3, model__fc_points=40)
     return Trained(config, 7, helper.random_params(config), {}, "tiny", "weights", helper.SOURCES)
 
 

@@ -1,7 +1,7 @@
-"""The page in a real browser: it predicts the same points as Python, and shows errors.
+"""The page in a real browser.
 
-The page's content security policy forbids `eval`, which Playwright's `wait_for_function` needs.
-Tests therefore evaluate expressions repeatedly.
+Its content security policy forbids `eval`, which Playwright's `wait_for_function` needs. Tests
+therefore evaluate expressions repeatedly.
 """
 
 import pathlib
@@ -29,6 +29,9 @@ DRAWN = """(photo => photo.getContext("2d").getImageData(0, 0, photo.width, phot
 LOADING = """/^Loading: [1-9]\\d*\\.\\d of \\d+\\.\\d MB/
   .test(document.getElementById("status").textContent)"""
 
+SETTLED = """/points in|Draw around/.test(document.getElementById("status").textContent)
+  || !document.getElementById("problem").hidden"""
+
 
 @pytest.fixture(scope="module")
 def address(site, serve):
@@ -47,7 +50,6 @@ def open_page(opened, address):
 
 
 def wait(page, expression):
-    """Waits until an expression is true."""
     end = time.monotonic() + SECONDS
     while not page.evaluate(expression):
         assert time.monotonic() < end, (expression, status(page), problem(page))
@@ -67,15 +69,10 @@ def settled(page, action):
     page.evaluate("document.getElementById('status').textContent = ''")
     page.evaluate("document.getElementById('problem').hidden = true")
     action()
-    wait(
-        page,
-        "/points in|Draw around/.test(document.getElementById('status').textContent)"
-        " || !document.getElementById('problem').hidden",
-    )
+    wait(page, SETTLED)
 
 
 def give(page, *paths, to="#file"):
-    """Chooses files and waits."""
     settled(page, lambda: page.set_input_files(to, [str(path) for path in paths]))
 
 
@@ -373,9 +370,6 @@ def test_the_example_of_an_export(browser, run, runtime, serve, tmp_path, predic
     page.close()
 
 
-SAMPLES = 8  # clouds of the page, which have a common scale and camera
-
-
 def test_photos_have_the_same_cloud_through_every_door(open_page, serve, runtime, tmp_path):
     """The command, the call from Python and the page, with the weights of the package.
 
@@ -399,6 +393,7 @@ def test_photos_have_the_same_cloud_through_every_door(open_page, serve, runtime
         with np.load(tmp_path / f"{path.stem}.npz") as archive:
             np.testing.assert_array_equal(archive["points"][0], cloud)
         give(page, path, *[mask] * mask.exists())
-        own, cloud = clouds(page)[0][0], model(path, samples=SAMPLES).points[0]
+        # The eight clouds of the page have a common scale and camera.
+        own, cloud = clouds(page)[0][0], model(path, samples=8).points[0]
         assert np.mean(np.abs(own - cloud).max(axis=1) < 1e-3) > 0.97, path
         assert emd_exact(own, cloud).cost / len(own) < 1e-3, path

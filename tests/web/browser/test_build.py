@@ -1,5 +1,3 @@
-"""The page's folder, and the sources of its runtime."""
-
 import hashlib
 import io
 import os

@@ -1,5 +1,3 @@
-"""The server of `psgn page --serve`: the files of one folder, for this machine."""
-
 import http.client
 import os
 import pathlib

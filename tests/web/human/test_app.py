@@ -1,5 +1,3 @@
-"""The page in a real browser: a table of five boxes is modelled, saved, restored and scored."""
-
 import re
 
 import numpy as np

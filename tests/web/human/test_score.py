@@ -1,5 +1,3 @@
-"""Solids, files that are not trusted, scores, and the commands."""
-
 import dataclasses
 import json
 
@@ -7,7 +5,7 @@ import numpy as np
 import pytest
 from helpers import weights as helper
 from helpers.commands import psgn_each
-from helpers.human_study import LEG, LEGS, TOP, TURN, corners, table_points, turn
+from helpers.human_study import LEG, LEGS, TOP, corners, table_points, turn
 from helpers.refusals import all_refused, check_message, refused
 from PIL import Image
 from scipy.spatial import ConvexHull
@@ -40,9 +38,7 @@ def test_points_are_uniform_also_where_parts_share_faces_or_are_inside_others():
         share = [np.mean((c[:, 2] >= low) & (c[:, 2] < high)) for c in (points, truth)]
         assert share[0] == pytest.approx(share[1], abs=0.012)
     # There are no points under the top where the legs touch it.
-    angle = np.deg2rad(TURN)
-    cosine, sine = np.cos(angle), np.sin(angle)
-    own = points[:, :2] @ np.array([[cosine, -sine], [sine, cosine]])
+    own = (points @ turn(np.eye(3)).T)[:, :2]
     near = np.abs(np.abs(own) - LEG[0][:2]).max(axis=1) < 0.039
     assert not (near & (np.abs(points[:, 2] - 0.62) < 1e-4)).any()
     left, right = (corners((0, y, 0.5), (1, 0.6, 1)) for y in (-0.2, 0.2))
