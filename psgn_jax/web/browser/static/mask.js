@@ -101,10 +101,10 @@ export async function findMask({ rgb, width, height }, about, run, { box, point 
       const x = left + i % wide, y = top + Math.floor(i / wide);
       return +(x >= inside[0] && y >= inside[1] && x < inside[2] && y < inside[3]);
     });
-    let p = await run(input);
+    const mirror = values => values.map((_, i) => values[i - 2 * (i % side) + side - 1]), mirrored = mirror(input);
+    let p = await run(input); // which takes the array away
     if (box) { // averaged with the mirror image's
-      const mirror = values => values.map((_, i) => values[i - 2 * (i % side) + side - 1]);
-      const other = mirror(await run(mirror(input))), allowed = enlarged(within, wide, high, side, side);
+      const other = mirror(await run(mirrored)), allowed = enlarged(within, wide, high, side, side);
       p = p.map((v, i) => (v + other[i]) / 2 * allowed[i]);
     }
     const part = partOf(p, side, point && [(point[0] - left) * side / wide, (point[1] - top) * side / high], about);
