@@ -156,7 +156,7 @@ def draw(
     while not in_frame(turned, camera).all():
         camera = dataclasses.replace(camera, distance=camera.distance * _STEP)
         if camera.distance > 1000:
-            raise UnusableModelError("camera.focal: the object is larger than the image, 1000 away")
+            raise UnusableModelError("camera.focal: no distance up to 1000 shows all of the object")
     if settings.off_centre > 0:
         return _moved(rng.spawn(1)[0], settings.off_centre, turned, camera)
     return camera

@@ -20,7 +20,8 @@ NUM_SUNSKY = 24
 
 def _paths(folder: str) -> list[pathlib.Path]:
     """The map files in a folder, sorted; ValueError if there are none."""
-    paths = [p for p in pathlib.Path(folder).rglob("[!.]*") if p.suffix.lower() in (".hdr", ".exr")]
+    found = pathlib.Path(folder).expanduser().rglob("[!.]*")
+    paths = [p for p in found if p.suffix.lower() in (".hdr", ".exr") and p.is_file()]
     if not paths:
         raise ValueError(f"light.folder: got {folder!r}, expected a folder of .hdr and .exr files")
     return sorted(paths)

@@ -382,7 +382,7 @@ def write_table(
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command and returns its exit code."""
     flags = Flags("python scripts/free_set.py --packages=FOLDER", __doc__)
-    flags.string("packages", None, "Folder of the unpacked packages.")
+    flags.path("packages", None, "Folder of the unpacked packages.")
     flags.path("out", None, "Folder of the training set.")
     flags.list("sources", [], f"Names of sources, of {', '.join(SOURCES)}; empty = all.")
     share = {"lower_bound": 0.0, "upper_bound": 1.0}

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from absl import logging
 
-from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, family_of, split_of
+from data_gen.catalogues.entry import FRACTIONS, Catalogue, Entry, split_of
 from data_gen.frame import axis_vector
 from data_gen.mesh import MAX_FACES
 from data_gen.readers.load import READERS, load_model
@@ -116,10 +116,10 @@ def folder(
     files = FolderFiles(source, linked)
     entries = []
     meshes = find_meshes(source, linked)
-    formats = {(family_of(file.lower().removesuffix(".gz")), _ending(file)) for file in meshes}
+    formats = {(os.path.splitext(file.removesuffix(".gz"))[0], _ending(file)) for file in meshes}
     names = collections.Counter(family for family, _ in formats)
     if twice := sorted(family for family, count in names.items() if count > 1):
-        what = "%d objects may be there in several formats, also in several splits: %s"
+        what = "%d objects are there in several formats, perhaps in several splits: %s"
         logging.warning(what, len(twice), one_line(", ".join(twice[:9])))
     for file in meshes:
         category = file.split("/")[0] if "/" in file else ""

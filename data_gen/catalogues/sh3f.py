@@ -19,6 +19,7 @@ from data_gen.mesh import Model, UnreadableModelError
 from data_gen.readers.load import load_model
 from data_gen.readers.model_files import ZipFiles, open_archive
 from data_gen.readers.obj import floats
+from psgn_jax.system.untrusted import size_of
 
 PROPERTIES = "PluginFurnitureCatalog.properties"
 _MAX_PROPERTIES_BYTES = 16 << 20
@@ -68,6 +69,7 @@ class Furniture:
 def read_library(path: str | os.PathLike[str]) -> list[Furniture]:
     """The pieces of a library in the order of its list; ValueError if it is no library."""
     try:
+        size_of(pathlib.Path(path))  # refuses pipes and devices
         files = ZipFiles(path)
         stored = files.find(PROPERTIES)
         if stored is None:

@@ -32,6 +32,7 @@ def _blocks(data: bytes, size: int = 1 << 22) -> Iterator[bytes]:
         start = stop
 
 
+_COMMENT = re.compile("#(?!IND|INF|QNAN|SNAN)", re.IGNORECASE)  # not that of 1.#QNAN
 _COLUMNS = {"v": 3, "vt": 2, "vn": 3}
 
 _UNREAD = {
@@ -116,7 +117,7 @@ def read_obj(data: bytes, assets: Assets) -> list[Part]:
             if not words and key != "usemtl":
                 continue
             if key in ("v", "vt", "vn", "f", "fo") and "#" in line:
-                words = re.split(r"(?<!\.)#", line)[0].split()[1:]  # not at that of 1.#QNAN
+                words = _COMMENT.split(line)[0].split()[1:]
             if key in fresh:
                 if key == "v" and len(words) > 5:  # with a colour
                     painted.append(read["v"])

@@ -64,8 +64,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags.string("split", "validation", "Split of the records.")
     flags.integer("cases", 16, "Number of cases, evenly spaced over the split.")
     flags.path("answers", "", "File saved by the page; default: STUDY/human.json.")
-    flags.multi_string("workdir", [], "Folder of a run to compare with; repeatable.")
-    flags.multi_string("weights", [], "Name or file of weights; repeatable.")
+    for name, what in (
+        ("workdir", "Folder of a run to compare with; repeatable."),
+        ("weights", "Name or file of weights; repeatable."),
+    ):
+        flags.path(name, [], what, "multi_string")
     flags.enum("checkpoint", "best", ["best", "last"], "Checkpoint of the runs.")
     flags.integer("points", 1024, "Points of each cloud.", lower_bound=16)
     return flags.run(_main, argv)

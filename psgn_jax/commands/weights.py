@@ -41,9 +41,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     flags.enum("checkpoint", "best", ["best", "last"], "export: checkpoint of the run.")
     flags.bool("ema", True, "export: the averaged parameters, if the run has them.")
     flags.enum("dtype", "float16", list(DTYPES), "export: type of the numbers.")
-    flags.list(
+    flags.path(
         "sources", [], "export: JSON files that list data and licences; the sources of the "
-        "networks from which the run started are added.",
+        "networks from which the run started are added.", "list",
     )  # fmt: skip
     flags.integer(
         "samples_before", 0, "export: training samples seen by the networks from which the run "

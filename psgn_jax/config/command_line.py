@@ -2,7 +2,7 @@
 
 def main(argv: Sequence[str] | None = None) -> int:
     flags = Flags("psgn view NPZ... --out=FILE", __doc__)
-    flags.string("out", None, "HTML file to write.")
+    flags.path("out", None, "HTML file to write.")
     return flags.run(_main, argv)
 """
 
@@ -56,7 +56,7 @@ class Flags:
         return functools.partial(getattr(absl_flags, f"DEFINE_{kind}"), flag_values=self.values)
 
     def path(self, name: str, default: Any, text: str, kind: str = "string") -> None:
-        """Defines a flag for a file or folder on this machine, or of `kind` "list" for several."""
+        """Defines a flag for a file or folder on this machine, or of another `kind` for several."""
         self._paths.append(name)
         getattr(self, kind)(name, default, text)
 

@@ -388,9 +388,8 @@ def read_report(folder: pathlib.Path) -> list[Line]:
         lines = (folder / REPORT).read_bytes().split(b"\n")
         return [_checked(parse_json(line)) for line in lines if line]
     except (OSError, ValueError) as error:
-        raise ValueError(
-            f"{folder / REPORT}: damaged ({one_line(error)}); make the data set again"
-        ) from None
+        why = (isinstance(error, OSError) and error.strerror) or one_line(error)
+        raise ValueError(f"{folder / REPORT}: damaged ({why}); make the data set again") from None
 
 
 def _checked(line: Any) -> Line:

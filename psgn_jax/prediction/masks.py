@@ -27,8 +27,9 @@ from psgn_jax.prediction.photo_files import images_named, is_result
 METHODS = ("auto", "alpha", "plain", "network", "rembg")
 """Also `rembg:MODEL`."""
 
-LEAST_CERTAINTY = 0.8
-"""`certainty` below which U2-Netp's mask is not used (**ours**, see docs/journal.md)."""
+LEAST_CERTAINTY, LEAST_IN_BOX = 0.8, 0.5
+"""`certainty` below which U2-Netp's mask is not used (**ours**, see docs/journal.md). In a box, we
+use a doubtful one with a warning: the user has chosen the object."""
 DOUBTFUL_BELOW = 0.945
 """`certainty` below which a warning says that the mask may be wrong."""
 BORDER = 0.02
@@ -228,10 +229,11 @@ def _by_network(
         return FoundMask(mask, method)
     percent = int(100 * certain)  # rounded down, so that a refused mask never prints 80 %
     others = [how for key, how in _HINTS.items() if key not in hints.given]
-    if certain < LEAST_CERTAINTY and not accept:
+    least = LEAST_IN_BOX if "box" in hints.given else LEAST_CERTAINTY
+    if certain < least and not accept:
         raise UncertainMaskError(
             f"it is not certain which part is the object ({percent}%, expected at least "
-            f"{LEAST_CERTAINTY:.0%}); give {', '.join([*others, 'its mask'])}, or accept this one "
+            f"{least:.0%}); give {', '.join([*others, 'its mask'])}, or accept this one "
             f"(accept_mask){note}",
             mask,
         )

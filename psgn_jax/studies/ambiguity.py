@@ -61,6 +61,9 @@ BASE: runner.Overrides = {
     "optim.ema_decay": 0.998,
     "train.steps": 1500,
     "train.log_every": 50,
+    "train.eval_every": 10**9,
+    "train.checkpoint_every": 1000,
+    "train.images_every": 10**9,
     "eval.emd_tolerance": 0,
 }
 

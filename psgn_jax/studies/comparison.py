@@ -78,6 +78,8 @@ BASE: runner.Overrides = {
     "optim.warmup_steps": 100,
     "train.steps": 800,
     "train.eval_every": 10**9,  # evaluated at the end, where thresholds are chosen
+    "train.checkpoint_every": 1000,
+    "train.images_every": 10**9,
     "eval.batch_size": 16,
     "eval.emd_tolerance": 0.0,
     "eval.visible_tolerance": 0.0,

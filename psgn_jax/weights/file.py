@@ -140,7 +140,10 @@ def _read_arrays(path: pathlib.Path) -> tuple[dict[str, str], dict[str, np.ndarr
         with path.open("rb") as start:
             header = int.from_bytes(start.read(8), "little")
         if size > MAX_FILE_BYTES or header > min(MAX_HEADER_BYTES, size):
-            raise WeightsError(f"{path}: {size} bytes, header of {header}: {_LIMITS}")
+            raise WeightsError(
+                f"{path}: not a file of weights, or cut off: {size} bytes, header of {header}: "
+                f"{_LIMITS}"
+            )
         with safe_open(path, framework="np") as file:
             metadata = file.metadata() or {}
             if (found := str(metadata.get("format"))[:40]) != FORMAT:
@@ -171,8 +174,9 @@ def read_sources(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
             raise ValueError("the list is empty")
         _check_sources(rows)
     except (OSError, ValueError, KeyError, TypeError) as error:
+        why = getattr(error, "strerror", None) or brief(error)
         raise ConfigError(
-            f'sources={path}: {brief(error)}; accepted: a list of {{"source": NAME, "licences": '
+            f'sources={path}: {why}; accepted: a list of {{"source": NAME, "licences": '
             '{LICENCE: {"models": N, "holders": [...]}}}, like sources.json of a training set'
         ) from None
     return list(rows)

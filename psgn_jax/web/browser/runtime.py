@@ -91,7 +91,8 @@ def _read(path: pathlib.Path) -> dict[str, bytes]:
                 if content and name in FILES:
                     files[name] = content.read(_MAX_BYTES)
     except (OSError, EOFError, tarfile.TarError) as error:
-        raise ConfigError(f"runtime={path}: {brief(error)}; expected a folder or a .tgz") from None
+        why = getattr(error, "strerror", None) or brief(error)
+        raise ConfigError(f"runtime={path}: {why}; expected a folder or a .tgz") from None
     return files
 
 
