@@ -24,12 +24,12 @@ function taps(size, first, last, outSize, { reach, weight }) {
 export function resize(data, width, height, channels, outWidth, outHeight, [left, top, right, bottom], filter = BILINEAR) {
   // Resizes `count` rows of `size` pixels, and makes columns of them: after two passes they are rows again.
   const pass = (input, size, count, pixels) => {
-    const out = new Uint8ClampedArray(pixels.length * count * channels);
+    const out = new Uint8Array(pixels.length * count * channels);
     for (let row = 0; row < count; row++) pixels.forEach(({ low, weights }, i) => {
       for (let c = 0; c < channels; c++) {
         let sum = 1 << (BITS - 1);
         for (let k = 0, at = (row * size + low) * channels + c; k < weights.length; k++, at += channels) sum += input[at] * weights[k];
-        out[(i * count + row) * channels + c] = sum >> BITS;
+        out[(i * count + row) * channels + c] = Math.min(255, Math.max(0, sum >> BITS));
       }
     });
     return out;
