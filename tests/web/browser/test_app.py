@@ -164,12 +164,12 @@ def test_a_mask_is_found_as_by_python_or_proposed_and_corrected(open_page, tmp_p
     Image.fromarray(two).save(tmp_path / "two.png")
     give(page, tmp_path / "two.png")
     assert masks.mask_iou(mask_of(page, two.shape[:2]), error.value.mask) > 0.999
-    assert re.search(r"points in .* It is not certain .* \(\d\d %\): draw", status(page))
+    assert re.search(r"points in .* may be wrong \(it is \d\d % certain\): draw", status(page))
     page.click("#photo")  # changes nothing
     settled(page, lambda: page.click("#invert"))
-    assert "not certain" not in status(page)
+    assert "may be wrong" not in status(page)
     settled(page, lambda: page.click("#undo"))
-    assert "not certain" in status(page)
+    assert "may be wrong" in status(page)
     # A frame around one of the chairs, then a click on the other.
     box, (high, wide) = page.locator("#photo").bounding_box(), two.shape[:2]
     scale = box["width"] / wide
