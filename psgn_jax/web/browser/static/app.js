@@ -110,7 +110,7 @@ async function lookFor(photo, hint) {
   page.maskSession ??= await startSession(maskBytes);
   const run = async pixels => {
     const { inputNames: [input], outputNames: [output] } = page.maskSession, shape = [1, 3, about.side, about.side];
-    return (await page.maskSession.run({ [input]: new ort.Tensor("float32", pixels, shape) }, [output]))[output].data;
+    return (await page.maskSession.run({ [input]: new ort.Tensor("float32", pixels.slice(), shape) }, [output]))[output].data;
   };
   const { mask, certainty } = await findMask(photo, about, run, hint);
   const { width, height } = photo, least = about.border * Math.max(width, height);
