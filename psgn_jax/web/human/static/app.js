@@ -206,7 +206,7 @@ class View extends TurnedView {
 
   draw() {
     const context = this.cleared(this.canvas), camera = this.camera();
-    context.lineJoin = "round";
+    Object.assign(context, { lineCap: "round", lineJoin: "round" });
     if (this.overImage && this.image.complete) context.drawImage(this.image, ...camera.box);
     const line = (path, colour, width = 1, closed = false) => {
       Object.assign(context, { strokeStyle: colour, lineWidth: width });
@@ -229,10 +229,7 @@ class View extends TurnedView {
     }
     for (const { axis, from, to } of this.handles(camera)) {
       line([from, to], AXES[axis], 3);
-      context.fillStyle = AXES[axis];
-      context.beginPath();
-      context.arc(to[0], to[1], 6, 0, 7);
-      context.fill();
+      line([to, [to[0] + 0.01, to[1]]], AXES[axis], 12); // a disc
     }
   }
 }
