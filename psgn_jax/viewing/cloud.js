@@ -1,5 +1,4 @@
-// Views that a user turns, and clouds in them: shaded spheres, the nearest last. Used by the pages of
-// psgn_jax.viewing and psgn_jax.web.
+// Views that a user turns, and clouds in them: shaded spheres, the nearest last. Used by the pages of psgn_jax.viewing and psgn_jax.web.
 
 const START = { turn: 0, tilt: 20, zoom: 1 }, RADIUS = 0.028, SPRITE = 48; // degrees; radius of a sphere, pixels of its picture
 const DISTANCE = 3.6, MIDDLE = 0.27, FOCAL = 400 / 192; // the camera of the training images, which looks at this height
@@ -38,10 +37,11 @@ export function save(name, content) {
   setTimeout(() => URL.revokeObjectURL(href), 10000);
 }
 
-/** Canvases that show their scenes from the same side; subclasses have `draw(canvas, index)`. */
+/** Canvases that show their scenes from the same side, and turn slowly while a box is checked; subclasses have `draw(canvas, index)`. */
 class TurnedView {
-  constructor(canvases, start = START) {
-    Object.assign(this, { canvases, start, view: { ...start }, last: 0 });
+  constructor(canvases, turning, start = START) {
+    Object.assign(this, { canvases, turning, start, view: { ...start }, last: 0 });
+    turning?.addEventListener("change", () => this.redraw());
     for (const canvas of canvases) {
       new ResizeObserver(() => this.redraw()).observe(canvas);
       this.listen(canvas);
@@ -50,12 +50,7 @@ class TurnedView {
 
   reset() {
     Object.assign(this.view, this.start);
-    this.redraw();
-  }
-
-  /** Turns slowly, or no longer. */
-  spin(on) {
-    this.spinning = on;
+    if (this.turning) this.turning.checked = false;
     this.redraw();
   }
 
@@ -63,7 +58,7 @@ class TurnedView {
     this.waiting ??= requestAnimationFrame(now => {
       const passed = Math.min(now - this.last, 100); // milliseconds
       Object.assign(this, { waiting: null, last: now });
-      if (this.spinning) this.change(0.03 * passed, 0); // asks for the next frame
+      if (this.turning?.checked) this.change(0.03 * passed, 0); // asks for the next frame
       this.canvases.forEach((canvas, i) => this.draw(canvas, i));
     });
   }
@@ -158,13 +153,10 @@ export class CloudView extends TurnedView {
     this.redraw();
   }
 
-  /** What is behind the cloud of a canvas; subclasses draw it. */
-  backdrop() {}
-
   draw(canvas, index) {
     const context = this.cleared(canvas), cloud = this.clouds?.[index], camera = this.camera(canvas);
     if (!cloud) return;
-    this.backdrop(context, canvas, index);
+    this.backdrop?.(context, canvas, index); // of subclasses
     const { points, colours } = cloud, count = points.length / 3, size = RADIUS * Math.sqrt(1024 / Math.max(count, 256)) * camera.k[0];
     const balls = Array.from({ length: count }, (_, i) => [i, ...project(camera, points.subarray(3 * i, 3 * i + 3))])
       .filter(ball => ball[3] > 0.3).sort((a, b) => b[3] - a[3]);

@@ -39,11 +39,9 @@ function isFramed({ rgb, width, height }, { view_size: [viewHeight, viewWidth], 
 function boxOf(mask, width) {
   const rows = [mask.indexOf(1), mask.lastIndexOf(1)].map(i => Math.floor(i / width));
   if (rows[1] < 0) throw new PhotoError("The mask is empty: paint over the object first.");
-  const columns = Array.from({ length: width }, (_, x) => x).filter(x => {
-    for (let y = rows[0]; y <= rows[1]; y++) if (mask[y * width + x]) return true;
-    return false;
-  });
-  return [rows[0], rows[1] + 1, columns[0], columns.at(-1) + 1];
+  const columns = new Uint8Array(width);
+  for (let i = rows[0] * width; i < (rows[1] + 1) * width; i++) columns[i % width] |= mask[i];
+  return [rows[0], rows[1] + 1, columns.indexOf(1), columns.lastIndexOf(1) + 1];
 }
 
 /** Scale and shift that place a box by the rule in an image of the rule's size: (column, row) becomes scale * (column, row) + shift. */
@@ -57,10 +55,7 @@ function ruleMove([top, bottom, left, right], rule) {
   return { scale, shift: [rule.middle_column - scale * (left + right) / 2, row - scale * (top + bottom) / 2] };
 }
 
-/**
- * The view of a photo that the network sees: { rgb, mask, toView, placed }. `toView` maps photo pixels to view pixels;
- * `placed` is false if the photo was framed already.
- */
+/** What the network sees of a photo: { rgb, mask, toView, placed }; `toView` maps the photo's pixels there, `placed` is false if it was framed already. */
 export function place(photo, mask, about) {
   const { width, height } = photo, [viewHeight, viewWidth] = about.image_size, box = boxOf(mask, width), placed = !isFramed(photo, about);
   const toView = { scale: [viewWidth / width, viewHeight / height], shift: [0, 0] };
@@ -139,17 +134,20 @@ export function normalForm(points, outlier) {
   return { points: Float32Array.from(points, (v, i) => (v - shift[i % 3]) / scale), scale, shift };
 }
 
+/** [column, row, depth] of each point. */
+export const project = (points, k, extrinsics) => Array.from({ length: points.length / 3 }, (_, i) => {
+  const [x, y, z] = extrinsics.map(r => r[0] * points[3 * i] + r[1] * points[3 * i + 1] + r[2] * points[3 * i + 2] + r[3]);
+  return [...k.slice(0, 2).map(row => (row[0] * x + row[1] * y + row[2] * z) / (z > 1e-3 ? z : 1)), z];
+});
+
 const RADIUS = 0.04, DEPTH_TOLERANCE = 0.08, UNSEEN = 150;
 
 /** Three bytes for each point: the colour of the view at the point, or at the nearest visible point. */
 export function coloursFromView(points, view, about) {
-  const [height, width] = about.view_size, [h, w] = about.image_size, { intrinsics, extrinsics: e } = about.camera;
+  const [height, width] = about.view_size, [h, w] = about.image_size, { intrinsics, extrinsics } = about.camera;
   const k = intrinsics.map((row, i) => row.map(v => v * [width / w, height / h, 1][i]));
   const colours = new Uint8Array(points.length).fill(UNSEEN), nearest = new Float64Array(width * height).fill(Infinity);
-  const pixels = Array.from({ length: points.length / 3 }, (_, i) => {
-    const [x, y, z] = e.map(r => r[0] * points[3 * i] + r[1] * points[3 * i + 1] + r[2] * points[3 * i + 2] + r[3]);
-    return [Math.floor((k[0][0] * x + k[0][1] * y + k[0][2] * z) / z), Math.floor((k[1][0] * x + k[1][1] * y + k[1][2] * z) / z), z];
-  });
+  const pixels = project(points, k, extrinsics).map(([column, row, depth]) => [Math.floor(column), Math.floor(row), depth]);
   for (const [column, row, depth] of pixels) {
     if (!(depth > 1e-3)) continue;
     const reach = k[0][0] * RADIUS / depth, most = Math.min(64, Math.trunc(reach)) + 1;
@@ -165,11 +163,9 @@ export function coloursFromView(points, view, about) {
     colours.set(view.rgb.subarray(3 * at, 3 * at + 3), 3 * i);
     return [i];
   });
-  const visible = new Set(seen);
-  pixels.forEach((_, i) => {
-    if (visible.has(i) || !seen.length) return;
-    const j = seen.reduce((a, b) => squaredGap(points, i, b) < squaredGap(points, i, a) ? b : a);
-    colours.set(colours.slice(3 * j, 3 * j + 3), 3 * i);
+  if (seen.length) pixels.forEach((_, i) => {
+    const j = seen.reduce((a, b) => squaredGap(points, i, b) < squaredGap(points, i, a) ? b : a); // itself, if it is seen
+    colours.copyWithin(3 * i, 3 * j, 3 * j + 3);
   });
   return colours;
 }

@@ -22,20 +22,18 @@ function taps(size, first, last, outSize, { reach, weight }) {
 
 /** Resizes the region [left, top, right, bottom] of bytes to outWidth x outHeight, with exactly the results of Pillow's filter. */
 export function resize(data, width, height, channels, outWidth, outHeight, [left, top, right, bottom], filter = BILINEAR) {
-  // One pass for each direction: `count` lines, whose pixels are `step` apart and start at `line * skip`.
-  const pass = (input, rows, count, skip, step, out, outSkip, outStep) => {
-    for (let line = 0; line < count; line++) {
-      rows.forEach(({ low, weights }, i) => {
-        for (let c = 0; c < channels; c++) {
-          let sum = 1 << (BITS - 1);
-          for (let k = 0, at = line * skip + low * step + c; k < weights.length; k++, at += step) sum += input[at] * weights[k];
-          out[line * outSkip + i * outStep + c] = Math.min(255, Math.max(0, sum >> BITS));
-        }
-      });
-    }
+  // Resizes `count` rows of `size` pixels, and makes columns of them: after two passes they are rows again.
+  const pass = (input, size, count, pixels) => {
+    const out = new Uint8Array(pixels.length * count * channels);
+    for (let row = 0; row < count; row++) pixels.forEach(({ low, weights }, i) => {
+      for (let c = 0; c < channels; c++) {
+        let sum = 1 << (BITS - 1);
+        for (let k = 0, at = (row * size + low) * channels + c; k < weights.length; k++, at += channels) sum += input[at] * weights[k];
+        out[(i * count + row) * channels + c] = Math.min(255, Math.max(0, sum >> BITS));
+      }
+    });
     return out;
   };
-  const row = outWidth * channels;
-  const middle = pass(data, taps(width, left, right, outWidth, filter), height, width * channels, channels, new Uint8Array(row * height), row, channels);
-  return pass(middle, taps(height, top, bottom, outHeight, filter), outWidth, channels, row, new Uint8Array(row * outHeight), channels, row);
+  const columns = pass(data, width, height, taps(width, left, right, outWidth, filter));
+  return pass(columns, height, outWidth, taps(height, top, bottom, outHeight, filter));
 }

@@ -1,6 +1,8 @@
 // Fits clouds to the mask of their image, with the same result as the Python module
 // psgn_jax.prediction.silhouette, up to rounding. Pixels are pairs [column, row].
 
+import { project } from "./framing.js";
+
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 const squared = (a, b) => (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2;
 const average = values => values.reduce((a, b) => a + b, 0) / values.length;
@@ -16,8 +18,8 @@ export function fit(clouds, given, placed, { camera, image_size, fit: rule }) {
   let { extrinsics } = camera;
   if (mask.includes(1) && placed) extrinsics = cameraOf(clouds[0], inside, intrinsics, extrinsics);
   const one = points => {
-    const { pixels, depth } = project(points, intrinsics, extrinsics);
-    const front = Array.from(depth, z => z > 1e-3), start = pixels.map(pixel => intoMask(pixel, inside));
+    const seen = project(points, intrinsics, extrinsics), pixels = seen.map(p => p.slice(0, 2)), depth = seen.map(p => p[2]);
+    const front = depth.map(z => z > 1e-3), start = pixels.map(pixel => intoMask(pixel, inside));
     const outside = start.filter((pixel, i) => front[i] && pixel !== pixels[i]).length;
     if (!mask.includes(1) || outside > rule.most_outside * pixels.length || !points.every(Number.isFinite)) return points;
     const moved = cover(start, inside), result = Float32Array.from(points);
@@ -39,17 +41,6 @@ function reduced(mask, [fullHeight, fullWidth], rule) {
   const [rows, columns] = [fullHeight, fullWidth].map(size => [...Array(size).keys()].filter(i => i % stride === first));
   const kept = rows.flatMap(y => columns.map(x => mask[y * fullWidth + x])), width = columns.length, height = rows.length;
   return { rule, stride, mask: kept, width, height, nearest: nearestPixels(kept, width, height) };
-}
-
-function project(points, intrinsics, extrinsics) {
-  const pixels = [], depth = [];
-  for (let i = 0; i < points.length; i += 3) {
-    const [x, y, z] = extrinsics.map(r => r[0] * points[i] + r[1] * points[i + 1] + r[2] * points[i + 2] + r[3]);
-    const divisor = z > 1e-3 ? z : 1;
-    pixels.push([0, 1].map(k => (intrinsics[k][0] * x + intrinsics[k][1] * y + intrinsics[k][2] * z) / divisor));
-    depth.push(z);
-  }
-  return { pixels, depth };
 }
 
 /** For each pixel the index of the nearest one that is on: first within its row, then over the rows. */
@@ -141,7 +132,7 @@ function cameraOf(points, inside, intrinsics, extrinsics) {
   const seenBy = camera => camera.map(r => r[0] * middle[0] + r[1] * middle[1] + r[2] * middle[2] + r[3]);
   const start = seenBy(extrinsics);
   const pairs = camera => {
-    const { pixels } = project(points, intrinsics, camera), target = pixels.map(pixel => intoMask(pixel, inside));
+    const pixels = project(points, intrinsics, camera), target = pixels.map(pixel => intoMask(pixel, inside));
     const partner = sample.map(at => pixels.reduce((a, b) => squared(b, at) < squared(a, at) ? b : a));
     return { pixels, target, partner };
   };

@@ -19,8 +19,8 @@ const contextOf = (width, height) => make("canvas", { width, height }).getContex
 const pixelsOf = context => context.getImageData(0, 0, context.canvas.width, context.canvas.height).data;
 
 /** photo: { rgb, width, height, bitmap }; maskSession: of the mask network, once a photo needs it; mask: the context of a canvas that is opaque on the object; doubt: what to say of that mask until it is changed; clouds: one for each guess; draws: what they were chosen from, in the network's unit, `scale` of theirs; turns: how many files of each kind were chosen. */
-const page = { photo: null, mask: null, doubt: "", history: [], clouds: [], sample: 0, name: "", turns: { photo: 0, mask: 0 } };
-const viewer = new CloudView([$("cloud")]);
+const page = { photo: null, mask: null, doubt: "", history: [], clouds: [], name: "", turns: { photo: 0, mask: 0 } };
+const viewer = new CloudView([$("cloud")], $("turning"));
 
 function say(text) {
   $("status").textContent = text;
@@ -40,7 +40,6 @@ const guarded = step => async (...values) => {
 };
 
 // --- photo and mask files ------------------------------------------------------------------------
-
 /** Decodes an image, turned upright and reduced to MAX_SIDE: { bitmap, width, height, rgba }. It never ends if another of its kind is chosen meanwhile. */
 function decode(file, kind) {
   const turn = ++page.turns[kind];
@@ -71,10 +70,8 @@ const open = guarded(async files => {
   if (!file) throw new PhotoError("What you dropped is not a file; save the picture first, then drop the file.");
   say("Reading the photo");
   const { bitmap, width, height, rgba } = await decode(file, "photo");
-  page.name = file.name.replace(/\.[^.]*$/, "").replace(/[^\w-]+/g, "_");
-  page.photo = { bitmap, width, height, rgb: withoutAlpha(rgba) };
-  page.mask = contextOf(width, height);
-  Object.assign(page, { history: [], doubt: "" });
+  const name = file.name.replace(/\.[^.]*$/, "").replace(/[^\w-]+/g, "_"), rgb = withoutAlpha(rgba);
+  Object.assign(page, { name, photo: { bitmap, width, height, rgb }, mask: contextOf(width, height), history: [], doubt: "" });
   path = [];
   Object.assign($("photo"), { width, height }).style.setProperty("--ratio", width / height);
   document.body.classList.add("has-photo");
@@ -99,14 +96,10 @@ const openMask = guarded(async file => {
   if (!sameProportions(read.width, read.height, width, height)) {
     throw new PhotoError(`The mask has ${read.width} x ${read.height} pixels; expected the photo's ${width} x ${height} or the same proportions.`);
   }
-  const found = objectIn(rgba, read.width, read.height), own = contextOf(read.width, read.height), context = contextOf(width, height);
-  const levels = new ImageData(read.width, read.height);
-  found.mask.forEach((on, i) => { levels.data[4 * i + 3] = 255 * on; });
-  own.putImageData(levels, 0, 0);
-  context.drawImage(own.canvas, 0, 0, width, height);
+  const found = objectIn(rgba, read.width, read.height);
   remember();
   page.doubt = found.doubt;
-  setMask(opaqueIn(pixelsOf(context)));
+  setMask(found.mask, read.width);
 });
 
 /** The mask that the mask network finds, with a box or a point if the visitor gave one, and its doubt. */
@@ -117,7 +110,7 @@ async function lookFor(photo, hint) {
   page.maskSession ??= await startSession(maskBytes);
   const run = async pixels => {
     const { inputNames: [input], outputNames: [output] } = page.maskSession, shape = [1, 3, about.side, about.side];
-    return (await page.maskSession.run({ [input]: new ort.Tensor("float32", pixels, shape) }, [output]))[output].data;
+    return (await page.maskSession.run({ [input]: new ort.Tensor("float32", pixels.slice(), shape) }, [output]))[output].data;
   };
   const { mask, certainty } = await findMask(photo, about, run, hint);
   const { width, height } = photo, least = about.border * Math.max(width, height);
@@ -137,12 +130,14 @@ const lookAgain = guarded(async hint => {
 });
 
 // --- the mask --------------------------------------------------------------------------------------
-
-/** Replaces the mask by an array with 1 on the object. */
-function setMask(mask) {
-  const image = new ImageData(page.photo.width, page.photo.height);
+/** Replaces the mask by an array with 1 on the object, which is resized if its rows are longer or shorter than the photo's. */
+function setMask(mask, columns = page.photo.width) {
+  const image = new ImageData(columns, mask.length / columns), layer = contextOf(columns, image.height);
+  const { width, height } = page.photo;
   mask.forEach((on, i) => { image.data[4 * i + 3] = on ? 255 : 0; });
-  page.mask.putImageData(image, 0, 0);
+  layer.putImageData(image, 0, 0);
+  page.mask = contextOf(width, height);
+  page.mask.drawImage(layer.canvas, 0, 0, width, height);
   changed();
 }
 
@@ -223,7 +218,6 @@ for (const name of ["pointerup", "pointercancel"]) $("photo").addEventListener(n
 });
 
 // --- points ----------------------------------------------------------------------------------------
-
 async function fetched(name) {
   const response = await fetch(name);
   if (!response.ok) throw new Error(`The page is incomplete: ${name} is missing.`);
@@ -287,8 +281,7 @@ const predict = guarded(async () => {
   const run = async (rgb, inside, latents) => { // a cloud for each of the latents, if there are any
     const feeds = { image: new ort.Tensor("uint8", rgb.slice(), [1, h, w, 3]), mask: new ort.Tensor("bool", inside.slice(), [1, h, w]) };
     if (latents.length) feeds.r = new ort.Tensor("float32", Float32Array.from(latents.flat()), [1, latents.length, about.random_size]);
-    const predicted = (await session.run(feeds)).points.data;
-    const count = latents.length || 1;
+    const predicted = (await session.run(feeds)).points.data, count = latents.length || 1;
     if (predicted.length !== count * length || !predicted.every(Number.isFinite)) throw new Error("The network's weights are damaged.");
     return Array.from({ length: count }, (_, k) => predicted.slice(k * length, (k + 1) * length));
   };
@@ -307,23 +300,23 @@ const predict = guarded(async () => {
   document.body.classList.add("has-cloud");
   $("sampling").hidden = samples < 2;
   $("sample").max = samples - 1;
-  show(Math.min(page.sample, samples - 1));
+  show();
   if ($("certainty").checked) paint();
   const corner = mask[0] + mask[photo.width - 1] + mask.at(-photo.width) + mask.at(-1);
   const doubt = corner === 4 ? " The mask contains all four corners: it may be inverted." : page.doubt;
   say(`${about.num_points.toLocaleString("en")} points in ${((performance.now() - begin) / 1000).toFixed(1)} s.${doubt}`);
 });
 
-function show(sample) {
-  page.sample = sample;
-  $("sample").value = sample;
-  $("which").textContent = `${sample + 1} of ${page.clouds.length}`;
+const sample = () => +$("sample").value;
+
+function show() {
+  $("which").textContent = `${sample() + 1} of ${page.clouds.length}`;
   viewer.show([shown($("certainty").checked)]);
 }
 
 /** The chosen cloud without its outliers, as in files; or with the colours of its certainty, once they are known. */
 function shown(certainty) {
-  const { points, colours, outlier, spread } = page.clouds[page.sample], kept = (_, i) => !outlier[Math.floor(i / 3)];
+  const { points, colours, outlier, spread } = page.clouds[sample()], kept = (_, i) => !outlier[Math.floor(i / 3)];
   const painted = certainty && spread ? Uint8Array.from(points, (_, i) => ramp(COLOURS, spread[Math.floor(i / 3)] / SPREAD_TOP)[i % 3]) : colours;
   return { points: points.filter(kept), colours: painted.filter(kept) };
 }
@@ -341,11 +334,10 @@ const paint = guarded(async () => {
     clouds.forEach((cloud, k) => { cloud.spread = values[k].map(value => value / scale); });
     say(`The guesses were compared in ${((performance.now() - begun) / 1000).toFixed(1)} s: dark points are certain.`);
   }
-  show(page.sample);
+  show();
 });
 
 // --- controls --------------------------------------------------------------------------------------
-
 each("input[type=file]", input => input.addEventListener("change", () => {
   const files = [...input.files];
   input.value = "";
@@ -360,18 +352,17 @@ for (const [name, on] of [["dragover", true], ["dragleave", false], ["drop", fal
 addEventListener("paste", event => { if (event.clipboardData?.files.length) open([...event.clipboardData.files]); });
 each("#examples img", image => image.parentElement.addEventListener("click", () => open([image])));
 each("[data-format]", button => button.addEventListener("click", () => {
-  const { points, colours } = shown(), suffix = page.clouds.length > 1 ? `_${page.sample}` : "";
+  const { points, colours } = shown(), suffix = page.clouds.length > 1 ? `_${sample()}` : "";
   const { format } = button.dataset;
   save(`${page.name}${suffix}.${format}`, FORMATS[format](points, colours));
 }));
 $("undo").addEventListener("click", undo);
 $("invert").addEventListener("click", () => { remember(); setMask(maskArray().map(m => 1 - m)); });
 $("clear").addEventListener("click", () => { remember(); setMask(maskArray().fill(0)); });
-$("sample").addEventListener("input", event => show(+event.target.value));
-$("another").addEventListener("click", () => show((page.sample + 1) % page.clouds.length));
+$("sample").addEventListener("input", show);
+$("another").addEventListener("click", () => { $("sample").value = (sample() + 1) % page.clouds.length; show(); });
 $("certainty").addEventListener("change", paint);
-$("reset").addEventListener("click", () => { $("turning").checked = false; viewer.spin(false); viewer.reset(); });
-$("turning").addEventListener("change", event => viewer.spin(event.target.checked));
+$("reset").addEventListener("click", () => viewer.reset());
 addEventListener("keydown", event => {
   if ((event.ctrlKey || event.metaKey) && !event.shiftKey && event.key.toLowerCase() === "z") undo();
 });

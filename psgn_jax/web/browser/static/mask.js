@@ -97,14 +97,12 @@ export async function findMask({ rgb, width, height }, about, run, { box, point 
       const channel = Math.floor(i / side / side);
       return (small[3 * (i % (side * side)) + channel] / most - mean[channel]) / deviation[channel];
     });
-    const within = new Uint8Array(wide * high).map((_, i) => {
-      const x = left + i % wide, y = top + Math.floor(i / wide);
-      return +(x >= inside[0] && y >= inside[1] && x < inside[2] && y < inside[3]);
-    });
-    const mirror = values => values.map((_, i) => values[i - 2 * (i % side) + side - 1]), mirrored = mirror(input);
-    let p = await run(input); // which takes the array away
+    let p = await run(input);
     if (box) { // averaged with the mirror image's
-      const other = mirror(await run(mirrored)), allowed = enlarged(within, wide, high, side, side);
+      const within = new Uint8Array(wide * high), at = (x, y) => (y - top) * wide + x - left;
+      for (let y = inside[1]; y < inside[3]; y++) within.fill(1, at(inside[0], y), at(inside[2], y));
+      const mirror = values => values.map((_, i) => values[i - 2 * (i % side) + side - 1]);
+      const other = mirror(await run(mirror(input))), allowed = enlarged(within, wide, high, side, side);
       p = p.map((v, i) => (v + other[i]) / 2 * allowed[i]);
     }
     const part = partOf(p, side, point && [(point[0] - left) * side / wide, (point[1] - top) * side / high], about);

@@ -7,7 +7,6 @@ const LIMITS = { at: [-4, 4], size: [0.005, 8], turn: [-360, 360] }; // units, u
 const AXES = ["#de484c", "#2ea057", "#3970e2"], UNITS = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
 
 // --- geometry --------------------------------------------------------------------------------------
-
 const ROUND = 24, RINGS = 12; // corners of a circle; rings of a sphere from pole to pole
 
 const add = (a, b, scale = 1) => a.map((v, k) => v + scale * b[k]);
@@ -58,7 +57,6 @@ function meshesOf(model) {
 }
 
 // --- the models ------------------------------------------------------------------------------------
-
 const emptyEntry = () => ({ seconds: 0, done: false, model: { turn: 0, x: 0, y: 0, parts: [] }, undo: [], redo: [] });
 const state = { entries: data.cases.map(emptyEntry), at: 0, selected: -1, mode: "move", active: -Infinity };
 let kept = ""; // the text in this browser, as far as this tab knows
@@ -111,7 +109,6 @@ for (const kind of KINDS) actions[kind] = () => insert({
 });
 
 // --- files -----------------------------------------------------------------------------------------
-
 /** The text of a file: times, the models and, for the score, the corners of all their parts and copies. */
 function savedModels(withSolids) {
   const cases = state.entries.map(({ seconds, done, model }, i) => {
@@ -150,11 +147,10 @@ function keep() {
 }
 
 // --- views -----------------------------------------------------------------------------------------
-
 /** A view of the model: over the image, by the camera of the record, or from any side. */
 class View extends TurnedView {
   constructor(canvas, overImage) {
-    super([canvas], { turn: -40, tilt: 24, zoom: 0.75 });
+    super([canvas], null, { turn: -40, tilt: 24, zoom: 0.75 });
     Object.assign(this, { canvas, overImage, image: new Image() });
     this.image.addEventListener("load", () => this.redraw());
   }
@@ -210,7 +206,7 @@ class View extends TurnedView {
 
   draw() {
     const context = this.cleared(this.canvas), camera = this.camera();
-    context.lineJoin = "round";
+    Object.assign(context, { lineCap: "round", lineJoin: "round" });
     if (this.overImage && this.image.complete) context.drawImage(this.image, ...camera.box);
     const line = (path, colour, width = 1, closed = false) => {
       Object.assign(context, { strokeStyle: colour, lineWidth: width });
@@ -233,10 +229,7 @@ class View extends TurnedView {
     }
     for (const { axis, from, to } of this.handles(camera)) {
       line([from, to], AXES[axis], 3);
-      context.fillStyle = AXES[axis];
-      context.beginPath();
-      context.arc(to[0], to[1], 6, 0, 7);
-      context.fill();
+      line([to, [to[0] + 0.01, to[1]]], AXES[axis], 12); // a disc
     }
   }
 }
@@ -267,7 +260,6 @@ function dragged({ axis, own, way }) {
 }
 
 // --- panels ----------------------------------------------------------------------------------------
-
 const DIRECTIONS = ["front", "right", "up"];
 const fields = []; // [input, the object that has its number, key]
 
@@ -332,7 +324,6 @@ function open(at) {
 }
 
 // --- start -----------------------------------------------------------------------------------------
-
 const views = [new View($("image-view"), true), new View($("free-view"), false)];
 $("strip").append(...data.cases.map(({ name, image }, i) => make("button", { onclick: () => open(i) }, make("img", { src: image, alt: name }))));
 const tool = (id, title) => make("button", { id, title, textContent: id[0].toUpperCase() + id.slice(1) });
