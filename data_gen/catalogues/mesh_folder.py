@@ -116,9 +116,8 @@ def folder(
     files = FolderFiles(source, linked)
     entries = []
     meshes = find_meshes(source, linked)
-    formats = {(os.path.splitext(file.removesuffix(".gz"))[0], _ending(file)) for file in meshes}
-    names = collections.Counter(family for family, _ in formats)
-    if twice := sorted(family for family, count in names.items() if count > 1):
+    names = collections.Counter(os.path.splitext(file.removesuffix(".gz"))[0] for file in meshes)
+    if twice := sorted(name for name, count in names.items() if count > 1):
         what = "%d objects are there in several formats, perhaps in several splits: %s"
         logging.warning(what, len(twice), one_line(", ".join(twice[:9])))
     for file in meshes:

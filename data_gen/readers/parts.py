@@ -243,8 +243,7 @@ def rgba(colours: np.ndarray, assets: Assets) -> np.ndarray:
     colours = np.pad(
         colours[:, :4], ((0, 0), (0, max(4 - colours.shape[1], 0))), constant_values=np.nan
     )
-    whole = (np.nan_to_num(colours) % 1 == 0).all()
-    large = colours > (1 if whole else _LARGE)
+    large = colours > (1 if (np.nan_to_num(colours) % 1 == 0).all() else _LARGE)
     colours = colours / np.where([large.any()] * 3 + [large[:, 3].any()], 255, 1)
     if len(colours) and (colours[:, 3] == 0).all():  # some programs write no other alpha
         assets.warn("alpha 0 in all colours, opaque is used")

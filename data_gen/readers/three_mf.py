@@ -1,6 +1,5 @@
 """Reader of 3MF files: zip archives of XML."""
 
-import contextlib
 import fnmatch
 import functools
 import io
@@ -12,7 +11,6 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from data_gen.mesh import UnusableModelError
 from data_gen.readers.collada import MAX_XML_BYTES, parsed_xml
 from data_gen.readers.model_files import DamagedError, ZipFiles, numbers
 from data_gen.readers.parts import Part, transformed
@@ -36,9 +34,7 @@ def read_3mf(data: bytes, assets: Assets) -> list[Part]:
     models = [name for name in files.names if name.endswith(".model")]
     roots = models
     for name in fnmatch.filter(files.names, "Metadata/*.config"):
-        settings = b""
-        with contextlib.suppress(UnusableModelError):  # it has no geometry
-            settings = files.read(name, MAX_XML_BYTES)
+        settings = files.read(name, MAX_XML_BYTES)
         assets.budget.charge(made=32 * len(settings))
         if _SLICER.search(settings):
             assets.warn("modifiers and cuts of a slicer are read as parts", repr(name))
