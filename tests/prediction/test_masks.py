@@ -65,6 +65,18 @@ def test_a_doubtful_mask_is_used_with_a_warning(monkeypatch, p, top, warns):
     assert all("box=x0" in each and "point" not in each for each in hinted.warnings)
 
 
+def test_in_a_box_a_less_certain_mask_is_used_with_a_warning(monkeypatch):
+    seen = given_by({key: [(20, 20, 80, 80)] for key in ("whole", "part")}, 0.7)
+    monkeypatch.setattr(mask_networks, "probabilities", seen)
+    image = np.zeros((100, 100, 3), np.uint8)
+    with refused(masks.UncertainMaskError, "box=x0,y0,x1,y1", "accept_mask"):
+        masks.find_mask(image, mask_from="network")
+    found = masks.find_mask(image, mask_from="network", box=(10, 10, 90, 90))
+    assert found.doubtful
+    assert "point=x,y" in found.warnings[0]
+    assert "box=" not in found.warnings[0]
+
+
 def given_by(squares, p=0.99):
     """Stands in for the network: it sees squares in the whole image and in parts of it."""
 
