@@ -8,7 +8,6 @@ import os
 import pathlib
 import posixpath
 import re
-import unicodedata
 import urllib.parse
 import zipfile
 import zlib
@@ -18,6 +17,7 @@ from typing import IO, Any
 import numpy as np
 
 from data_gen.mesh import MAX_FACES, UnreadableModelError, UnusableModelError
+from psgn_jax.system.files import same_name
 from psgn_jax.system.untrusted import kind_of
 
 MAX_FILE_BYTES = 256 << 20
@@ -123,11 +123,6 @@ _PACKED = ((b"PK\3\4", "zip"), (b"\x1f\x8b", "gzip"), (b"BZh", "bzip2"), (b"\xfd
            (b"7z\xbc\xaf", "7-Zip"), (b"(\xb5/\xfd", "Zstandard"), (b"Rar!", "RAR"))  # fmt: skip
 
 
-def _folded(name: str) -> str:
-    """A name without the case of letters and the Unicode form, in which a Mac may write it."""
-    return unicodedata.normalize("NFC", name).casefold()
-
-
 class Files(abc.ABC):
     """The files that a model may refer to. Names are relative to a root."""
 
@@ -216,8 +211,8 @@ class FolderFiles(Files):
             entries: list[str] = []
             with contextlib.suppress(OSError):
                 entries = sorted(os.listdir(folder), reverse=True)
-            self._names[folder] = {_folded(entry): entry for entry in entries}
-        return self._names[folder].get(_folded(name))
+            self._names[folder] = {same_name(entry): entry for entry in entries}
+        return self._names[folder].get(same_name(name))
 
     def read(self, place: pathlib.Path) -> bytes:
         check_size(place.name, place.stat().st_size, MAX_FILE_BYTES)
@@ -239,7 +234,7 @@ class ZipFiles(Files):
         if len(members) > _MAX_MEMBERS:
             raise ValueError(f"{len(members)} members are more than the limit of {_MAX_MEMBERS}")
         self._members = {m.filename.replace("\\", "/"): m for m in members if not m.is_dir()}
-        self._folded = {_folded(name): name for name in self._members}
+        self._folded = {same_name(name): name for name in self._members}
 
     @property
     def names(self) -> list[str]:
@@ -247,7 +242,7 @@ class ZipFiles(Files):
         return list(self._members)
 
     def find(self, name: str) -> str | None:
-        return name if name in self._members else self._folded.get(_folded(name))
+        return name if name in self._members else self._folded.get(same_name(name))
 
     def read(self, place: str, limit: int = MAX_FILE_BYTES) -> bytes:
         """UnusableModelError if the member is larger than `limit`, damaged or a zip bomb."""

@@ -24,11 +24,11 @@ from psgn_jax.data import photo, resample
 from psgn_jax.prediction import masks
 from psgn_jax.prediction.cloud import FC, Prediction
 from psgn_jax.prediction.formats import DEFAULT_FORMATS, FORMATS, VERSION
-from psgn_jax.prediction.photo_files import images_named, is_result, result_png, same_name
+from psgn_jax.prediction.photo_files import images_named, is_result, result_png
 from psgn_jax.prediction.predictor import Clock, Predictor
 from psgn_jax.prediction.surface import SurfaceError, glb
 from psgn_jax.system.errors import exit_code_of, is_disk_full
-from psgn_jax.system.files import local_path, write_atomic
+from psgn_jax.system.files import local_path, same_name, write_atomic
 from psgn_jax.system.untrusted import read_json
 
 SURFACE = "surface"

@@ -4,7 +4,6 @@ import contextlib
 import io
 import os
 import pathlib
-import unicodedata
 import warnings
 import zlib
 
@@ -12,6 +11,7 @@ import numpy as np
 from PIL import Image, PngImagePlugin
 
 from psgn_jax.data import photo
+from psgn_jax.system.files import same_name
 from psgn_jax.system.untrusted import kind_of
 
 _NOTE, _OF = "psgn_jax result", "psgn_jax photo"  # keys of texts in PNG files
@@ -31,11 +31,6 @@ def images_named(folder: pathlib.Path, stem: str) -> list[pathlib.Path]:
             if same_name(start) == wanted and suffix.lower() in order:
                 found.append((start != stem, order.index(suffix.lower()), name))
     return [file for *_, name in sorted(found) if (file := folder / name).is_file()]
-
-
-def same_name(name: str) -> str:
-    """A form that is equal for names that people take for the same one."""
-    return unicodedata.normalize("NFC", name).casefold()
 
 
 def result_png(picture: np.ndarray, of: pathlib.Path | None) -> bytes:

@@ -8,6 +8,7 @@ import pathlib
 import re
 import secrets
 import tempfile
+import unicodedata
 import zlib
 from collections.abc import Mapping
 from typing import Any
@@ -130,6 +131,11 @@ def remove_temporaries(folder: pathlib.Path) -> None:
     for path in folder.glob(".*.tmp"):
         if _TEMPORARY.fullmatch(path.name):
             path.unlink(missing_ok=True)
+
+
+def same_name(name: str) -> str:
+    """A form that is equal for names that people take for the same one: case, Unicode form."""
+    return unicodedata.normalize("NFC", name).casefold()
 
 
 def file_crc32(path: pathlib.Path) -> int:

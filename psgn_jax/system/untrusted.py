@@ -185,5 +185,10 @@ def brief(error: object) -> str:
     return one_line(" ".join(str(error).split()))[:200]
 
 
+def reason_of(error: object) -> str:
+    """As `brief`, but an error of the operating system without the file, which the caller names."""
+    return getattr(error, "strerror", None) or brief(error)
+
+
 def _refuse(constant: str) -> None:
     raise ValueError(f"{constant} is not JSON")

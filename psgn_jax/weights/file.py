@@ -34,7 +34,7 @@ from psgn_jax.models import networks
 from psgn_jax.models.cpu_convolution import convolutions_for
 from psgn_jax.system.errors import UserError
 from psgn_jax.system.files import write_atomic
-from psgn_jax.system.untrusted import brief, parse_json, read_json, size_of
+from psgn_jax.system.untrusted import brief, parse_json, read_json, reason_of, size_of
 from psgn_jax.weights.leaves import checksum, from_named_leaves, named_leaves
 from psgn_jax.weights.run_folder import Trained
 
@@ -157,8 +157,7 @@ def _read_arrays(path: pathlib.Path) -> tuple[dict[str, str], dict[str, np.ndarr
                 raise WeightsError(f"{path}: parameters of {found or 'nothing'}; {accepted}")
             stored = {name: file.get_tensor(name) for name in names}
     except (SafetensorError, OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or brief(error)
-        raise WeightsError(f"{path}: not readable as weights: {why}") from None
+        raise WeightsError(f"{path}: not readable as weights: {reason_of(error)}") from None
     if _digest(metadata, stored) != metadata.get("sha256"):
         raise WeightsError(f"{path}: damaged: the checksum does not match; download it again")
     leaves = {name: leaf.astype(np.float32) for name, leaf in stored.items()}
@@ -174,10 +173,10 @@ def read_sources(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
             raise ValueError("the list is empty")
         _check_sources(rows)
     except (OSError, ValueError, KeyError, TypeError) as error:
-        why = getattr(error, "strerror", None) or brief(error)
         raise ConfigError(
-            f'sources={path}: {why}; accepted: a list of {{"source": NAME, "licences": '
-            '{LICENCE: {"models": N, "holders": [...]}}}, like sources.json of a training set'
+            f'sources={path}: {reason_of(error)}; accepted: a list of {{"source": NAME, '
+            '"licences": {LICENCE: {"models": N, "holders": [...]}}}, like sources.json of a '
+            "training set"
         ) from None
     return list(rows)
 

@@ -18,7 +18,7 @@ from absl import logging
 
 from psgn_jax.config.experiment import ConfigError
 from psgn_jax.system.files import cache_folder, write_atomic
-from psgn_jax.system.untrusted import brief, message_line, size_of
+from psgn_jax.system.untrusted import message_line, reason_of, size_of
 
 VERSION = "1.30.0"
 FILES = {
@@ -91,8 +91,8 @@ def _read(path: pathlib.Path) -> dict[str, bytes]:
                 if content and name in FILES:
                     files[name] = content.read(_MAX_BYTES)
     except (OSError, EOFError, tarfile.TarError) as error:
-        why = getattr(error, "strerror", None) or brief(error)
-        raise ConfigError(f"runtime={path}: {why}; expected a folder or a .tgz") from None
+        message = f"runtime={path}: {reason_of(error)}; expected a folder or a .tgz"
+        raise ConfigError(message) from None
     return files
 
 
